@@ -20,13 +20,13 @@ from thingc.model.resolve.parameters import AssemblyParameters
 MOST_VALUES = 100_000
 """Maximum number of values of one axis."""
 MOST_TRIED = 20
-"""Maximum number of values of one path that are tried in the assembly before the batch begins."""
+"""Maximum number of values at one path that are checked with the assembly before the batch starts."""
 
 
 class Axis(FrozenStruct):
-    """An axis of the variants: the parameter named `key` or, with `choice`, the part selected at the path `key`.
+    """An axis of the variants: the parameter `key` or, with `choice`, the part selected at the path `key`.
 
-    It has `values`, or a `range` to sample from (with `whole`, only integers, including both ends).
+    It has `values`, or a `range` to sample from. With `whole`, only integers are sampled, including both ends.
     """
 
     key: str
@@ -36,7 +36,7 @@ class Axis(FrozenStruct):
     whole: bool = False
 
     def drawn(self, u: float) -> ExpressionValue:
-        """Return the value for `u` in [0, 1)."""
+        """Return the sample of the range for `u` in [0, 1)."""
         if self.range is None:
             return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
         low, high = self.range
@@ -49,7 +49,7 @@ class AxisParser:
     """Reads the values of one `variants/1` document.
 
     `parameters` are the parameters of the assembly. `fits(path, text, at)` returns whether a text is valid at one of the `paths`, and
-    reports an invalid text.
+    reports invalid texts.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class AxisParser:
         self.tried: dict[str, int] = {}
 
     def value(self, name: str, raw: Any, path: Path) -> ExpressionValue | None:
-        """Check a value of a parameter or at a path. Report an invalid value and return None."""
+        """Check a value of a parameter or at a path. Return None after reporting an invalid value."""
         if isinstance(raw, Expression):
             self._error(
                 Code.VARIANT_VALUE, "a variant must have values; write expressions in the assembly", path,
@@ -82,11 +82,11 @@ class AxisParser:
 
         value, own = self.parameters.fitting(name, stated, complain), self.parameters.values.get(name)
         if isinstance(value, Quantity) and value.dimension == NUMBER and value.value == 0.0 and isinstance(own, Quantity):
-            return Quantity(0.0, own.dimension)  # a bare 0
+            return Quantity(0.0, own.dimension)  # 0 without unit
         return value
 
     def _by_path(self, name: str, value: ExpressionValue, path: Path) -> ExpressionValue | None:
-        """Check a value at a path. The first `MOST_TRIED` values are tried in the assembly, and others must be of the same kind."""
+        """Check a value at a path. The first `MOST_TRIED` values are checked with the assembly, and others must be of the same kind."""
         tried = self.tried[name] = self.tried.get(name, 0) + 1
         if tried <= MOST_TRIED and not self.fits(name, self._written(path) or text_of(value), path):
             self.tried[name] = MOST_TRIED if tried == 1 else tried
@@ -153,7 +153,7 @@ class AxisParser:
         return tuple(written if written is not None else spaced_si(first, last, count))
 
     def range(self, name: str, raw: list[Any]) -> Axis | None:
-        """Return the axis of a parameter sampled from a range. Report an invalid range and return None."""
+        """Return the axis of a parameter that is sampled from a range. Return None after reporting an invalid range."""
         path: Path = ("sample", "ranges", name)
         low, high = (self.value(name, one, (*path, index)) for index, one in enumerate(raw))
         if low is None or high is None:
@@ -176,7 +176,7 @@ class AxisParser:
         return Axis(key=name, range=(low, high), whole=whole)
 
     def count(self, raw: Any, path: Path, *, least: int, most: int = MOST_VALUES) -> int | None:
-        """Check an integer. If it is out of bounds, report it and return None."""
+        """Check an integer. Return None after reporting that it is invalid or out of bounds."""
         if isinstance(raw, Expression):
             self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be a number, not an expression", path, help="write the number")
             return None
@@ -192,7 +192,7 @@ class AxisParser:
         return node.text if isinstance(node, ScalarNode) else ""
 
     def _key(self, path: Path) -> Path:
-        """Return the path of a parameter, given the path of one of its values."""
+        """Return the path of a parameter from the path of one of its values."""
         while path and (isinstance(path[-1], int) or path[-1] in ("from", "to")):
             path = path[:-1]
         return path

@@ -56,7 +56,7 @@ from thingc.targets.artifact import HOW
 TIMEOUT = 600.0
 """Default time limit [s] for one variant."""
 SHARE = 64
-"""Default of `verify`: MuJoCo compiles one of this many models that differ in numbers only."""
+"""Default of `verify`: MuJoCo compiles one of this many models that differ only in numbers."""
 CHUNK_SECONDS = 0.5
 """Target duration [s] of a chunk."""
 CHUNK_MOST = 64
@@ -66,9 +66,9 @@ ANEW = "run it without --resume"
 ATTEMPTS = 3
 """Number of attempts for a variant that an executor loses."""
 PIECES = 8
-"""Number of chunks into which a lost chunk is split, so that a variant that is lost again takes fewer others along."""
+"""Number of chunks into which a lost chunk is split. If a variant is lost again, fewer others are lost with it."""
 CHANCE = frozenset((Code.PART_CRASHED.code, Code.PART_HUNG.code))
-"""Errors of a part that may be caused by the machine."""
+"""Errors of a part that can be caused by the machine."""
 REFRESH = 30.0
 """Minimum interval [s] of updates of the tables during a run; longer for long tables."""
 
@@ -79,24 +79,24 @@ def run(
     on_progress: OnProgress | None = None, pictures: int | None = 0, on_picture: OnPicture | None = None, ship: bool = False,
     retry: bool = False, layout: str | None = None,
 ) -> Summary:
-    """Build the variants of a `variants/1` document into `<output>/<name>/` (`output` None: the workspace's build folder).
+    """Build the variants of a `variants/1` document into `<output>/<name>/`. The default `output` is the workspace's build folder.
 
     Args:
-        executor: An engine, such as one of `thingc.batch.cluster.connection.connect`; None: processes on this machine. It calls
+        executor: An engine, such as the result of `thingc.batch.cluster.connection.connect`; None: processes on this machine. It calls
             `thingc.batch.engine.evaluate`. Its workers must see the documents and the folder under the same paths, unless `ship` is set.
-        jobs: Number of processes (0: one per core); with an `executor`, number of chunks at once.
-        emit: Targets, instead of those of the document.
-        limit: Build only the first variants.
+        jobs: Number of processes (0: one per core). With an `executor`, number of chunks at a time.
+        emit: Targets that replace the targets of the document.
+        limit: Build only this many variants, in order.
         resume: Continue an interrupted batch.
         timeout: Time limit [s] for one variant.
-        verify: MuJoCo compiles one of this many models that differ in numbers only (1: each, 0: none).
+        verify: MuJoCo compiles one of this many models that differ only in numbers (1: each, 0: none).
         options: Options of the compiler, such as the store.
         pictures: Maximum number of pictures on the page (`pictures.ALL`: all; None: 48, or none for more than 200 variants).
         ship: Copy the workspace to the workers, and built variants back. The cluster must support it (dask).
         retry: With `resume`, also retry variants that failed, or were refused because a part crashed or hung.
-        layout: `folders` or `packed`, instead of that of the document (default: `packed` for more than 2000 variants).
+        layout: `folders` or `packed`, which replaces the layout of the document (default: `packed` for more than 2000 variants).
 
-    Raises `PlanError` for a document with errors, `BatchFault` if the batch cannot begin or continue, and `Interrupted` after SIGINT or
+    Raises `PlanError` for a document with errors, `BatchFault` if the batch cannot start or continue, and `Interrupted` after SIGINT or
     SIGTERM. Use `resume` to continue an interrupted batch.
     """
     check(jobs, limit, timeout, verify, pictures, layout)
@@ -133,11 +133,11 @@ class _Chunk:
 
 
 class _Stopped(Exception):
-    """A signal was received: no more variants are submitted."""
+    """Raised after a signal. No more variants are submitted."""
 
 
 class _Batch:
-    """One run of a batch. It uses a single thread, besides those of the engine."""
+    """One run of a batch. It uses a single thread in addition to the threads of the engine."""
 
     def __init__(
         self, plan: Plan, folder: str, asked: RunOptions, transfer: WorkspaceArchive | None, on_progress: OnProgress | None,
@@ -198,8 +198,8 @@ class _Batch:
     def _remember(self, *, retry: bool) -> None:
         """Read the results of an earlier run.
 
-        A variant recorded as built is not done if its files are missing. With `retry`, a failed variant is not done if its documents were
-        not the reason.
+        A variant recorded as built is built again if its files are missing. With `retry`, a failed variant is built again unless its
+        documents were the reason.
         """
         for index, status, there in outcomes(self.folder, chance=_by_chance if retry else None):
             if index < self.count:
@@ -232,10 +232,10 @@ class _Batch:
                 else:
                     for future in list(self.chunks):
                         future.cancel()
-                    RUNNERS.close()  # an executor of threads has used those of this process
+                    RUNNERS.close()  # an executor with threads has used the runners of this process
                 if not whole:
                     self._drain(journal)
-                    with contextlib.suppress(OSError):  # a full disk was reported already
+                    with contextlib.suppress(OSError):  # a full disk was already reported
                         write_page(self.folder, self._described(finished=False), self._columns())
             if not whole:
                 raise Interrupted(self.folder, self._total(), self.count)
@@ -253,7 +253,7 @@ class _Batch:
         )
 
     def _tables(self) -> tuple[Column, ...]:
-        """Write the tables, unless they are up to date; return their columns."""
+        """Write the tables unless they are up to date, and return their columns."""
         names = folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET
         if not self.counts and self.before.get("finished") and unchanged(self.folder, *names):
             return tuple(Column(name=one["name"], kind=one["kind"], unit=one["unit"]) for one in self.before["columns"])
@@ -268,7 +268,7 @@ class _Batch:
         return RemoteExecutor(cluster, self.transfer, self.folder, store_of(self.asked.options))
 
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
-        """Draw pictures and write the page of the finished batch. Returns a warning if drawing is impossible."""
+        """Render the pictures and write the page of the finished batch. Return a warning if rendering is impossible."""
         return show(
             self.folder, self._described(finished=True), self._columns(), most=usual(self.count) if pictures is None else pictures,
             jobs=os.cpu_count() or 1, on_picture=on_picture,
@@ -301,7 +301,7 @@ class _Batch:
         self._tell(last=True)
 
     def _left(self, journal: Journal | PackedWriter) -> Iterator[Variant]:
-        """Yield the variants to build, in plan order. Those that fail a rule on parameters are recorded here."""
+        """Yield the variants to build, in plan order. Variants that violate a rule on parameters are recorded here."""
         if all(self.done):
             return
         for variant in self.plan.besides(self.done):
@@ -316,11 +316,14 @@ class _Batch:
             yield variant
 
     def _ahead(self, engine: Executor) -> int:
-        """Return the maximum number of chunks at once."""
+        """Return the maximum number of chunks at a time."""
         return engine.ahead if isinstance(engine, Cluster) else 2 * self.asked.jobs
 
     def _size(self, engine: Executor) -> int:
-        """Return the size of the next chunk: as many variants as fit its target duration, but few enough to keep all runners busy."""
+        """Return the size of the next chunk.
+
+        It contains as many variants as can be built in the target duration, but few enough to keep all runners busy.
+        """
         first, seconds, most = 1, CHUNK_SECONDS, CHUNK_MOST
         if isinstance(engine, Cluster):
             first, seconds, most = engine.first, engine.chunk_seconds, engine.chunk_most
@@ -416,7 +419,7 @@ class _Batch:
     # --- progress and signals -----------------------------------------------------------------------------------------
 
     def _tell(self, *, last: bool = False) -> None:
-        """Report the progress, at most five times a second."""
+        """Report the progress at most five times per second."""
         now = time.monotonic()
         if self.on_progress is not None and (last or now - self.told > 0.2):
             self.told = now
@@ -427,7 +430,7 @@ class _Batch:
 
     @contextlib.contextmanager
     def _signals(self) -> Iterator[None]:
-        """Handle SIGINT and SIGTERM between two lines of the journal, never within one."""
+        """Handle SIGINT and SIGTERM between two lines of the journal, never while a line is written."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
@@ -448,12 +451,12 @@ class _Batch:
 
 
 def _by_chance(line: Line) -> bool:
-    """Return whether another attempt may give a different result."""
+    """Return whether another attempt can have a different result."""
     return bool(line["status"] == "failed" or line["status"] == "refused" and line["code"] in CHANCE)
 
 
 def _answers(engine: Executor) -> None:
-    """Raise `BatchFault` if an engine has stopped answering."""
+    """Raise `BatchFault` if an engine no longer responds."""
     fault = engine.fault() if isinstance(engine, Cluster) else None
     if fault is not None:
         raise fault

@@ -24,11 +24,11 @@ MESHES = "mjcf/assets/"
 _ID = re.compile("[0-9a-f]{12}")
 
 File = tuple[Any, ...]
-"""The identity of a file: equal values are the same file."""
+"""The identity of a file. Equal values identify the same file."""
 
 
 def in_order(folder: str) -> Iterator[Line]:
-    """Yield the journal lines of all finished variants in index order, one at a time."""
+    """Yield the journal lines of all finished variants in order of the index, one at a time."""
     for chunk in _chunks(folder):
         yield from map(chunk.line, chunk.indices)
 
@@ -42,9 +42,9 @@ def spread(folder: str, most: int) -> tuple[int, Iterator[Line]]:
 
 
 def outcomes(folder: str, chance: Callable[[Line], bool] | None = None) -> Iterator[tuple[int, str, bool]]:
-    """Yield the index in the plan of each finished variant, its status, and whether it is final.
+    """Yield the index in the plan, the status, and whether it is final, for each finished variant.
 
-    The result is not final for a built variant with missing files, or for any other variant if `chance(line)` is true.
+    The status is not final for a built variant with missing files, and for any other variant if `chance(line)` is true.
     """
     for chunk in _chunks(folder):
         for index, id, _, status in chunk.heads():
@@ -53,7 +53,7 @@ def outcomes(folder: str, chance: Callable[[Line], bool] | None = None) -> Itera
 
 
 def lengths_in(folder: str) -> list[str]:
-    """Return the results `length.JOINT` of any variant, sorted."""
+    """Return the names of the results `length.JOINT` that any variant has, sorted."""
     return sorted({name for chunk in _chunks(folder) for name in chunk.lengths})
 
 
@@ -82,10 +82,10 @@ def _is_there(folder: str, id: str) -> bool:
 
 
 class BuildRecords:
-    """Finished variants of the batch in a folder, identified by their index in the plan.
+    """The finished variants of the batch in a folder, identified by their index in the plan.
 
-    `done` are all finished variants in ascending order, and `built` are the built ones whose files exist. This class uses a few bytes per
-    variant, and caches the last chunk that was read.
+    `done` are all finished variants in ascending order, and `built` are the built variants whose files exist. This class uses a few bytes
+    per variant, and caches the last chunk that was read.
     """
 
     def __init__(self, folder: str) -> None:
@@ -107,12 +107,12 @@ class BuildRecords:
             return chunk.line(index)
 
     def find(self, key: str) -> int | None:
-        """Return the index of the variant with this id or name, or None if there is none."""
+        """Return the index of the variant with this id or name, or None."""
         if _ID.fullmatch(key):
             with contextlib.suppress(ValueError):
                 return self.done[self._ids.index(int(key, 16))]
         number = re.search("[0-9]+$", key)
-        index = int(number[0]) if number is not None else -1  # as in default names; documents may define others
+        index = int(number[0]) if number is not None else -1  # default names; documents can define other names
         if _holds(self.done, index) and self.line(index)["name"] == key:
             return index
         return next((head[0] for chunk in _chunks(self.folder) for head in chunk.heads() if head[2] == key), None)
@@ -125,7 +125,7 @@ class BuildRecords:
 
 
 class _InFolder:
-    """The files of the folder of a variant.
+    """The files in the folder of a variant.
 
     `read` returns a file by its path in the build folder, and raises `FileNotFoundError`. `models` are the sorted file names in `mjcf/`.
     `meshes` maps the name of each mesh to its identity and its path on disk.
@@ -142,9 +142,9 @@ class _InFolder:
         return listing(os.path.join(self.folder, "mjcf"))
 
     def meshes(self) -> dict[str, tuple[File, str]]:
-        """Return identity and path of each mesh.
+        """Return the identity and path of each mesh.
 
-        Hard links to one mesh count as the same file. Modification times are compared, too, because inode numbers are reused.
+        Hard links to one mesh are the same file. Modification times are also compared, because inode numbers are reused.
         """
         place = os.path.join(self.folder, MESHES)
         if not os.path.isdir(place):
@@ -155,7 +155,7 @@ class _InFolder:
 
 
 class _InChunk:
-    """The files of a packed variant; see `_InFolder`."""
+    """The files of a packed variant. See `_InFolder`."""
 
     def __init__(self, of: Chunks, index: int) -> None:
         self.chunks = of
@@ -188,7 +188,7 @@ VariantFiles = _InFolder | _InChunk
 
 
 def unpack(folder: str, index: int) -> str:
-    """Write the folder `variants/<id>/` of a built variant of a packed batch, with hard links to meshes, and return its path.
+    """Write the folder `variants/<id>/` of a built variant of a packed batch, with hard links to meshes. Return its path.
 
     Raises `OSError`.
     """

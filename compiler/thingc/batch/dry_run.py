@@ -22,7 +22,7 @@ from thingc.model.resolve.resolver import Settings, Sources
 SHOWN = 5
 """Number of variants to show."""
 MOST = 1000
-"""Maximum number of variants to resolve, which takes some seconds."""
+"""Maximum number of variants to resolve. This takes some seconds."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -30,8 +30,8 @@ class DryRun:
     """The result of a dry run of `count` variants.
 
     `failing` counts the variants that violate each rule on parameters. `looked_at` is the number of resolved variants, which satisfy these
-    rules. Among them, `unsound` counts variants with errors per code, and `examples` has the first variant and error of each code. They use
-    `parts` distinct parts, of which `known` are in the store. `first` are the first variants.
+    rules. Among these, `unsound` counts variants with errors per code, and `examples` contains the first variant and error of each code.
+    They use `parts` distinct parts, and `known` of these are in the store. `first` are the first variants.
     """
 
     count: int = 0
@@ -51,7 +51,7 @@ class DryRun:
 
 
 def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
-    """Check all variants (or the first `limit`) without geometry. If there are more than `MOST`, only resolve a sample."""
+    """Check all variants, or the first `limit` ones, without geometry. If there are more than `MOST`, resolve only a sample."""
     foreseen = DryRun()
     parts: dict[str, PartDefinition] = {}
     count = plan.count if limit is None else min(limit, plan.count)

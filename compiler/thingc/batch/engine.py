@@ -1,7 +1,8 @@
 """The engine: `evaluate` builds variants in runner processes, and can be called by any `concurrent.futures.Executor`.
 
-A batch submits chunks of tasks, `executor.submit(evaluate, job, tasks)`. Wherever this runs, a separate process (`thingc.batch.runner`)
-builds the variants. If it dies or hangs, its current variant is recorded as failed, and a new runner continues with the next one.
+A batch submits chunks of tasks with `executor.submit(evaluate, job, tasks)`. On the machine that executes the call, a separate process
+(`thingc.batch.runner`) builds the variants. If it dies or hangs, its current variant is recorded as failed, and a new runner continues with
+the next one.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ OnRow = Callable[[Row], None]
 
 
 class Cancelled(Exception):
-    """The runners were ended by their owner."""
+    """Raised if the owner of the runners has ended them."""
 
 
 class RunnersBroken(Exception):
-    """No runner can be started. `detail` is the output of the last attempt."""
+    """Raised if no runner can be started. `detail` is the output of the last attempt."""
 
     def __init__(self, message: str, detail: str) -> None:
         super().__init__(message)
@@ -54,7 +55,7 @@ class RunnerProcess(JsonLinesProcess):
 
 
 class Runners:
-    """The runners of a process; idle ones are reused for the same job. Thread-safe."""
+    """The runners of a process. Idle runners are reused for the same job. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -87,7 +88,7 @@ class Runners:
                 if self._closed:
                     runner.kill()
             try:
-                runner.answer(LOADING)  # waits until it has read the documents
+                runner.answer(LOADING)  # waits until the runner has read the documents
                 return runner
             except ProcessLost as fault:
                 said = f"{fault.words}\n{runner.errors()}"
@@ -99,7 +100,7 @@ class Runners:
         raise RunnersBroken(f"cannot start a runner: {said.splitlines()[0]}", said)
 
     def give_back(self, runner: RunnerProcess) -> None:
-        """Return a runner to the idle ones."""
+        """Make a runner available for reuse."""
         with self._lock:
             self._busy.discard(runner)
             self._idle.append(runner)
@@ -112,7 +113,7 @@ class Runners:
             self._busy.discard(runner)
 
     def cancel(self) -> None:
-        """End all runners at once. Calls that wait for an answer raise `Cancelled`."""
+        """End all runners immediately. Calls that wait for an answer raise `Cancelled`."""
         with self._lock:
             self._closed = True
             busy = [*self._busy, *self._idle]
@@ -134,14 +135,15 @@ class Runners:
 
 
 RUNNERS = Runners()
-"""The runners for executors that do not have their own; they end with this process."""
+"""The runners for executors without their own runners. They end with this process."""
 
 
 def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow | None = None, runners: Runners | None = None) -> list[Row]:
     """Build the variants of a chunk, and return their rows in order. Each row is passed to `on_row` as soon as it is available.
 
-    `job` is `Job.encode()`, `timeout` [s] the time limit for one variant. If a runner dies or hangs, its current variant is recorded as
-    failed, and a new runner continues. A row with status `stopped` is the last one, and means that files cannot be written.
+    `job` is the result of `Job.encode()`, and `timeout` [s] is the time limit for one variant. If a runner dies or hangs, its current
+    variant is recorded as failed, and a new runner continues. A row with the status `stopped` is the last one, and means that files cannot
+    be written.
     """
     pool = runners if runners is not None else RUNNERS
     rows: list[Row] = []
@@ -187,13 +189,13 @@ class LocalExecutor(Executor):
         self._threads = ThreadPoolExecutor(max_workers=jobs, thread_name_prefix="thingc-runner")
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Run a call in a thread; `evaluate` uses the runners of this executor."""
+        """Run a call in a thread. `evaluate` uses the runners of this executor."""
         if fn is evaluate:
             named.setdefault("runners", self.runners)
         return self._threads.submit(fn, *arguments, **named)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the runners: gracefully, or at once with `cancel_futures`."""
+        """End the runners gracefully, or immediately with `cancel_futures`."""
         if cancel_futures:
             self.runners.cancel()
         self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)

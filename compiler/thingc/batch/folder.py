@@ -32,13 +32,13 @@ _OLD = re.compile(r"\.old-[0-9]+-[0-9a-f]{8}")
 INNER = (folder_layout.VARIANTS, folder_layout.CHUNKS, folder_layout.ASSETS, folder_layout.PICTURES)
 """Subfolders of the folder of a batch."""
 FOLDERS, PACKED = "folders", "packed"
-"""The layouts: one folder per variant, or many variants in a file."""
+"""The layouts: one folder per variant, or many variants per file."""
 MANY = 2000
 """Number of variants above which a batch is packed by default."""
 
 
 class BatchFault(Exception):
-    """A batch cannot begin or continue. `diagnostic` is the reason. Built variants are not deleted."""
+    """Raised if a batch cannot start or continue. `diagnostic` is the reason. Built variants are not deleted."""
 
     def __init__(self, code: Code, message: str, help: str | None = None, detail: str | None = None) -> None:
         super().__init__(f"{message}: {help}" if help else message)
@@ -47,7 +47,7 @@ class BatchFault(Exception):
 
 @contextlib.contextmanager
 def locked(folder: str) -> Iterator[None]:
-    """Lock the folder for one batch. Raises `BatchFault` if another one has the lock."""
+    """Lock the folder for one batch. Raises `BatchFault` if another batch has locked it."""
     parent, name = os.path.split(folder)
     os.makedirs(parent, exist_ok=True)
     path = os.path.join(parent, f".{name}.thingc-lock")
@@ -72,7 +72,7 @@ def locked(folder: str) -> Iterator[None]:
 
 
 def read_batch(folder: str) -> dict[str, Any] | None:
-    """Read `batch.json`, or return None if thingc has not written one."""
+    """Read `batch.json`. Return None if thingc has not written it."""
     try:
         with open(os.path.join(folder, folder_layout.BATCH), encoding="utf-8") as stream:
             described = json.load(stream)
@@ -82,7 +82,9 @@ def read_batch(folder: str) -> dict[str, Any] | None:
 
 
 def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
-    """Return the content of `batch.json` for the batch of this document. Raises `BatchFault`, with `hint` as help, if there is none."""
+    """Return the content of `batch.json` for the batch of this document. Raises `BatchFault` with the help text `hint` if it does not
+    exist.
+    """
     before = read_batch(folder)
     if before is None or before.get("document") != document:
         raise BatchFault(Code.NO_BATCH, f"there is no batch of `{document}` in `{shown_path(folder)}`", hint)
@@ -107,12 +109,12 @@ def _write(path: str, text: str) -> None:
 
 
 def remember(folder: str, *names: str) -> None:
-    """Store the states of files that users may edit, so that the next batch can detect edits."""
+    """Store the states of files that users can edit, so that the next batch can detect edits."""
     _note(folder, {name: state_of(os.path.join(folder, name)) for name in names})
 
 
 def forget(folder: str, name: str) -> None:
-    """Delete the stored state of a file that will be written."""
+    """Delete the stored state of a file that is about to be written."""
     _note(folder, {name: None})
 
 
@@ -122,7 +124,7 @@ def _note(folder: str, states: Mapping[str, str | None]) -> None:
 
 
 def _noted(folder: str) -> dict[str, str]:
-    """Return the stored states of files, or nothing if they are missing or damaged."""
+    """Return the stored states of files, or an empty mapping if they are missing or damaged."""
     try:
         with open(os.path.join(folder, folder_layout.SHOWN), encoding="utf-8") as stream:
             states = json.load(stream)
@@ -145,7 +147,7 @@ def _edited(folder: str) -> list[str]:
 
 
 def begin(folder: str, document: str, assembly: str) -> None:
-    """Prepare the folder for a new batch of `document`. A finished batch of this document is moved aside, and `cleared` deletes it.
+    """Prepare the folder for a new batch of `document`. A finished batch of this document is set aside, and `cleared` deletes it.
 
     Raises `BatchFault` if the folder contains anything else.
     """
@@ -179,13 +181,13 @@ def begin(folder: str, document: str, assembly: str) -> None:
 
 
 def lay_out(folder: str, layout: str) -> None:
-    """Create the subfolders for a layout. `batch.json` must exist, so that an interrupted run can be resumed."""
+    """Create the subfolders of a layout. `batch.json` must exist, so that an interrupted run can be resumed."""
     for inner in (folder_layout.CHUNKS if layout == PACKED else folder_layout.VARIANTS, folder_layout.ASSETS):
         os.makedirs(os.path.join(folder, inner), exist_ok=True)
 
 
 def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
-    """Move a finished batch aside. If this is interrupted, the batch counts as unfinished and can be resumed."""
+    """Set a finished batch aside. If this is interrupted, the batch is treated as unfinished and can be resumed."""
     write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
     for name in (folder_layout.JOURNAL, folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE):
         with contextlib.suppress(FileNotFoundError):
@@ -199,9 +201,9 @@ def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
 
 @contextlib.contextmanager
 def cleared(folder: str) -> Iterator[None]:
-    """Delete, in the background, what was set aside; deleting thousands of variants takes seconds.
+    """Delete folders that were set aside in the background, because deleting thousands of variants takes seconds.
 
-    Leaving the context waits for it; after an exception, the rest is left for the next batch.
+    Leaving the context waits for the deletion. After an exception, the remaining folders are deleted by the next batch.
     """
     stopped = threading.Event()
     old = [os.path.join(folder, name) for name in os.listdir(folder) if _OLD.fullmatch(name)]
@@ -229,7 +231,7 @@ def _delete(folders: list[str], stopped: threading.Event) -> None:
 
 
 def unexpected_files(folder: str, assembly: str) -> list[str]:
-    """Return the files in the folder that no batch of `assembly` wrote or that have changed since, as sorted paths in it."""
+    """Return the sorted paths of files in the folder that no batch of `assembly` wrote or that have changed since."""
     known: Digests = {}  # meshes are shared
     paths = [name for name in os.listdir(folder) if name.removesuffix(".new") not in folder_layout.OWN and not _OLD.fullmatch(name)]
     for inner, pattern in (
@@ -237,7 +239,7 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
         (folder_layout.PICTURES, _PICTURE),
     ):
         place = os.path.join(folder, inner)
-        for name in os.listdir(place) if os.path.isdir(place) else ():  # an unreadable variant may contain anything
+        for name in os.listdir(place) if os.path.isdir(place) else ():  # an unreadable variant can contain any files
             if name.startswith(folder_layout.NEW):
                 continue
             path = f"{inner}/{name}"
@@ -249,7 +251,7 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
 
 
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Return the reasons why a batch cannot be resumed, empty if there are none."""
+    """Return the reasons why a batch cannot be resumed, or an empty list if it can."""
     words: list[str] = []
     if before["layout"] != now["layout"]:
         words.append(f"its layout is `{before['layout']}`, not `{now['layout']}`")
@@ -263,13 +265,13 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
 
 def _changed(before: Any, now: Mapping[str, Any]) -> list[str]:
-    """Return the names with different values in two mappings, sorted."""
+    """Return the sorted names with different values in two mappings."""
     old = before if isinstance(before, dict) else {}
     return sorted(name for name in {*old, *now} if old.get(name) != now.get(name))
 
 
 def in_words(folder: str, fault: OSError) -> BatchFault:
-    """Convert an error of the system to the reason why a batch cannot be written or read."""
+    """Convert an error of the operating system to the reason why a batch cannot be written or read."""
     if isinstance(fault, DamagedChunk):
         return BatchFault(Code.BATCH_CHANGED, fault.words, fault.cure)
     if isinstance(fault, BadPath):

@@ -45,30 +45,30 @@ _OWN_END = f"{os.getpid()}-{os.urandom(4).hex()}"
 
 
 def set_aside() -> str:
-    """Return a new name for a folder that is set aside, to be deleted."""
+    """Return a new name for a folder that is set aside to be deleted."""
     return f".old-{os.getpid()}-{os.urandom(4).hex()}"
 
 
 def variant_folder(folder: str, id: str) -> str:
-    """Return the folder of a variant. Raises `BadPath` if the identifier is invalid."""
+    """Return the path of the folder of a variant. Raises `BadPath` if the id is invalid."""
     return os.path.join(folder, VARIANTS, hash_name(id, 12))
 
 
 def manifest_of(folder: str, id: str) -> str:
-    """Return the path of the manifest of a variant. If it exists, the variant is complete."""
+    """Return the path of the manifest of a variant. The variant is complete if this file exists."""
     return os.path.join(variant_folder(folder, id), MANIFEST)
 
 
 def pictured(folder: str) -> frozenset[str]:
-    """Return the ids of the variants with pictures."""
+    """Return the ids of the variants that have pictures."""
     names = listing(os.path.join(folder, PICTURES))
     return frozenset(name.removesuffix(".png") for name in names if name.endswith(".png") and not name.startswith(NEW))
 
 
 def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blobs) -> None:
-    """Write the folder of a variant atomically. Files that are in the store become hard links to a file in `assets/`.
+    """Write the folder of a variant atomically. Files in the store become hard links to a file in `assets/`.
 
-    Replaces the variant of an earlier run. Raises `OSError` if the system refuses or a path leaves the folder, and `BlobMissing`.
+    The variant of an earlier run is replaced. Raises `BlobMissing`, and `OSError` if writing fails or a path is outside the folder.
     """
     check_tree(files)
     place = variant_folder(folder, id)
@@ -101,7 +101,7 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
 
 
 def keep_asset(folder: str, sha256: str, store: Blobs) -> None:
-    """Copy a file of the store to `assets/` atomically, unless it exists. Raises as `write_variant` does."""
+    """Copy a file in the store to `assets/` atomically, unless it exists. Raises the same errors as `write_variant`."""
     asset = asset_path(folder, sha256)
     if os.path.exists(asset):
         return
@@ -132,7 +132,7 @@ def asset_path(folder: str, sha256: str) -> str:
 
 
 def _make(fresh: str, folder: str, made: set[str]) -> None:
-    """Create a folder inside the new one, with its parents, unless they are in `made`."""
+    """Create a folder inside the new one, with its parent folders, unless it is in `made`."""
     if folder not in made:
         _make(fresh, folder.rpartition("/")[0], made)
         os.mkdir(f"{fresh}/{folder}")
@@ -140,7 +140,10 @@ def _make(fresh: str, folder: str, made: set[str]) -> None:
 
 
 def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> None:
-    """Create `target` as a link to the asset with this content, which is written if missing; a copy if links are not supported."""
+    """Create `target` as a link to the asset with this content, or as a copy if links are not supported.
+
+    The asset is written if it does not exist.
+    """
     asset = asset_path(folder, content.sha256)
     full = False
     try:
@@ -152,7 +155,7 @@ def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> N
         if fault.errno in (errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
             write_new(target, store.read(content.sha256))
             return
-        if fault.errno != errno.EMLINK:  # ext4 allows at most 65 000 links to a file: create another one
+        if fault.errno != errno.EMLINK:  # ext4 allows at most 65 000 links to a file: create another file
             raise
         full = True
     fresh = os.path.join(folder, ASSETS, f"{NEW}{content.sha256}-{_OWN_END}")
@@ -162,7 +165,7 @@ def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> N
             os.link(fresh, target)
             os.rename(fresh, asset)
             return
-        with contextlib.suppress(FileExistsError):  # another runner has just created it: use that
+        with contextlib.suppress(FileExistsError):  # another runner has just created it: use that file
             os.link(fresh, asset)
         os.link(asset, target)
     except OSError as fault:
@@ -174,7 +177,7 @@ def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> N
 
 
 def remove(path: str) -> None:
-    """Delete a file, or a folder with its content, ignoring errors."""
+    """Delete a file or a folder with its content, ignoring errors."""
     if os.path.isdir(path) and not os.path.islink(path):
         shutil.rmtree(path, ignore_errors=True)
     else:
@@ -183,7 +186,7 @@ def remove(path: str) -> None:
 
 
 def sweep(folder: str) -> None:
-    """Remove files that an interrupted run was writing."""
+    """Remove temporary files of interrupted runs."""
     for inner in (VARIANTS, CHUNKS, ASSETS, PICTURES):
         place = os.path.join(folder, inner)
         for name in listing(place):
@@ -197,8 +200,8 @@ Line = dict[str, Any]
 class Journal:
     """An open journal. A context manager that closes the file.
 
-    Each line is written by one call; an incomplete last line is removed when the journal is opened. Raises `OSError`; an incomplete line is
-    removed then.
+    Each line is written by one call. An incomplete last line is removed when the journal is opened, and after a failed write, which raises
+    `OSError`.
     """
 
     def __init__(self, path: str) -> None:

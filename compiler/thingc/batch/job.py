@@ -1,4 +1,4 @@
-"""Descriptions of a batch for others: `batch.json`, the files that workers must see, and the job of the runners.
+"""Descriptions of a batch for other processes: `batch.json`, the files that workers must see, and the job of the runners.
 
 A job and its variants are plain JSON, so that any executor can transfer them.
 """
@@ -23,16 +23,20 @@ from thingc.driver.environment import Options
 from thingc.targets.manifest import versions
 
 STOPPED = "stopped"
-"""The status of a row that ends the batch: files cannot be written or read any more, for reasons other than the variant."""
+"""The status of a row that ends the batch: files can no longer be written or read, for reasons other than the variant."""
 
 
 class Job(FrozenStruct):
     """The common data of all variants of a batch.
 
-    `assembly` is the absolute path of the document, `folder` that of the batch (None: write nothing). `rules` are the comparisons that need
-    results; `dimensions` are the exponents (length, mass, time, angle) of the numeric parameters. `packed`: the files of a variant are part
-    of its row, and only shared files are written. `verify`: MuJoCo compiles one of this many models that differ in numbers only (1: each,
-    0: none). `cwd` is the working folder of runners (None: that of their parent process).
+    Attributes:
+        assembly: The absolute path of the document.
+        folder: The absolute path of the folder of the batch. If it is None, no files are written.
+        rules: The comparisons that need results.
+        dimensions: The exponents (length, mass, time, angle) of the numeric parameters.
+        packed: Whether the files of a variant are part of its row, and only shared files are written.
+        verify: MuJoCo compiles one of this many models that differ only in numbers (1: each, 0: none).
+        cwd: The working folder of runners. None means the working folder of their parent process.
     """
 
     assembly: str
@@ -57,16 +61,16 @@ class Job(FrozenStruct):
 
     @staticmethod
     def decode(text: str) -> Job:
-        """Convert the output of `encode` back."""
+        """Convert the output of `encode` to a job."""
         return convert(json.loads(text), Job)
 
 
 Row = dict[str, Any]
-"""The result of one variant, as far as known:
+"""The result of one variant, as far as it is known.
 
-`index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`, `results`, `losses` (counts by kind),
-`files` and `shared` (of a packed batch, see `packed_layout.py`), `seconds`, `modelled` (definition texts), `reused` (number of parts), and
-`pid` of the runner.
+The keys are `index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`, `results`, `losses`
+(counts by kind), `files` and `shared` (of a packed batch, see `packed_layout.py`), `seconds`, `modelled` (definition texts), `reused`
+(number of parts), and `pid` of the runner.
 """
 
 
@@ -76,7 +80,7 @@ def row(task: Variant, status: str, **more: Any) -> Row:
 
 
 def refusal(fault: OSError) -> str:
-    """Describe an error of the system."""
+    """Describe an error of the operating system."""
     reason = fault.strerror or str(fault)
     return f"`{fault.filename}`: {reason}" if fault.filename is not None else reason
 
@@ -84,7 +88,8 @@ def refusal(fault: OSError) -> str:
 def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
     """Return the content of `batch.json`.
 
-    `asked` is the number of variants to build, the first ones of the plan; `wanted` are the columns of the table of a finished batch.
+    `asked` is the number of variants to build, counted from the first one in the plan. `wanted` are the columns of the table of a finished
+    batch.
     """
     return {
         "name": plan.name, "document": plan.relative, "sha256": plan.sha256, "assembly": plan.assembly_relative,
@@ -97,9 +102,9 @@ def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Seq
 
 
 def seen(plan: Plan, folder: str) -> dict[str, str]:
-    """Return the files that every worker must see: digests by absolute path.
+    """Return the digests of the files that every worker must see, by absolute path.
 
-    They include `batch.json`, but no files outside of the workspace, whose paths are not in the plan.
+    They include `batch.json`, but not files outside the workspace, whose paths are not part of the plan.
     """
     files = {os.path.join(plan.workspace.root, path): state for path, state in plan.inputs.items() if not path.startswith(OUTSIDE)}
     with open(os.path.join(folder, folder_layout.BATCH), "rb") as stream:
@@ -108,7 +113,7 @@ def seen(plan: Plan, folder: str) -> dict[str, str]:
 
 
 def job_of(plan: Plan, folder: str, options: Options, *, layout: str, verify: int, elsewhere: bool) -> Job:
-    """Return the job of the runners; `elsewhere`: on other machines, which have another environment and working folder."""
+    """Return the job of the runners. `elsewhere` means other machines, which have another environment and working folder."""
     store = options.store
     if elsewhere:
         store = store or os.environ.get("THINGC_STORE")

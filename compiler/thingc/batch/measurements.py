@@ -1,4 +1,4 @@
-"""Results of every variant: closed formulas for the linked robot, which take a fraction of a millisecond.
+"""Results of every variant, computed from closed formulas for the linked robot in a fraction of a millisecond.
 
     mass, centre.x y z, inertia.xx ... yz   the whole robot at q = 0, in the frame of the base component
     box.x y z                               sides of the bounding box of the boxes of all parts, along the axes of the world
@@ -7,7 +7,7 @@
     length.JOINT                            distance of a joint from the previous joint, as in the documents
     site:MOUNT.x y z                        position of a mount in the world, if requested
 
-Box, reach, torques and sites are those of one mode, in one pose.
+Box, reach, torques and sites are computed for one mode and one pose.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from thingc.model.statics.efforts import static_efforts
 from thingc.model.statics.support import lifted, stance
 
 Results = dict[str, float | None]
-"""Results by name, SI; None or missing if a variant does not have the result."""
+"""Results by name in SI units. They are None or missing if a variant does not have the result."""
 SITE = "site:"
 """Prefix of the results of a mount."""
 TORQUES = "torque_margin"
-"""The result that needs the torques of all drives."""
+"""The result that requires the torques of all drives."""
 
 
 class UnknownMount(Exception):
-    """A mount does not exist; `text` is the reference in the document, `diagnostic` the error."""
+    """Raised if a mount does not exist. `text` is the reference in the document, and `diagnostic` the error."""
 
     def __init__(self, text: str, known: Sequence[str]) -> None:
         super().__init__(text)
@@ -47,11 +47,11 @@ class UnknownMount(Exception):
 def measure(
     robot: Robot, pose: str | None, reach: tuple[str, str] | None, sites: Sequence[str] = (), *, torques: bool = True,
 ) -> Results:
-    """Return the results of a robot in a pose (None: that of the mode, else q = 0).
+    """Return the results of a robot in a pose (None: the pose of the mode, else q = 0). Raises `UnknownMount`.
 
-    If the loops of the mode do not close in that pose, there is no box, reach, site or torque margin. There is no torque margin with closed
-    loops, since torques depend on how the loops share the load, or if the robot does not stand on its feet. Without
-    `torques`, it is not computed. `reach` are references to two mounts, `sites` to any others. Raises `UnknownMount`.
+    If the loops of the mode do not close in the pose, there are no results for box, reach, sites and torque margin. The torque margin is
+    also omitted with closed loops, because torques then depend on how the loops share the load, if the robot does not stand on its feet,
+    and without `torques`. `reach` contains references to two mounts, and `sites` to any mounts.
     """
     assembly = robot.assembly
     whole = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
@@ -103,10 +103,11 @@ def _placed(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pos
 
 
 def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
-    """Return `length.JOINT` [m] of every joint that has a previous one.
+    """Return `length.JOINT` [m] of every joint that has a previous joint.
 
-    This is the distance of its parent mount from the mount by which the previous joint placed that link. Parents and children are those of
-    the documents, so it does not depend on the root. `within` are the poses of the occurrences in their links (`in_link`).
+    This is the distance from the mount by which the previous joint placed the link to the parent mount of the joint. Parents and children
+    are as in the documents, so the result does not depend on the root. `within` are the poses of the occurrences in their links
+    (`in_link`).
     """
     placed = {assembly.link_of[mate.child]: mate for mate in assembly.mates if mate.joints and mate.loop is None}
     distances: Results = {}
@@ -121,8 +122,9 @@ def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
 
 
 def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vector] | None:
-    """Return the smallest and largest corner [m] of the bounding box of all parts at `poses` (by occurrence), or None if the robot has no
-    geometry.
+    """Return the smallest and largest corner [m] of the bounding box of all parts at `poses` (by occurrence).
+
+    Return None if the robot has no geometry.
     """
     low, high = [inf] * 3, [-inf] * 3
     for occurrence, pose in zip(assembly.occurrences, poses, strict=True):

@@ -4,11 +4,11 @@
     chunks/000012.run.parquet   the same rows, with data about the run (seconds, modelled parts)
     chunks/000012.jsonl         the journal of an incomplete chunk, including files
 
-A chunk is sealed when all of its variants are done: it is written, renamed, and its journal is removed. Its variants and their order follow
-from the plan, so a batch always gives the same chunks. Neighbouring variants differ in a few numbers: compressed in groups of rows, a file
-takes some hundred bytes, and reading it decompresses one column of one group. Files that are in the store are in `assets/` once, and rows
-reference them (`shared`). The place of a variant follows from its index in the plan; arrays over all variants, one file each, need no other
-index.
+A chunk is sealed when all of its variants are done: it is written and renamed, and its journal is removed. The plan determines the variants
+and their order, so a batch always gives the same chunks. Neighbouring variants differ in a few numbers. Compressed in groups of rows, a
+file takes some hundred bytes, and reading it decompresses one column of one group. Files in the store are written to `assets/` once, and
+rows refer to them (`shared`). The place of a variant follows from its index in the plan. Arrays over all variants, one file each, need no
+other index.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ if TYPE_CHECKING:
     from pyarrow.parquet import ParquetFile
 
 LARGEST = 2**31 - 1
-"""Maximum size [bytes] of the texts of one Arrow array."""
+"""Maximum size [bytes] of the texts in one Arrow array."""
 
 
 CHUNK = 1024
 """Number of variants in a chunk."""
 GROUP, GROUP_BYTES = 64, 32 * 2**20
-"""Number of rows in a group, which is decompressed to read a file; fewer if their files are larger than this in total [bytes]."""
+"""Number of rows in a group, and maximum total size [bytes] of their files. A group is decompressed to read a file."""
 RUN = ("seconds", "modelled", "reused", "pid", "printed", "detail")
 """Keys of a line that describe the run."""
 FILES, SHARED = "files", "shared"
-"""Keys of the line of a built variant in the journal of a chunk: its files in base64, and the SHA-256 of those in `assets/`, both by path.
+"""Keys in the line of a built variant in the journal of a chunk, both by path: its files in base64, and the SHA-256 of files in `assets/`.
 """
 HEADS = ("index", "id", "name", "status")
 CELLS = (*HEADS, "losses", "line", SHARED)
-"""The columns before the files. `line` is the line of the journal; `line`, `losses` and `shared` are JSON."""
+"""The columns before the files. `line` is the line of the journal. `line`, `losses` and `shared` contain JSON."""
 OPEN_MOST, COLUMNS_MOST = 16, 24
 """Maximum number of open chunks of a reader, and of cached columns of an open chunk."""
 
@@ -60,7 +60,7 @@ _JOURNAL = re.compile(r"([0-9]{6})\.jsonl")
 
 
 class DamagedChunk(OSError):
-    """A file of a chunk is damaged. If either of its files is missing, a chunk counts as not done."""
+    """Raised if a file of a chunk is damaged. If one of its files is missing, the chunk is treated as not done."""
 
     state = "is damaged"
     cure = "delete it, and continue with --resume, which builds its variants again"
@@ -71,7 +71,7 @@ class DamagedChunk(OSError):
 
 
 class MissingChunk(DamagedChunk):
-    """A file of a chunk is missing."""
+    """Raised if a file of a chunk is missing."""
 
     state = "no longer exists"
     cure = "continue with --resume, which builds its variants again"
@@ -79,7 +79,7 @@ class MissingChunk(DamagedChunk):
 
 @contextlib.contextmanager
 def _reading(path: str) -> Iterator[None]:
-    """Convert errors of reading a sealed file to `DamagedChunk`."""
+    """Convert errors while reading a sealed file to `DamagedChunk`."""
     from pyarrow import ArrowException
 
     try:
@@ -93,7 +93,7 @@ def _chunk_path(folder: str, number: int, end: str) -> str:
 
 
 def sealed_path(index: int) -> str:
-    """Return the file with the variant at an index of the plan, by its path in the folder of the batch."""
+    """Return the path in the folder of the batch of the file with the variant at an index in the plan."""
     return f"{folder_layout.CHUNKS}/{index // CHUNK:06d}.parquet"
 
 
@@ -103,7 +103,7 @@ def packed(folder: str) -> bool:
 
 
 def complete(folder: str, count: int) -> None:
-    """Raise `MissingChunk` if a file is missing: of the chunks of the first `count` variants, or of a sealed chunk.
+    """Raise `MissingChunk` if a file is missing from the chunks of the first `count` variants or from a sealed chunk.
 
     When a chunk is sealed, its run file is written first, and its journal is removed last.
     """
@@ -115,7 +115,7 @@ def complete(folder: str, count: int) -> None:
 
 
 def numbers(folder: str) -> list[int]:
-    """Return the chunks with any finished variants, ascending. A batch that is not packed is one chunk, which has only a journal."""
+    """Return the numbers of the chunks with finished variants, ascending. A batch that is not packed is one chunk with only a journal."""
     return sorted(_numbers(folder, _SEALED) | _numbers(folder, _JOURNAL)) if packed(folder) else [0]
 
 
@@ -127,9 +127,10 @@ def _numbers(folder: str, pattern: re.Pattern[str]) -> set[int]:
 
 
 class PackedWriter:
-    """The journals of a packed batch; `done` flags the finished variants. A context manager that closes them, but seals nothing.
+    """The journals of a packed batch. `done` flags the finished variants. A context manager that closes the journals without sealing
+    chunks.
 
-    Raises `OSError`; an incomplete line is removed then.
+    Raises `OSError`. An incomplete line is removed then.
     """
 
     def __init__(self, folder: str, done: Sequence[int]) -> None:
@@ -146,7 +147,7 @@ class PackedWriter:
         self._open.clear()
 
     def append(self, line: Line) -> None:
-        """Record a finished variant; seal its chunk if it was the last one."""
+        """Record a finished variant. Seal its chunk if it was the last one."""
         number = int(line["index"]) // CHUNK
         journal, missing = self._open[number] if number in self._open else self._opened(number)
         journal.append(line)
@@ -155,7 +156,7 @@ class PackedWriter:
             self._seal(number)
 
     def sync(self) -> None:
-        """Seal every chunk with new variants, complete or not, when a batch is over."""
+        """Seal every chunk with new variants, complete or not. Called at the end of a batch."""
         for number in sorted(_numbers(self.folder, _JOURNAL)):
             self._seal(number)
 
@@ -172,7 +173,7 @@ class PackedWriter:
 
 
 def seal(folder: str, number: int) -> None:
-    """Write a chunk from its sealed file and its journal, and remove the journal. An interruption leaves either of them."""
+    """Write a chunk from its sealed file and its journal, and remove the journal. After an interruption, one of the two exists."""
     from pyarrow import parquet
 
     chunk = Chunk(folder, number)
@@ -190,7 +191,7 @@ def seal(folder: str, number: int) -> None:
         for group in _groups(chunk, ("run", *told.names)):
             rows.write_table(_table(told, [cells[1:] for cells in group]))
             runs.write_table(_table(run, [(index, own) for own, index, *_ in group]))
-    for end, path in fresh.items():  # the run file first: a chunk requires it
+    for end, path in fresh.items():  # the run file first, because a chunk requires it
         with open(path, "rb") as stream:
             os.fsync(stream.fileno())
         os.replace(path, _chunk_path(folder, number, end))
@@ -199,7 +200,7 @@ def seal(folder: str, number: int) -> None:
 
 
 def _groups(chunk: Chunk, columns: Sequence[str]) -> Iterator[list[tuple[Any, ...]]]:
-    """Yield the rows of a chunk in groups; the last of `columns` are those of files."""
+    """Yield the rows of a chunk in groups. The last ones of `columns` are files."""
     group: list[tuple[Any, ...]] = []
     size = 0
     for index in chunk.indices:
@@ -214,7 +215,7 @@ def _groups(chunk: Chunk, columns: Sequence[str]) -> Iterator[list[tuple[Any, ..
 
 
 def _schemas(paths: Sequence[str], lengths: Sequence[str]) -> tuple[Any, Any]:
-    """Return the schemas of a chunk and of its run file. The names of results `length.JOINT` are in the metadata of the former."""
+    """Return the schemas of a chunk and of its run file. The metadata of the first one contains the names of results `length.JOINT`."""
     import pyarrow
 
     text = [pyarrow.field(name, pyarrow.int64() if name == "index" else pyarrow.string()) for name in CELLS]
@@ -237,10 +238,10 @@ def _json(value: Any) -> str:
 
 
 class Chunk:
-    """The finished part of one chunk: its sealed file, overridden by its journal. `indices` are indices in the plan, ascending; `paths` are
-    the paths of files that differ between variants. A batch that is not packed has one chunk, which consists of its journal.
+    """The finished part of one chunk: its sealed file, overridden by its journal.
 
-    Open chunks stay readable while the batch continues. Not thread-safe.
+    `indices` are the indices in the plan, ascending. `paths` are the paths of files that differ between variants. A batch that is not
+    packed has one chunk, which consists of its journal. Open chunks remain readable while the batch continues. Not thread-safe.
     """
 
     def __init__(self, folder: str, number: int) -> None:
@@ -292,7 +293,7 @@ class Chunk:
         return [heads[index] for index in self.indices]
 
     def losses(self) -> Counter[str | None]:
-        """Return the number of variants by their losses, as JSON."""
+        """Return the number of variants by their losses as JSON."""
         counts: Counter[str | None] = Counter()
         if self._sealed is not None:
             counted = self._read(["losses"])["losses"].value_counts()
@@ -304,7 +305,7 @@ class Chunk:
         return +counts
 
     def line(self, index: int) -> Line:
-        """Return the line of a variant, as in the journal of an unpacked batch."""
+        """Return the line of a variant, as in the journal of a batch that is not packed."""
         if index in self._begins:
             return {key: value for key, value in self._noted(index).items() if key not in (FILES, SHARED)}
         return {**json.loads(self.cell(index, "line")), **json.loads(self.cell(index, "run"))}
@@ -315,11 +316,11 @@ class Chunk:
         return digests
 
     def files(self, index: int) -> dict[str, bytes]:
-        """Return the files that only the variant has, by path."""
+        """Return the files that are not shared with other variants, by path."""
         return {path: data for path in self.paths if (data := self.cell(index, path)) is not None}
 
     def cell(self, index: int, column: str) -> Any:
-        """Return the value of a variant in a column, the bytes if the column is a file, or None if it has no value there."""
+        """Return the value of a variant in a column (bytes if the column is a file), or None if it has no value."""
         if index in self._begins:
             return _cell_of(self._noted(index), column)
         return self._sealed_cell(self._rows[index], column) if column in self._sealed_columns else None
@@ -331,7 +332,7 @@ class Chunk:
             return self._sealed.read(columns)
 
     def _noted(self, index: int) -> Line:
-        """Return an entry of the journal; the last one is cached."""
+        """Return an entry of the journal. The last entry is cached."""
         if self._entry[0] != index:
             self._journal.seek(self._begins[index])
             self._entry = index, json.loads(self._journal.readline())
@@ -353,7 +354,7 @@ class Chunk:
 
 
 def _cell_of(line: Line, column: str) -> Any:
-    """Convert a line of the journal to the cell that a sealed chunk has in a column."""
+    """Convert a line of the journal to the cell in a column of a sealed chunk."""
     match column:
         case "line":
             return _json({key: value for key, value in line.items() if key not in (*RUN, FILES, SHARED)})
@@ -379,9 +380,9 @@ def _opened(path: str) -> ParquetFile | None:
 
 
 class Chunks:
-    """All chunks of a batch, opened on demand; the least recently used are closed.
+    """All chunks of a batch, opened on demand. The least recently used chunks are closed.
 
-    Thread-safe. A copy in another process opens them itself.
+    Thread-safe. A copy in another process opens the chunks again.
     """
 
     def __init__(self, folder: str) -> None:
@@ -395,7 +396,7 @@ class Chunks:
 
     @contextlib.contextmanager
     def of(self, number: int) -> Iterator[Chunk]:
-        """Return a chunk by number; only one thread at a time gets it."""
+        """Provide a chunk by number. Only one thread at a time can use it."""
         with self._lock:
             if number not in self._open:
                 self._open[number] = Chunk(self.folder, number)
@@ -405,15 +406,15 @@ class Chunks:
             yield self._open[number]
 
     def holding(self, index: int) -> contextlib.AbstractContextManager[Chunk]:
-        """Return the chunk of the variant at an index of the plan."""
+        """Provide the chunk of the variant at an index in the plan."""
         return self.of(index // self._variants)
 
 
 def column(values: Sequence[Any], type: Any) -> Any:
-    """Return `pyarrow.array(values, type)` for `int64`, `float64`, `bool_`, `string` and `binary`; None is a missing value. Raises the same
-    errors.
+    """Return `pyarrow.array(values, type)` for `int64`, `float64`, `bool_`, `string` and `binary`. None is a missing value.
 
-    `pyarrow.array` would import pandas, if installed, to check for its types, which takes as long as a dozen variants.
+    It raises the same errors. `pyarrow.array` would import pandas, if installed, to check for its types. This takes as long as a dozen
+    variants.
     """
     import pyarrow
 
@@ -433,5 +434,5 @@ def column(values: Sequence[Any], type: Any) -> Any:
 
 
 def _bits(flags: Sequence[Any]) -> bytes:
-    """Pack flags to bits, the first into the lowest bit of the first byte."""
+    """Pack flags to bits, starting with the lowest bit of the first byte."""
     return int("0" + "".join("1" if flag else "0" for flag in reversed(flags)), 2).to_bytes(len(flags) // 8 + 1, "little")

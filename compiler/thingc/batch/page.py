@@ -1,7 +1,7 @@
-"""The page of a batch, `index.html`: pictures of the variants in a grid, the table, and a plot of any two columns.
+"""The page of a batch, `index.html`: a grid of pictures of the variants, the table, and a plot of any two columns.
 
-It is one file that loads nothing from a network: style, program and data are in it, pictures are in `pictures/`. The same batch gives the
-same bytes, since columns about the run (`parts_modelled`, `seconds`, ...) are left out.
+It is one file that loads nothing from the network. It contains style, program and data; pictures are in `pictures/`. The same batch gives
+the same bytes, because columns about the run (`parts_modelled`, `seconds`, ...) are omitted.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from thingc.batch.values import size_of
 from thingc.driver.environment import Options
 
 MOST = 10_000
-"""Maximum number of rows of a page, about 4 MB; of longer tables, it has this many, evenly spread."""
+"""Maximum number of rows of a page, about 4 MB. From longer tables, it contains this number of evenly spaced rows."""
 
 
 def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
-    """Write the page of the batch in `folder` atomically; return its path.
+    """Write the page of the batch in `folder` atomically. Return its path.
 
-    `described` is the content of `batch.json`, `wanted` are the columns of the table. Only one row is in memory at a time.
+    `described` is the content of `batch.json`, and `wanted` are the columns of the table. Only one row at a time is in memory.
     """
     path = os.path.join(folder, folder_layout.PAGE)
     wanted = [column for column in wanted if column.name not in RUN]
@@ -56,7 +56,7 @@ def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Colum
 
 
 def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the page before and after its data."""
+    """Return the text of the page before and after its data."""
     own = resources.files("thingc.batch")
     texts = {place: (own / name).read_text(encoding="utf-8") for place, name in (("@STYLE@", "page.css"), ("@SCRIPT@", "page.js"))}
     texts["@TITLE@"] = html.escape(escape_control(f"{described['name']}: variants of {described['assembly']}"))
@@ -66,9 +66,9 @@ def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _units(wanted: Sequence[Column]) -> list[tuple[str, float | None]]:
-    """Return the unit in which each column is shown, with its size in SI (None: the SI unit).
+    """Return the unit in which each column is displayed, and its size in SI units. The size is None for SI units.
 
-    Parameters are shown in the unit of the documents, results in that of the first parameter with the same dimension.
+    Parameters are displayed in the unit of the documents, and results in the unit of the first parameter with the same dimension.
     """
     alike: dict[str, str] = {}
     for column in wanted:
@@ -80,12 +80,12 @@ def _units(wanted: Sequence[Column]) -> list[tuple[str, float | None]]:
 
 
 def _in_unit(value: Any, size: float) -> Any:
-    """Convert a number to a unit of this size, with 12 digits: 0.07 m is 70 mm."""
+    """Convert a number to a unit of this size with 12 digits: 0.07 m becomes 70 mm."""
     return float(f"{value / size:.12g}") if isinstance(value, (int, float)) and math.isfinite(value) else value
 
 
 def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequence[str]) -> str:
-    """Return the beginning of the data, an object, up to its rows."""
+    """Return the beginning of the data, which is an object, up to its rows."""
     names = ("name", "document", "assembly", "count", "done", "pose", "finished", "layout")
     told: dict[str, Any] = {name: _json_value(described[name]) for name in names}
     told["modes"] = [escape_control(name) for name in described["modes"]]
@@ -94,14 +94,14 @@ def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequenc
 
 
 def _json_value(value: Any) -> Any:
-    """Convert a cell for the page: infinity is the text `inf`, and text is on one line."""
+    """Convert a cell for the page. Infinity becomes the text `inf`, and control characters in texts are escaped."""
     if isinstance(value, str):
         return escape_control(value)
     return "inf" if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def parameter_columns(plan: Plan) -> list[Column]:
-    """Return the columns of the parameters of the assembly, and of values set by path."""
+    """Return the columns of the parameters of the assembly and of values set by path."""
     return [
         Column(name=name, kind="number", unit=plan.units[name], written=plan.written_in.get(name, "")) if isinstance(own, Quantity)
         else Column(name=name, kind="flag" if isinstance(own, bool) else "text")
@@ -113,9 +113,9 @@ def show(
     folder: str, described: Mapping[str, Any], wanted: Sequence[Column], *, most: int, jobs: int,
     on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
-    """Draw pictures of at most `most` variants and write the page. Returns a warning if this machine cannot draw.
+    """Render pictures of at most `most` variants and write the page. Return a warning if this machine cannot render.
 
-    Ctrl-C ends only the drawing; the page shows the pictures drawn so far. Raises `OSError`.
+    Ctrl-C ends only the rendering; the page then shows the finished pictures. Raises `OSError`.
     """
     warning = None
     forget(folder, folder_layout.PAGE)
@@ -132,10 +132,10 @@ def show_again(
     document: str, *, output: str | None = None, pictures: int | None = None, jobs: int = 0, options: Options | None = None,
     on_picture: OnPicture | None = None,
 ) -> tuple[str, Diagnostic | None]:
-    """Write the page of an existing batch again; return its path, and a warning if this machine cannot draw.
+    """Write the page of an existing batch again. Return its path, and a warning if this machine cannot render.
 
-    `pictures` is as for `run`. Raises `PlanError` for a document with errors, and `BatchFault` if there is no batch of it, or if one is in
-    progress.
+    `pictures` is as for `run`. Raises `PlanError` for a document with errors, and `BatchFault` if there is no batch of this document or if
+    one is in progress.
     """
     plan = variants_document.plan(document, options=options)
     folder = plan.folder_in(output)

@@ -1,4 +1,4 @@
-"""The pictures of a batch, `pictures/ID.png`: of some variants, with the same camera, so that sizes can be compared."""
+"""The pictures of a batch, `pictures/ID.png`. All show a variant with the same camera, so sizes can be compared."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from thingc.batch.build_records import BuildRecords, VariantFiles
 from thingc.batch.packed_layout import packed
 
 MOST = 48
-"""Default number of pictures of a batch; one takes some tenths of a second without a graphics card."""
+"""Default number of pictures of a batch. Rendering one takes some tenths of a second without a graphics card."""
 MANY = 200
-"""Number of variants above which no pictures are drawn by default."""
+"""Number of variants above which no pictures are rendered by default."""
 ALL = sys.maxsize
-"""Draw a picture of every variant."""
+"""Number of pictures that means one for every variant."""
 
 PATIENCE = 120.0
 """Time limit [s] for a picture."""
 
 OnPicture = Callable[[int, int], None]
-"""`on_picture(done, count)`."""
+"""Callback `on_picture(done, count)`."""
 
 
 def usual(count: int) -> int:
@@ -37,7 +37,7 @@ def usual(count: int) -> int:
 
 
 def chosen(folder: str, mode: str, most: int) -> list[int]:
-    """Return the indices of at most `most` built variants with a model in a mode, in plan order, selected by `along_the_axes`."""
+    """Return the indices of at most `most` built variants with a model in a mode, in plan order. `along_the_axes` selects them."""
     records = BuildRecords(folder)
     settings: list[Sequence[Any]] = []
     for index in records.built:
@@ -48,10 +48,10 @@ def chosen(folder: str, mode: str, most: int) -> list[int]:
 
 
 def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
-    """Select `most` variants with these settings, ascending.
+    """Select `most` variants by their settings. Return their indices, ascending.
 
-    For each setting in turn, these are the variants nearest to a line along which it goes from its first to its last value, and the others
-    are in the middle. When all values are covered, the rest is evenly spread.
+    For each setting, these include the variants nearest to a line on which the setting goes from its first to its last value, and all other
+    settings have middle values. When all values are covered, further variants are evenly spaced.
 
     Settings are measured by the rank of their values, from 0 to 1 (numbers by size, others in order of appearance). A setting with the same
     ranks as another one is ignored.
@@ -74,7 +74,7 @@ def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
 
 
 def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
-    """Return the rank of each value among the distinct ones, from 0 to 1."""
+    """Return the rank of each value among the distinct values, from 0 to 1."""
     known = list(dict.fromkeys(values))
     if all(isinstance(value, (int, float)) for value in known):
         known.sort()
@@ -83,15 +83,18 @@ def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
 
 
 def _model(files: VariantFiles, mode: str) -> str | None:
-    """Return the file name of the model of a variant in a mode, `ROBOT_MODE.xml`; None if there is none."""
-    # The names for the modes `foot` and `front_foot` have the same end: the shorter one is that of `foot`.
+    """Return the file name of the model of a variant in a mode, `ROBOT_MODE.xml`, or None if it does not exist."""
+    # the file names for the modes `foot` and `front_foot` have the same end; the shorter one belongs to `foot`
     models = sorted((name for name in files.models() if name.endswith(f"_{mode}.xml") and name != f"scene_{mode}.xml"), key=len)
     return models[0] if models else None
 
 
 @contextlib.contextmanager
 def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[tuple[str, str]]]:
-    """Yield the id of each variant, and the path of its model with meshes beside it, in a temporary folder if the batch is packed."""
+    """Yield groups of variants: the id of each, and the path of its model with meshes next to it.
+
+    For a packed batch, the files are in a temporary folder.
+    """
     if not indices:
         yield []
         return
@@ -114,9 +117,9 @@ def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[t
 def draw(
     folder: str, mode: str, pose: str | None, *, most: int = MOST, jobs: int = 1, on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
-    """Draw all pictures again, in up to `jobs` processes. Returns a warning if this machine cannot draw.
+    """Render all pictures again, in up to `jobs` processes. Return a warning if this machine cannot render.
 
-    Other existing pictures are deleted. An interruption leaves the pictures drawn so far. Raises `OSError`.
+    Other existing pictures are deleted. After an interruption, the finished pictures remain. Raises `OSError`.
     """
     place = os.path.join(folder, folder_layout.PICTURES)
     with _laid_out(folder, mode, chosen(folder, mode, most) if most != 0 else ()) as shots:
@@ -168,7 +171,7 @@ def _drawn(
             gravity = down if own else gravity
         visible.append([shot for shot, (own, _) in zip(part, answer, strict=True) if own])
     if not points:
-        return None  # robots of frames only: nothing is visible
+        return None  # robots that consist of frames: nothing is visible
     for part, process in zip(visible, processes, strict=True):
         process.ask({
             "draw": [[path, os.path.join(place, f"{id}.png")] for id, path in part], "points": points, "gravity": gravity, "pose": pose,
@@ -189,7 +192,7 @@ def _drawn(
 
 
 def _lost(process: JsonLinesProcess, fault: ProcessLost) -> Diagnostic:
-    """Return the warning, with the last line of the output of the process."""
+    """Return the warning that the process has ended, with the last line of its output."""
     said = process.errors().strip().splitlines()
     return _refused(f"the rendering process failed: {fault.words}", said[-1] if said else "")
 

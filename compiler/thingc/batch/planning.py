@@ -1,4 +1,4 @@
-"""The plan of a `variants/1` document, and its variants. Everything is checked before the first one is built."""
+"""The plan of a `variants/1` document, and its variants. All settings are checked before the first variant is built."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ from thingc.geometry.record import Value
 from thingc.model.resolve.types import AssemblyDefinition
 
 BLOCK = 256
-"""Number of points that are computed at once."""
+"""Number of points that are computed in one step."""
 
 
 def points(method: Method, dimensions: int, count: int, seed: int) -> Iterator[tuple[float, ...]]:
     """Yield `count` points of the unit cube [0, 1) with `dimensions` dimensions.
 
     `sobol` is `scipy.stats.qmc.Sobol(d, scramble=True, rng=seed)`, `lhs` is `scipy.stats.qmc.LatinHypercube(d, rng=seed)`, and `uniform` is
-    `numpy.random.default_rng(seed).random((count, d))`, row by row. All points of a Latin hypercube are computed at once, since they depend
-    on each other; the others are computed in blocks.
+    `numpy.random.default_rng(seed).random((count, d))`, row by row. The points of a Latin hypercube depend on each other, so all are
+    computed in one step. Other points are computed in blocks.
     """
     import numpy
     from scipy.stats import qmc
@@ -69,11 +69,11 @@ def points(method: Method, dimensions: int, count: int, seed: int) -> Iterator[t
 
 
 OUTSIDE = "outside:"
-"""Prefix of the names of inputs outside of the workspace."""
+"""Prefix of the names of inputs outside the workspace."""
 
 
 class PlanError(Exception):
-    """A variants document with errors. `diagnostics` are all of them; `str()` formats them as the command line does."""
+    """Raised for a variants document with errors. `diagnostics` contains all of them, and `str()` formats them as on the command line."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__("\n" + as_text(diagnostics))
@@ -81,11 +81,11 @@ class PlanError(Exception):
 
 
 class Variant(OneLineRepr, FrozenStruct):
-    """A variant. `index` is its index in the plan, `id` 12 hexadecimal digits of the SHA-256 of its settings.
+    """A variant. `index` is its index in the plan, and `id` consists of 12 hexadecimal digits of the SHA-256 of its settings.
 
-    `parameters` and `choices` are the settings as for `thingc build -p` and `--set`, in the units of the documents, without those that
-    equal the documents. `values` are all parameters of the assembly and values set by path, SI. `failed` is the rule that the parameters
-    violate, if any.
+    `parameters` and `choices` are the settings as for `thingc build -p` and `--set`, in the units of the documents. Settings that are equal
+    to the documents are omitted. `values` are all parameters of the assembly and values set by path [SI]. `failed` is the rule that the
+    parameters violate, if any.
     """
 
     index: int
@@ -98,7 +98,7 @@ class Variant(OneLineRepr, FrozenStruct):
 
 
 class Setting(FrozenStruct):
-    """The settings of one variant as planned; `name` is its name in the document, if any."""
+    """The settings of one planned variant. `name` is its name in the document, if any."""
 
     name: str | None
     parameters: Mapping[str, ExpressionValue]
@@ -106,14 +106,21 @@ class Setting(FrozenStruct):
 
 
 class Plan(OneLineRepr, FrozenStruct, dict=True):
-    """The variants of a document, in order. Iterating computes them one by one, always the same.
+    """The variants of a document, in order. Iterating computes them one by one, with the same result each time.
 
-    `document` and `assembly` are absolute paths, `relative` and `assembly_relative` paths in the workspace; `sha256` is that of the
-    document. `fixed` are the settings of all variants; `listed` are explicit variants; `axes` form the grid, or with `method`, `drawn`
-    points of them are drawn. `own` are the values of the parameters of the assembly, `paths` the values set by path, `written_in` the units
-    of both in the documents, `own_choices` the values of the document at the paths of choices. `modes` are those to build (never empty),
-    `chosen_modes` those in the document. `emit` are the targets, in the order of a build; `inputs` are the digests (`up_to_date.state_of`)
-    of the files that the plan depends on, by path in the workspace; `layout` is `folders` or `packed`, None if the document has none.
+    Attributes:
+        document: Its absolute path, like `assembly`; `relative` and `assembly_relative` are paths in the workspace.
+        sha256: The hash of the document.
+        fixed: The settings of all variants.
+        listed: The explicit variants.
+        axes: The axes of the grid, or with `method`, the axes from which `drawn` points are sampled.
+        own: The values of the parameters of the assembly; `paths` are the values set by path.
+        written_in: The units of both in the documents.
+        own_choices: The values of the document at the paths of choices.
+        modes: The modes to build, never empty; `chosen_modes` are the modes in the document.
+        emit: The targets, in the order of a build.
+        inputs: The digests (`up_to_date.state_of`) of the files that the plan depends on, by path in the workspace.
+        layout: `folders` or `packed`, or None if the document has none.
     """
 
     document: str
@@ -174,14 +181,14 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @property
     def written(self) -> int:
-        """The number of variants in the document, including equal ones."""
+        """The number of variants in the document, including duplicates."""
         if self.method is not None:
             return len(self.listed) + self.drawn
         return len(self.listed) + (math.prod(len(axis.values) for axis in self.axes) if self.axes or not self.listed else 0)
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of everything that defines the variants and their files, except the files read."""
+        """The SHA-256 of everything that defines the variants and their files, except the content of other files."""
         described = {
             "name": self.name, "assembly": self.assembly_relative, "fixed": _plain(self.fixed),
             "listed": [_plain(one) for one in self.listed],
@@ -196,21 +203,21 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def dimensions(self) -> dict[str, Dimension]:
-        """The dimension of every numeric parameter and value set by path."""
+        """The dimension of every numeric parameter and of every value set by path."""
         return {name: value.dimension for name, value in self.kinds.items() if isinstance(value, Quantity)}
 
     @cached_property
     def kinds(self) -> dict[str, ExpressionValue]:
-        """A value of the kind of every parameter and value set by path."""
+        """An example value of every parameter and of every value set by path."""
         return {**self.own, **self.paths.kinds}
 
     @property
     def units(self) -> dict[str, str]:
-        """The SI unit of every numeric parameter and value set by path."""
+        """The SI unit of every numeric parameter and of every value set by path."""
         return {name: dimension.symbol for name, dimension in self.dimensions.items()}
 
     def folder_in(self, output: str | None) -> str:
-        """Return the absolute path of the folder of the batch, in `output` or the build folder of the workspace."""
+        """Return the absolute path of the folder of the batch in `output`, or by default in the build folder of the workspace."""
         return os.path.join(os.path.abspath(output or os.path.join(self.workspace.root, self.workspace.build)), self.name)
 
     def chosen(self, variant: Variant) -> dict[str, str | None]:
@@ -219,13 +226,14 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def choice_paths(self) -> tuple[str, ...]:
-        """Every path of a choice, in document order."""
+        """The paths of all choices, in document order."""
         settings = (self.fixed, *self.listed)
         paths = [*(path for one in settings for path in one.choices), *(axis.key for axis in self.axes if axis.choice)]
         return tuple(dict.fromkeys(paths))
 
     def values(self, given: Mapping[str, ExpressionValue]) -> dict[str, ExpressionValue]:
-        """Return all parameters of the assembly and values at paths, with those `given`; without those that cannot be evaluated."""
+        """Return all parameters of the assembly and values at paths, using the `given` values. Values that cannot be evaluated are omitted.
+        """
         values: dict[str, ExpressionValue] = {}
         stated = {**self.own, **self.paths.own}
         for name, expression in self._order:
@@ -243,7 +251,9 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def _order(self) -> tuple[tuple[str, Expression | None], ...]:
-        """The parameters of the assembly and the paths, each after those that its expression uses; None for those that are not expressions.
+        """The parameters of the assembly and the paths with their expressions, or None.
+
+        Each one follows the ones that its expression uses.
         """
         raw = {name: entry.value if isinstance(entry, ParameterSpec) else entry for name, entry in self.assembly_spec.parameters.items()}
         ordered: dict[str, Expression | None] = {}
@@ -263,12 +273,12 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def _stated(self) -> dict[str, Value]:
-        """The values that the assembly states without an expression; settings equal to them are left out."""
+        """The values that the assembly specifies without an expression. Settings equal to these are omitted."""
         own = {**self.own, **self.paths.own}
         return {name: plain(own[name]) for name, expression in self._order if expression is None and name in own}
 
     def _settings(self) -> Iterator[Setting]:
-        """Yield all settings of the document, in order; some may be equal."""
+        """Yield all settings in the document, in order, including duplicates."""
         yield from self.listed
         if self.method is not None:
             for point in points(self.method, len(self.axes), self.drawn, self.seed):
@@ -287,10 +297,10 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return Setting(name=None, parameters=parameters, choices=choices)
 
     def _unique(self, done: Sequence[int]) -> Iterator[tuple[int, str, Setting, dict[str, ExpressionValue], dict[str, str]]]:
-        """Yield the distinct settings that are not `done`, with indices and ids, without values that equal the documents.
+        """Yield the distinct settings that are not `done`, with indices and ids, without values that are equal to the documents.
 
-        Points of a grid, and points with a coordinate drawn from an interval, are distinct. Only ids of others, which may occur twice, are
-        stored, so that plans of any length need no memory.
+        Points of a grid, and points with a coordinate sampled from an interval, are always distinct. Only the ids of other settings are
+        stored, so long plans need little memory.
         """
         listed = len(self.listed)
         discrete = self.method is not None and all(axis.range is None or axis.whole for axis in self.axes)
@@ -315,7 +325,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
                 yield index, id, setting, parameters, choices
 
     def command(self, variant: Variant) -> list[str]:
-        """Return the words of the command that builds a single variant, to run in the folder of the workspace."""
+        """Return the command that builds a single variant. It must be run in the folder of the workspace."""
         words = ["thingc", "build", self.assembly_relative]
         for name, text in variant.parameters.items():
             words += ["-p", f"{name}={text}"]
@@ -327,7 +337,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
 
 def _holds(rule: Rule, values: Mapping[str, ExpressionValue]) -> bool:
-    """Return whether a rule on parameters is satisfied; also if it cannot be evaluated, which the build reports."""
+    """Return whether a rule on parameters is satisfied or cannot be evaluated. The build reports the latter."""
     try:
         return rule.holds(values, {})
     except (ExpressionError, KeyError):
@@ -339,6 +349,6 @@ def _plain(setting: Setting) -> list[object]:
 
 
 def moved(text: str, source: str, target: str) -> str:
-    """Convert a path in the document `source` to one in the document `target` (both paths in the workspace)."""
+    """Convert a path in the document `source` to a path in the document `target`. Both documents are paths in the workspace."""
     place = posixpath.normpath(posixpath.join(posixpath.dirname(source), text.replace(os.sep, "/")))
     return posixpath.relpath(place, posixpath.dirname(target) or ".")

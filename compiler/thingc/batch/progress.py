@@ -1,4 +1,4 @@
-"""Progress and result of a batch, and its interruption."""
+"""Progress, result and interruption of a batch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from thingc.base.one_line_repr import OneLineRepr, counted
 
 
 class Interrupted(Exception):
-    """The batch was interrupted: `done` of `count` variants are in the journal of `folder`."""
+    """Raised if a batch was interrupted. `done` of `count` variants are in the journal of `folder`."""
 
     def __init__(self, folder: str, done: int, count: int) -> None:
         super().__init__(f"interrupted after {done} of {counted(count, 'variant')}")
@@ -22,7 +22,8 @@ class Interrupted(Exception):
 class Progress(OneLineRepr, FrozenStruct):
     """The progress of a batch.
 
-    `before` is the number of variants from earlier runs; `counts` are those of this run by status; `rate` is in variants per second.
+    `before` is the number of variants from earlier runs, and `counts` are the numbers of variants of this run by status. `rate` is in
+    variants per second.
     """
 
     count: int
@@ -32,21 +33,21 @@ class Progress(OneLineRepr, FrozenStruct):
 
     @property
     def done(self) -> int:
-        """Number of finished variants."""
+        """The number of finished variants."""
         return self.before + sum(self.counts.values())
 
     @property
     def left(self) -> float | None:
-        """Estimated remaining time [s], None if unknown."""
+        """The estimated remaining time [s], or None if unknown."""
         return (self.count - self.done) / self.rate if self.rate > 0.0 else None
 
 
 class Summary(OneLineRepr, FrozenStruct):
     """The result of a batch.
 
-    `statuses` counts variants by status, `before` is the number of those from earlier runs. `modelled` is the number of parts built in this
-    run, which took `seconds` [s]. `duplicates` is the number of additional equal variants. `lossy` variants have `losses` in total, counted
-    by kind; both include earlier runs. `notes` are warnings about the documents.
+    `statuses` are the numbers of variants by status, and `before` is the number of variants from earlier runs. `modelled` is the number of
+    parts built in this run, which took `seconds` [s]. `duplicates` is the number of additional equal variants. `lossy` variants have
+    `losses` in total, counted by kind; both include earlier runs. `notes` are warnings about the documents.
     """
 
     folder: str

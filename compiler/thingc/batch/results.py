@@ -49,22 +49,22 @@ MESH_BYTES = 256 * 2**20
 """Maximum size [bytes] of cached meshes."""
 
 _WITHIN, _INCLUDE = re.compile("<mujoco[^>]*>(.*)</mujoco>", re.DOTALL), re.compile("<include [^>]*/>")
-"""Patterns of the content of a model file, and of the include in its scene."""
+"""Regular expressions of the content of a model file, and of the include element in its scene."""
 
 
 class FamilyError(ValueError):
-    """A batch or family cannot be used as requested; the message has the reason and a help."""
+    """Raised if a batch or family cannot be used as requested. The message contains the reason and a help text."""
 
 
 class UnknownVariant(FamilyError, KeyError):
-    """The batch does not have this variant, column or mode."""
+    """Raised if a batch does not have the requested variant, column or mode."""
 
     def __str__(self) -> str:
-        return ValueError.__str__(self)  # a KeyError would show the repr
+        return ValueError.__str__(self)  # KeyError would show the repr
 
 
 class Sizes(FrozenStruct):
-    """Numbers of coordinates `nq`, degrees of freedom `nv` and controls `nu` of a model."""
+    """The numbers of coordinates `nq`, degrees of freedom `nv` and controls `nu` of a model."""
 
     nq: int
     nv: int
@@ -72,15 +72,15 @@ class Sizes(FrozenStruct):
 
 
 Where = Callable[["BuiltVariant"], bool] | Mapping[str, Any]
-"""A filter for variants: a function of a variant, or values by column; a pair of numbers `(low, high)` is a range, including the ends."""
+"""A filter for variants: a function of a variant, or values by column. A pair of numbers `(low, high)` is a range, including both ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
 class BuiltVariant(OneLineRepr):
     """A built variant. Variants with the same folder are equal.
 
-    `index` is its index in the plan. `settings` are its parameters (SI) and choices by name; `results` is its row of the table, without
-    empty cells. `folder` is its build folder, which for a packed batch exists only after `unpack`.
+    `index` is its index in the plan. `settings` are its parameters (SI) and choices by name. `results` is its row of the table, without
+    empty cells. `folder` is its build folder. For a packed batch, the folder exists only after `unpack`.
     """
 
     id: str
@@ -98,17 +98,17 @@ class BuiltVariant(OneLineRepr):
         return hash(self.folder)
 
     def model(self, mode: str | None = None, *, scene: bool = False, visual: bool = True) -> mujoco.MjModel:
-        """Compile its model in a mode; every call returns a new object.
+        """Compile its model in a mode. Every call returns a new object. For many variants, `BatchResults.models` is much faster.
 
-        `scene`: include floor and light. Without `visual`, MuJoCo leaves out visual geometry: the model moves in the same way, and compiles
-        in less than half the time. The mode may be omitted if the batch has only one. For many variants, `BatchResults.models` is much
-        faster. Raises `UnknownVariant` for an unknown mode, and `FamilyError` if there is no model.
+        `scene` includes floor and light. Without `visual`, MuJoCo omits visual geometry: the model moves in the same way, and compiles in
+        less than half the time. The mode can be omitted if the batch has only one. Raises `UnknownVariant` for an unknown mode, and
+        `FamilyError` if there is no model.
         """
         mode = self.family.chosen(mode)
         return self._compiled(self._text(mode, scene, visual), self._files.meshes())
 
     def model_text(self, mode: str, scene: bool, visual: bool) -> ModelText:
-        """Return the text that `model` compiles. Raises as `model` does."""
+        """Return the text that `model` compiles. Raises the same errors as `model`."""
         text, meshes = self._text(mode, scene, visual), self._files.meshes()
         return ModelText(
             text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes(meshes),
@@ -116,7 +116,7 @@ class BuiltVariant(OneLineRepr):
         )
 
     def _text(self, mode: str, scene: bool, visual: bool) -> str:
-        """Return the text of the model, inside its scene if requested."""
+        """Return the text of the model, included in its scene if requested."""
         text = self._read(f"{self.family.robot}_{mode}.xml").decode()
         if not visual:
             text = text.replace("<compiler ", '<compiler discardvisual="true" ', 1)
@@ -129,7 +129,7 @@ class BuiltVariant(OneLineRepr):
     def _compiled(self, text: str, meshes: Mapping[str, tuple[File, str]]) -> mujoco.MjModel:
         import mujoco
 
-        # Most meshes are cached by MuJoCo: starting threads for them would take longer.
+        # most meshes are cached by MuJoCo, so starting threads for them would take longer
         text = text.replace("<compiler ", '<compiler usethread="false" ', 1)
         try:
             with self.family.mounted(meshes) as files:
@@ -138,7 +138,9 @@ class BuiltVariant(OneLineRepr):
             raise FamilyError(f"MuJoCo rejects the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
 
     def sources(self, mode: str | None = None, *, scene: bool = False) -> tuple[bytes, dict[str, bytes]]:
-        """Return the text of its model in a mode, and the files that it names (meshes of the whole batch). Raises as `model` does."""
+        """Return the text of its model in a mode, and the files that it refers to (meshes of the whole batch). Raises the same errors as
+        `model`.
+        """
         mode = self.family.chosen(mode)
         robot = f"{self.family.robot}_{mode}.xml"
         text = self._read(robot)
@@ -146,20 +148,20 @@ class BuiltVariant(OneLineRepr):
         return (self._read(f"scene_{mode}.xml"), {**files, robot: text}) if scene else (text, files)
 
     def sizes(self, mode: str | None = None) -> Sizes:
-        """Return the sizes of its model from the file, without compiling it. Raises as `model` does."""
+        """Return the sizes of its model from the file, without compiling it. Raises the same errors as `model`."""
         root = ElementTree.fromstring(self._read(f"{self.family.robot}_{self.family.chosen(mode)}.xml"))
         free = sum(1 for _ in root.iter("freejoint"))
         single = sum(len(body.findall("joint")) for body in root.iter("body"))  # only hinges and slides are written
         return Sizes(nq=7 * free + single, nv=6 * free + single, nu=sum(len(section) for section in root.findall("actuator")))
 
     def modes(self) -> Modes:
-        """Return its modes, for switching between them at run time."""
+        """Return its modes, to switch between them at run time."""
         from thingc.modes import Modes
 
         return Modes.parse(self._files.read("modes.json"))
 
     def unpack(self) -> str:
-        """Return its folder; for a packed batch, write it first. Raises `OSError`."""
+        """Return its folder. For a packed batch, write the folder first. Raises `OSError`."""
         if packed(self.family.folder):
             unpack(self.family.folder, self.index)
         return self.folder
@@ -179,18 +181,21 @@ class BuiltVariant(OneLineRepr):
 
 
 class BatchResults(Sequence[BuiltVariant]):
-    """The built variants of a batch, in plan order: by index (`family[0]`, `family[-1]`), or by id or name (`family["sweep_07"]`).
+    """The built variants of a batch in plan order: by index (`family[0]`, `family[-1]`), or by id or name (`family["sweep_07"]`).
 
-    `planned` is the number of variants in the plan. `finished`: the batch has finished; if not, these are the variants built so far. `rows`
-    are the rows of the table of all finished variants, including failed and excluded ones.
+    `planned` is the number of variants in the plan. `finished` specifies whether the batch has finished; if not, these are the variants
+    built so far. `rows` are the rows of the table of all finished variants, including failed and excluded ones.
     """
 
     def __init__(
         self, folder: str, described: Mapping[str, Any], mode: str | None, robot: str, records: BuildRecords, meshes: _Meshes,
         indices: Sequence[int] | None = None,
     ) -> None:
-        """Use a batch as it was when it was loaded. `described` is the content of `batch.json`, `mode` the default mode, and `robot` the
-        name of the assembly. `indices` selects variants by their index in the plan (default: all that were built)."""
+        """Use the state of a batch when it was loaded.
+
+        `described` is the content of `batch.json`, `mode` the default mode, and `robot` the name of the assembly. `indices` selects
+        variants by their index in the plan (default: all built variants).
+        """
         self.folder = folder
         self.name: str = described["name"]
         self.robot = robot
@@ -213,7 +218,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return BatchResults(*self._batch, indices)
 
     def _variant(self, index: int) -> BuiltVariant:
-        """Return the variant at an index of the plan; recent ones are cached."""
+        """Return the variant at an index in the plan. Recent variants are cached."""
         made = self._made.get(index)
         if made is None:
             line = self.records.line(index)
@@ -269,18 +274,19 @@ class BatchResults(Sequence[BuiltVariant]):
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
-        """The columns of the table with any values, in order."""
+        """The columns of the table that have any values, in order."""
         return tuple(dict.fromkeys(name for row in self.rows for name in row))
 
     def column(self, name: str) -> list[Any]:
-        """Return the cells of a column, one for each variant here, or None if empty. Raises `UnknownVariant`."""
+        """Return the cells of a column, one for each of these variants, or None for empty cells. Raises `UnknownVariant`."""
         cells = [variant.results.get(name) for variant in self]
         if all(cell is None for cell in cells) and name not in self.columns:
             raise UnknownVariant(f"batch `{self.name}` has no column `{name}`: {did_you_mean(str(name), self.columns, what='columns')}")
         return cells
 
     def filter(self, where: Where) -> BatchResults:
-        """Return the variants that match `where`. Raises `UnknownVariant` for an unknown column, `FamilyError` for an invalid filter."""
+        """Return the variants that match `where`. Raises `UnknownVariant` for an unknown column, and `FamilyError` for an invalid filter.
+        """
         if isinstance(where, Mapping):
             kept = [True] * len(self)
             for name, wanted in where.items():
@@ -294,7 +300,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return self._of(tuple(index for index, one in zip(self._indices, kept, strict=True) if one))
 
     def chosen(self, mode: str | None) -> str:
-        """Return the mode to use. Raises `UnknownVariant` if it was not built, `FamilyError` if none of several is given."""
+        """Return the mode to use. Raises `UnknownVariant` if it was not built, and `FamilyError` if it is None and there are several."""
         name = mode if mode is not None else self.mode
         if name is None:
             if len(self.mode_names) > 1:
@@ -309,11 +315,11 @@ class BatchResults(Sequence[BuiltVariant]):
         self, variants: Iterable[BuiltVariant] | None = None, mode: str | None = None, *, share: bool = False, scene: bool = False,
         visual: bool = True,
     ) -> Iterator[mujoco.MjModel]:
-        """Yield the models of some variants (None: all), in order, equal to those of `BuiltVariant.model`.
+        """Yield the models of some variants (None: all) in order. They are equal to the results of `BuiltVariant.model`.
 
-        If variants differ in numbers only, some are compiled, and arrays are written for the others (up to 128 variants are read
-        ahead). With `share`, one model object is lent: it is valid until the next one is requested, and must not be used elsewhere. Raises
-        as `BuiltVariant.model` does, and `FamilyError` for values that are not variants. Not thread-safe.
+        If variants differ only in numbers, some are compiled, and arrays are overwritten for the others (at most 128 variants are read
+        ahead). With `share`, the same model object is lent each time: it is valid until the next one is requested, and must not be used
+        elsewhere. Raises the same errors as `BuiltVariant.model`, and `FamilyError` for values that are not variants. Not thread-safe.
         """
         key = (self.chosen(mode), scene, visual)
         models = self._models.setdefault(key, TextModels())
@@ -321,16 +327,16 @@ class BatchResults(Sequence[BuiltVariant]):
         return models.each((_variant(one).model_text(*key) for one in many), share=share)
 
     def meshes(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
-        """Read files by name, given the identity and path of each. Shared files are read once."""
+        """Read files by name, given the identity and path of each file. Shared files are read once."""
         return self._meshes.of(files)
 
     def mounted(self, files: Mapping[str, tuple[File, str]]) -> AbstractContextManager[mujoco.MjVfs]:
-        """Return such files in MuJoCo's virtual file system, for one thread at a time. Variants with the same files share it."""
+        """Return the files in MuJoCo's virtual file system, for one thread at a time. Variants with the same files share it."""
         return self._meshes.mounted(files)
 
 
 class _Rows(Sequence[Mapping[str, Any]]):
-    """The rows of a table, created on demand."""
+    """The rows of a table, which are created on demand."""
 
     def __init__(self, records: BuildRecords) -> None:
         self._records = records
@@ -349,10 +355,10 @@ class _Rows(Sequence[Mapping[str, Any]]):
 
 
 class _Meshes:
-    """Files by identity, so that variants share meshes. The least recently used are dropped above `most` bytes; the last virtual file
-    system is cached, too.
+    """Cached files by identity, so that variants share meshes.
 
-    Thread-safe; a copy in another process starts empty.
+    Above `most` bytes, the least recently used files are removed. The last virtual file system is also cached. Thread-safe. A copy in
+    another process starts empty.
     """
 
     def __init__(self, most: int = MESH_BYTES) -> None:
@@ -401,7 +407,7 @@ class _Meshes:
 def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where | None = None) -> BatchResults:
     """Load the built variants of the batch in `folder` (`build/leg_sweep`).
 
-    `mode` is the default mode; `where` filters variants: `{"status": "built"}`, `{"mass": (0, 2.5)}` or a function of a `BuiltVariant`.
+    `mode` is the default mode. `where` filters variants: `{"status": "built"}`, `{"mass": (0, 2.5)}` or a function of a `BuiltVariant`.
     Only the journal is read. Raises `FamilyError` if the folder is not a batch, `UnknownVariant` for an unknown mode or column, and
     `OSError` if a chunk of a packed batch is damaged or missing.
     """
@@ -423,7 +429,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
 
 
 def _row(line: Line) -> dict[str, Any]:
-    """Return the cells of a line that are not empty, as in the table: all numbers except counts are floats."""
+    """Return the cells of a line that are not empty, as in the table. All numbers except counts are floats."""
     numbers = {name: float(value) for name, value in line.get("results", {}).items()}
     for name, value in line["parameters"].items():
         if isinstance(value, int) and not isinstance(value, bool):
@@ -438,7 +444,7 @@ def _variant(one: Any) -> BuiltVariant:
 
 
 def _check(name: str, wanted: Any, cells: Sequence[Any]) -> None:
-    """Raise `FamilyError` for a value that no cell of a column can have, so that it does not silently select nothing."""
+    """Raise `FamilyError` for a value that no cell of a column can have, because it would silently select nothing."""
     if not isinstance(wanted, tuple):
         if wanted is not None and not isinstance(wanted, str | Real):
             raise FamilyError(f"expected a value for the column `{name}`, or a range `(low, high)`, found `{wanted}`")
@@ -464,11 +470,11 @@ def _because(row: Mapping[str, Any]) -> str:
 
 
 def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | None] | None:
-    """Return the variant with this id or name, and the rule that it violates (or None), or None if there is no such variant.
+    """Return the variant with this id or name, and the rule that it violates or None. Return None if the variant does not exist.
 
     Ids are computed from differences to the assembly document, and names are numbered. If a document has changed since the batch was built,
-    as after each adopted variant, an id or a name can belong to another variant. So the variant of the batch in `folder` is matched by its
-    settings. Raises `BatchFault` if no variant has these settings now.
+    for example after adopting a variant, an id or name can belong to another variant. Therefore, the variant of the batch in `folder` is
+    matched by its settings. Raises `BatchFault` if no variant has these settings now.
     """
     line = _told(plan, wanted, folder)
     if line is None:
@@ -485,7 +491,7 @@ def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | N
 
 
 def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
-    """Return the line of this id or name, if the batch in `folder` is one of this document; else None."""
+    """Return the line of this id or name if the batch in `folder` belongs to this document, else None."""
     described = read_batch(folder)
     if described is None or described.get("document") != plan.relative:
         return None

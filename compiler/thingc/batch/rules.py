@@ -22,7 +22,7 @@ RESULTS: dict[str, Dimension] = {
     "reach": LENGTH,
     "torque_margin": NUMBER,
 }
-"""The results of every variant, with dimensions; in addition, there is `length.JOINT`, the distance from the previous joint."""
+"""The results of every variant, with dimensions. There is also `length.JOINT`, the distance from the previous joint."""
 
 LENGTHS = "length."
 PARAMETERS = "parameters."
@@ -38,14 +38,14 @@ class Rule(FrozenStruct):
 
     @property
     def needs_results(self) -> bool:
-        """Whether it needs the results of a compiled robot."""
+        """Whether it depends on the results of a compiled robot."""
         return any(result is not None for result in self.names.values())
 
     def holds(self, parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None]) -> bool:
         """Return whether a variant satisfies the rule.
 
-        Raises `ExpressionError` if it cannot be evaluated (a division by zero), and `KeyError`, with the name of the result, if the variant
-        does not have it.
+        Raises `ExpressionError` if it cannot be evaluated (a division by zero), and `KeyError` with the name of the result if the variant
+        does not have this result.
         """
         values: dict[str, ExpressionValue] = {}
         for name, result in self.names.items():
@@ -62,7 +62,7 @@ class Rule(FrozenStruct):
 def unkept(
     rules: Iterable[Rule], parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None], mode: str,
 ) -> Iterator[tuple[Rule, Diagnostic | None]]:
-    """Yield the rules that a variant violates; for a rule that cannot be evaluated, with the error. `results` are those of `mode`."""
+    """Yield the rules that a variant violates, with the error if a rule cannot be evaluated. `results` are the results of `mode`."""
     for rule in rules:
         wrong = None
         try:
@@ -107,9 +107,10 @@ def read_rules(
     document: Document, expressions: Iterable[Expression], parameters: Mapping[str, ExpressionValue], lengths: Iterable[str], *,
     reach: bool, report: Report,
 ) -> list[Rule]:
-    """Return the valid rules of a document, after checking names and dimensions; errors are reported.
+    """Return the valid rules of a document, after checking names and dimensions. Errors are reported.
 
-    `parameters` are the values of the assembly, `lengths` the joints that have a `length.JOINT`; `reach`: the document defines `reach`.
+    `parameters` are the values of the assembly, and `lengths` the joints that have a `length.JOINT`. `reach` specifies whether the document
+    defines `reach`.
     """
     rules: list[Rule] = []
     lengths = list(lengths)
@@ -142,7 +143,7 @@ def read_rules(
 
 
 def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule, parameters: Mapping[str, ExpressionValue]) -> bool:
-    """Check dimensions by evaluating the rule with the values of the assembly and results of 1. Returns whether they are valid."""
+    """Check dimensions by evaluating the rule with the values of the assembly and results of 1. Return whether they are valid."""
     try:
         rule.holds(parameters, {result: 1.0 for result in rule.names.values() if result is not None})
     except ExpressionError as error:

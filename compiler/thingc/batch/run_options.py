@@ -1,4 +1,4 @@
-"""Options of a batch, from Python or the command line, and their checks."""
+"""Options of a batch, from Python or the command line, and functions to check them."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def is_number(value: Any) -> bool:
 
 
 def at_least(least: int, **numbers: Any) -> None:
-    """Raise `FamilyError` for a value that is not an integer of at least `least`, with its name."""
+    """Raise `FamilyError` with the name of a value that is not an integer of at least `least`."""
     for name, value in numbers.items():
         if not is_whole(value, least):
             raise FamilyError(f"expected `{name}` to be a whole number of at least {least}, found {value}")
 
 
 def as_names(**given: Any) -> tuple[Any, ...]:
-    """Return names as a tuple; a single one may be a text. Raises `FamilyError` for other values."""
+    """Convert names to a tuple. A single name can be a text. Raises `FamilyError` for other values."""
     ((argument, names),) = given.items()
     if isinstance(names, str):
         return (names,)
@@ -50,7 +50,7 @@ def as_names(**given: Any) -> tuple[Any, ...]:
 
 
 class RunOptions(FrozenStruct):
-    """Options of a run: the first `count` variants, with `jobs` runners (or chunks at once); the others are those of `run`."""
+    """Options of a run: the first `count` variants, and `jobs` runners or chunks at a time. The other options are arguments of `run`."""
 
     options: Options
     jobs: int
@@ -83,7 +83,7 @@ def check_engine(executor: Executor | None, ship: bool) -> None:
 
 
 def _targets(emit: Sequence[str] | str) -> tuple[str, ...]:
-    """Return the targets in the order of a build. Raises `BatchFault` for an unknown one."""
+    """Return the targets in the order of a build. Raises `BatchFault` for an unknown target."""
     words = tuple(map(str, emit)) if isinstance(emit, Iterable) and not isinstance(emit, str) else (str(emit),)
     for _, message, hint in unknown(words):
         raise BatchFault(Code.COMMAND_LINE, message, hint)

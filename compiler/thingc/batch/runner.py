@@ -1,8 +1,8 @@
-"""`python -m thingc.batch.runner`: a process that builds variants, one after the other.
+"""`python -m thingc.batch.runner`: a process that builds variants one by one.
 
-The first line of standard input is the job, each further line a list of tasks (JSON). It prints `{"ready": true}` when the documents have
-been read, then one row per task, in order. It ends at the end of its input, together with its geometry worker, so that nothing outlives the
-driver.
+The first line of standard input is the job, and each following line is a list of tasks (JSON). The process prints `{"ready": true}` after
+reading the documents, then one row per task, in order. It ends at the end of its input, together with its geometry worker, so no process
+remains when the driver ends.
 """
 
 from __future__ import annotations
@@ -69,14 +69,14 @@ class Runner:
         self.session.__exit__(*exception)
 
     def build(self, task: Variant) -> Row:
-        """Build one variant. Errors are part of the row, including internal errors and errors of the system."""
+        """Build one variant. Errors are part of the row, including internal errors and errors of the operating system."""
         from thingc.geometry.store.local import BlobMissing, StoreUnusable
 
         started = time.perf_counter()
         try:
             try:
                 outcome = self._attempt(task)
-            except BlobMissing:  # a damaged blob of the store: build it again
+            except BlobMissing:  # a damaged blob in the store: build it again
                 outcome = self._passed(task)
         except StoreUnusable as fault:
             outcome = row(task, STOPPED, code=Code.OUTPUT.code, message=f"the cache `{fault.root}` cannot be used: {fault.reason}")
@@ -110,7 +110,7 @@ class Runner:
         return row(task, "built", results=shown, losses=dict(planned.losses), **parts)
 
     def _passed(self, task: Variant) -> Row:
-        """Build a variant by a compilation."""
+        """Build a variant by compiling its documents."""
         compilation = self.session.compile(Settings(parameters=task.parameters, choices=task.choices), self.job.modes)
         parts: dict[str, Any] = {"modelled": compilation.modelled, "reused": len(compilation.reused)}
         if compilation.report.failed:
@@ -132,7 +132,7 @@ class Runner:
         return row(task, "built", results=shown, losses=losses, **parts)
 
     def _written(self, folder: str, task: Variant, files: Mapping[str, Content]) -> dict[str, Any]:
-        """Write a variant; for a packed batch, write only shared files and return the others."""
+        """Write a variant. For a packed batch, write only shared files and return the other files."""
         store = self.session.environment.store
         if not self.job.packed:
             write_variant(folder, task.id, files, store)
@@ -196,7 +196,7 @@ def main() -> None:
     def listen() -> None:
         for line in sys.stdin:
             lines.put(line)
-        os._exit(0)  # the driver is gone
+        os._exit(0)  # the driver has ended
 
     threading.Thread(target=listen, daemon=True).start()
 

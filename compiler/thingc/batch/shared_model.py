@@ -1,10 +1,10 @@
-"""One model for a whole batch, and arrays in which the variants differ, to be written into the model.
+"""One model for a whole batch, and arrays in which the variants differ, which can be written to the model.
 
     model, fields = thingc.batch.fields("build/leg_sweep", "standing")
     thingc.batch.apply(model, fields, 7)         # now it is the model of variant 7
 
-This requires variants that differ in numbers only: masses, frames, gains, limits, poses. All arrays of the compiled models are compared to
-check this.
+The variants may differ only in numbers: masses, frames, gains, limits, poses. To check this, all arrays of the compiled models are
+compared.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 
 SHORTCUTS = frozenset(("body_sameframe", "geom_sameframe", "site_sameframe", "bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
-"""Arrays that depend on frames and only make MuJoCo faster; they change with the frames."""
+"""Arrays that depend on frames and only affect the speed of MuJoCo."""
 
 LEADING = frozenset(("bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
-"""Arrays whose rows for bodies come first; the rows for meshes, many more, never change and are left out."""
+"""Arrays whose first rows belong to bodies. The following rows, which belong to meshes, never change and are omitted."""
 
 SHAPES = ("flex", "hfield_", "mesh_", "oct_", "skin_", "tuple_")
 """Prefixes of arrays that contain shapes."""
@@ -43,7 +43,7 @@ BUFFERS = frozenset(("actuator_delay", "sensor_delay", "sensor_interval"))
 """Arrays that determine sizes of buffers."""
 
 _FOLLOW = frozenset(("narena", "nbuffer", "nnames_map", "signature"))
-"""Sizes that depend on others."""
+"""Sizes that depend on other sizes."""
 
 _KINDS = {
     "body": ("body", "body", "nbody"), "jnt": ("joint", "joint", "njnt"), "geom": ("geom", "geom", "ngeom"),
@@ -52,15 +52,15 @@ _KINDS = {
     "eq": ("equality", "eq", "neq"), "tendon": ("tendon", "tendon", "ntendon"), "actuator": ("actuator", "actuator", "nu"),
     "sensor": ("sensor", "sensor", "nsensor"), "key": ("keyframe", "key", "nkey"),
 }
-"""The elements in the rows of arrays, by prefix: its kind, the accessor of `MjModel`, and the size that counts them."""
+"""The elements in the rows of arrays by prefix: their kind, the accessor of `MjModel`, and the size that counts them."""
 
 
 @functools.cache
 def changeable_fields() -> KeysView[str]:
     """Return the names of the fields in which variants of one model may differ.
 
-    These are `SHORTCUTS`, and arrays and options of floating-point numbers, which a simulation reads at every step or which depend on such
-    numbers; without `SHAPES`, `BUFFERS` and visual settings.
+    These are `SHORTCUTS`, and arrays and options of floating-point numbers that a simulation reads at every step or that depend on such
+    numbers. `SHAPES`, `BUFFERS` and visual settings are excluded.
     """
     import mujoco
     import numpy as np
@@ -71,7 +71,7 @@ def changeable_fields() -> KeysView[str]:
 
 
 class StructuresDiffer(FamilyError):
-    """The variants cannot share one model; `field` is the first field that would have to change."""
+    """Raised if the variants cannot share one model. `field` is the first field that would have to change."""
 
     def __init__(self, field: str, message: str) -> None:
         super().__init__(f"{message}; use separate models instead: `thingc.batch.load`")
@@ -81,9 +81,9 @@ class StructuresDiffer(FamilyError):
 def fields(source: str | os.PathLike[str] | BatchResults, mode: str | None = None, *, scene: bool = False) -> tuple[mujoco.MjModel, Fields]:
     """Return the model of the first variant, and the fields in which variants differ.
 
-    Fields are arrays (n_variants, *shape of the field), by the name of the field of `MjModel` (`body_mass`; `opt.gravity` for an option).
-    `source` is the folder of a batch, or the result of `load`; `mode` and `scene` are as in `BuiltVariant.model`. Only a few models are in
-    memory at once. Raises `StructuresDiffer` if models differ in other fields, and `FamilyError` for a batch without variants.
+    Fields are arrays (n_variants, *shape of the field) by the name of the field of `MjModel` (`body_mass`; `opt.gravity` for an option).
+    `source` is the folder of a batch, or the result of `load`. `mode` and `scene` are as in `BuiltVariant.model`. Only a few models are in
+    memory at a time. Raises `StructuresDiffer` if models differ in other fields, and `FamilyError` for a batch without variants.
     """
     import numpy as np
 
@@ -104,9 +104,9 @@ def fields(source: str | os.PathLike[str] | BatchResults, mode: str | None = Non
 
 
 def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
-    """Write the fields of the variant at `index` into `model`. An `MjData` of it stays valid.
+    """Write the fields of the variant at `index` to `model`. An existing `MjData` of the model remains valid.
 
-    Raises `FamilyError` for an invalid index, and for fields of another model, without changing anything.
+    Raises `FamilyError` for an invalid index and for fields of another model, without changing the model.
     """
     count = min(map(len, fields.values()), default=sys.maxsize)
     if not is_whole(index, 0) or index >= count:
@@ -130,10 +130,10 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
 def write(
     source: str | os.PathLike[str] | BatchResults, path: str | os.PathLike[str], mode: str | None = None, *, scene: bool = False,
 ) -> str:
-    """Write the fields to `path` (`legs.npz`: one array per field, and `id`, the ids of the variants), and the model with its meshes beside
-    it (`legs.mjz`); return the path of the model.
+    """Write the fields to `path`, and the model with its meshes to a file next to it. Return the path of the model.
 
-    The same batch gives the same bytes. Raises as `fields` does, and `OSError`.
+    `legs.npz` contains one array per field, and `id` with the ids of the variants. The model is `legs.mjz`. The same batch gives the same
+    bytes. Raises the same errors as `fields`, and `OSError`.
     """
     import numpy as np
 
@@ -180,7 +180,7 @@ def _equal(a: Any, b: Any) -> bool:
 
 
 def _leading(values: Any) -> Any:
-    """Return the rows up to the last one that changes."""
+    """Return the rows up to the last one that can change."""
     changes = (values != values[:1]).reshape(*values.shape[:2], -1).any(axis=(0, 2))
     return values[:, : int(changes.nonzero()[0].max()) + 1]
 
@@ -217,7 +217,7 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
 
 
 def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> None:
-    """Raise `StructuresDiffer` with the first mesh that differs."""
+    """Raise `StructuresDiffer` for the first mesh that differs."""
     if all(_equal(getattr(model, name), getattr(other, name)) for name in arrays):
         return
     for k in range(model.nmesh):
@@ -234,7 +234,7 @@ def element_names(model: Any) -> dict[str, list[str]]:
 
 
 def _where(model: Any, name: str, a: Any, b: Any) -> str:
-    """Describe the first entry of an array that differs, with its element; empty if it has no named element."""
+    """Describe the first entry of an array that differs by its element. Return an empty string if the element has no name."""
     import numpy as np
 
     kind = name.partition("_")[0]

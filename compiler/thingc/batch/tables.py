@@ -22,7 +22,7 @@ from thingc.batch.packed_layout import column
 from thingc.batch.rules import PARAMETERS, RESULTS, dimension_of
 
 BLOCK = 1024
-"""Number of rows of a group in the Parquet file."""
+"""Number of rows in a group of the Parquet file."""
 
 HEAD = ("index", "id", "name", "status", "rule", "code", "message")
 LOSSES = "losses"
@@ -30,14 +30,14 @@ LOSSES = "losses"
 
 TAIL = ("path", "command")
 RUN = ("parts_modelled", "parts_reused", "seconds")
-"""Columns that describe the run and differ between runs."""
+"""Columns that describe the run. They differ between runs."""
 
 
 class Column(FrozenStruct):
     """A column.
 
-    `kind` is `integer`, `number`, `text` or `flag`; `unit` is the SI unit, empty if it has none. `written` is the unit in documents (empty:
-    the SI unit), in which the page shows it.
+    `kind` is `integer`, `number`, `text` or `flag`. `unit` is the SI unit, or empty without unit. `written` is the unit in documents, in
+    which the page displays the values; if it is empty, this is the SI unit.
     """
 
     name: str
@@ -47,12 +47,12 @@ class Column(FrozenStruct):
 
 
 def setting(name: str) -> str:
-    """Return the column of a parameter, or of a path, which is its own name."""
+    """Return the column of a parameter or path, which has the same name."""
     return name if "." in name else PARAMETERS + name
 
 
 def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Sequence[str]) -> tuple[Column, ...]:
-    """Return all columns, in order. `parameters` have their own names; `lengths` are the results `length.JOINT`."""
+    """Return all columns, in order. `parameters` have their own names, and `lengths` are the results `length.JOINT`."""
     return (
         *(Column(name=name, kind="integer" if name == "index" else "text") for name in HEAD),
         *(replace(one, name=setting(one.name)) for one in parameters),
@@ -65,7 +65,7 @@ def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Seque
 
 
 def flat(line: Line) -> dict[str, Any]:
-    """Return the cells of a line of the journal by column, or None if empty. Infinity is the text `inf`."""
+    """Return the cells of a line of the journal by column. Empty cells are None, and infinity is the text `inf`."""
     return {
         **{name: line.get(name) for name in HEAD},
         **{setting(name): value for name, value in line["parameters"].items()},
@@ -80,14 +80,14 @@ def flat(line: Line) -> dict[str, Any]:
 
 
 def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
-    """Return the row of a line of the journal, or None for empty cells."""
+    """Return the cells of a line of the journal in the order of `wanted`. Empty cells are None."""
     values = flat(line)
     typed = [(column.kind, values.get(column.name)) for column in wanted]
     return [float(value) if kind == "number" and value is not None else value for kind, value in typed]
 
 
 def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[str]) -> tuple[Column, ...]:
-    """Write both files again, each atomically; return their columns."""
+    """Write both files again, each atomically. Return their columns."""
     wanted = columns(parameters, choices, lengths_in(folder))
     written = os.path.join(folder, folder_layout.TABLE_CSV), os.path.join(folder, folder_layout.TABLE_PARQUET)
     with _csv(f"{written[0]}.new", wanted) as to_csv, _parquet(f"{written[1]}.new", wanted) as to_parquet:

@@ -1,8 +1,8 @@
-"""`python -m thingc.batch.thumbnails`: a process that draws small pictures of variants, all with the same camera.
+"""`python -m thingc.batch.thumbnails`: a process that renders small pictures of variants, all with the same camera.
 
-The graphics library is selected when MuJoCo is imported, and may crash, so it is not used in the driver. Standard input has lines of JSON:
-`{"measure": [model, ...], "pose": ...}`, then `{"draw": [[model, picture], ...], "points": [...], ...}`. Standard output has the answers:
-the points that the camera must see, then a line for each picture. The process ends at the end of its input.
+The graphics library is selected when MuJoCo is imported, and can crash, so it is not used in the driver. Lines of JSON are read from
+standard input: `{"measure": [model, ...], "pose": ...}`, then `{"draw": [[model, picture], ...], "points": [...], ...}`. The answers are
+written to standard output: the points that must be visible, then a line for each picture. The process ends at the end of its input.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Values of variants: conversion from documents to SI, and to texts with the same value."""
+"""Convert values of variants from documents to SI, and to texts with the same value."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ ID_DIGITS = 12
 
 
 def unit_in(text: str) -> str:
-    """Return the unit of a quantity as written; empty if it has none, or if the text is not a quantity."""
+    """Return the unit of a quantity as written, or an empty string if it has none or if the text is not a quantity."""
     number = scan_number(text.strip())
     return "" if number is None else text.strip()[number[1]:].strip()
 
 
 def size_of(unit: str) -> float | None:
-    """Return the size of a unit in SI: 0.001 for `mm`; None if it is not a unit."""
+    """Return the size of a unit in SI, such as 0.001 for `mm`, or None if it is not a unit."""
     try:
         return parse_quantity(f"1 {unit}").value
     except UnitError:
@@ -39,10 +39,9 @@ def size_of(unit: str) -> float | None:
 
 
 def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
-    """Return `count` evenly spaced values between two quantities with the same unit, each rounded once, or None if the units are written
-    differently.
+    """Return `count` evenly spaced values between two quantities with the same unit, each rounded once.
 
-    So `60 mm` to `90 mm` in four steps contains exactly 70 mm.
+    Four values from `60 mm` to `90 mm` contain exactly 70 mm. Return None if the units are written differently.
     """
     ends: list[Fraction] = []
     units: list[str] = []
@@ -67,7 +66,7 @@ def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
 
 
 def spaced_si(first: Quantity, last: Quantity, count: int) -> list[Quantity]:
-    """Return `count` evenly spaced values between two quantities of one dimension, computed with the decimals of their SI values."""
+    """Return `count` evenly spaced values between two quantities of one dimension, computed from the decimals of their SI values."""
     a, b = Fraction(Decimal(repr(first.value))), Fraction(Decimal(repr(last.value)))
     return [Quantity(float(a + (b - a) * Fraction(k, count - 1)) + 0.0, first.dimension) for k in range(count)]
 
@@ -80,8 +79,8 @@ def is_whole(text: str | None) -> bool:
 def identity(assembly: str, parameters: Mapping[str, ExpressionValue], choices: Mapping[str, str]) -> str:
     """Return the id of a variant: 12 hexadecimal digits of the SHA-256 of its settings.
 
-    `assembly` is the path of the document in the workspace; `parameters` and `choices` are the settings that differ from the documents. The
-    same settings have the same id in every batch, and in any order.
+    `assembly` is the path of the document in the workspace. `parameters` and `choices` are the settings that differ from the documents. The
+    same settings have the same id in every batch and in any order.
     """
     settings = {"assembly": assembly, "parameters": {name: plain(value) for name, value in parameters.items()}, "choices": dict(choices)}
     text = json.dumps(settings, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
@@ -89,9 +88,10 @@ def identity(assembly: str, parameters: Mapping[str, ExpressionValue], choices: 
 
 
 class Paths(FrozenStruct):
-    """Every path at which a variants document sets values, in order.
+    """The paths at which a variants document sets values, in order.
 
-    `kinds` has a value of the kind of each path, `own` the values of the assembly; `expressions` are those of them that are expressions.
+    `kinds` contains an example value of each path, and `own` the values in the assembly. `expressions` are the values in `own` that are
+    expressions.
     """
 
     kinds: Mapping[str, ExpressionValue]
@@ -100,7 +100,7 @@ class Paths(FrozenStruct):
 
 
 def read_paths(spec: VariantsSpec, documents: Documents, parameters: Mapping[str, ExpressionValue]) -> Paths:
-    """Return the paths of a variants document; `parameters` are the values of the parameters of the assembly."""
+    """Return the paths of a variants document. `parameters` are the values of the parameters of the assembly."""
     given: dict[str, list[ExpressionValue]] = {}
     for name, raw in _entries(spec):
         if "." in name:
@@ -130,16 +130,16 @@ def _each(raw: Any) -> Iterable[Any]:
 
 
 def as_value(raw: Any) -> ExpressionValue | None:
-    """Convert a value of a document, or None for an expression."""
+    """Convert a value of a document. Return None for an expression."""
     if isinstance(raw, Expression):
         return None
     return Quantity(float(raw)) if isinstance(raw, (int, float)) and not isinstance(raw, bool) else raw
 
 
 def _kind(own: ExpressionValue | None, given: Iterable[ExpressionValue]) -> ExpressionValue | None:
-    """Return a value of the kind of the values at a path: that of the assembly, or the first one given.
+    """Return a value of the kind used at a path: the value of the assembly, or the first given value.
 
-    A bare 0 has no unit, so others are preferred.
+    0 without a unit is used only if there is no other value.
     """
     known = [one for one in (own, *given) if one is not None]
     return next((one for one in known if one != Quantity(0.0)), known[0] if known else None)

@@ -1,4 +1,4 @@
-"""Read a `variants/1` document with its assembly: check every key, and report all errors at once."""
+"""Read a `variants/1` document with its assembly. All keys are checked, and all errors are reported at once."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def check_names(document: Document, spec: VariantsSpec, model: AssemblyDefinitio
 
 
 def check_margin(document: Document, spec: VariantsSpec, model: AssemblyDefinition, rules: Sequence[Rule], report: Report) -> None:
-    """Report rules about the torque margin if the mode of the results has loops: how they share the load is unknown."""
+    """Report rules on the torque margin if the mode of the results has loops, because it is unknown how loops share the load."""
     wanted = spec.modes[0] if spec.modes else model.modes[0].name
     mode = next((mode for mode in model.modes if mode.name == wanted), None)
     if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
@@ -85,7 +85,7 @@ def check_margin(document: Document, spec: VariantsSpec, model: AssemblyDefiniti
 
 
 def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
-    """Yield the paths of all joints that move, including nested ones."""
+    """Yield the paths of all moving joints, including joints in nested documents."""
     for name in dict.fromkeys(joint.name.joint for joint in model.joints if joint.kind.moves):
         yield prefix + name
     for component in model.components:
@@ -94,8 +94,9 @@ def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
 
 
 def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[str, Any] | list[str], str] | None:
-    """Return the unknown word of a reference to a mount, the known words, and their kind, or None if nothing is wrong (the mounts of a part
-    are unknown before it is built).
+    """Return the unknown word of a reference to a mount, the known words, and their kind, or None if nothing is wrong.
+
+    The mounts of a part are unknown before it is built.
     """
     if len(words) == 1:
         return None if words[0] in model.mounts else (words[0], model.mounts, "mounts")
@@ -112,13 +113,13 @@ def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[
 
 
 MOST = 1_000_000
-"""Maximum number of variants of one document, in the grid or drawn."""
+"""Maximum number of variants of one document, in the grid or sampled."""
 
 
 def plan(document: str, *, options: Options | None = None) -> Plan:
     """Return the plan of a `variants/1` document, without building parts. Raises `PlanError` with all diagnostics.
 
-    `options` are those of the compiler, such as the store.
+    `options` are the options of the compiler, such as the store.
     """
     report = Report()
     planned = read_plan(document, options or Options(), report)
@@ -128,7 +129,7 @@ def plan(document: str, *, options: Options | None = None) -> Plan:
 
 
 def read_plan(path: str, options: Options, report: Report, lend: Lend | None = None) -> Plan | None:
-    """Return the plan of the document at `path`, or None after errors, which are in `report`.
+    """Return the plan of the document at `path`, or None after errors, which are added to `report`.
 
     `lend` returns the source of parts, as for `Environment`.
     """
@@ -219,7 +220,7 @@ class _Planner:
         return axes, fixed
 
     def units(self, names: Iterable[str]) -> Iterator[tuple[str, str]]:
-        """Yield the unit in which each parameter or path is written: in this document, else in the assembly."""
+        """Yield the unit of each parameter or path, as in this document, or else as in the assembly."""
         root = self.sources.documents.root
         for name in names:
             own = ("parameters", name) if "." not in name else tuple(name.split("."))
@@ -257,17 +258,17 @@ class _Planner:
         return axes, fixed
 
     def named(self, path: str, text: str, root: str) -> str:
-        """Convert a chosen file or document to a path in the assembly document; other texts are unchanged."""
+        """Convert a chosen file or document to a path in the assembly document. Other texts are unchanged."""
         return moved(text, self.document.relative, root) if _key(path) in ("assembly", "file") else text
 
     def there(self, text: str, at: Path) -> bool:
-        """Return whether a chosen document exists; report if not."""
+        """Return whether a chosen document exists. If not, report it."""
         return find_assembly(
             text, beside=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
         ) is not None
 
     def possible(self, path: str, text: str, at: Path) -> bool:
-        """Return whether a choice is valid, alone or with an assembly chosen around it; report if not."""
+        """Return whether a choice is valid, alone or with an assembly chosen around it. If not, report it."""
         wrong = self.trial({path: text})
         for diagnostic in wrong:
             if diagnostic.code is Code.CHOICE_OPTION:
@@ -275,10 +276,10 @@ class _Planner:
         return not any(diagnostic.code is Code.CHOICE_OPTION for diagnostic in wrong)
 
     def fits(self, path: str, text: str, at: Path) -> bool:
-        """Return whether a value is valid at a path of the assembly; report if not (if the path is unknown, at its key).
+        """Return whether a value is valid at a path of the assembly. If not, report it, at the key if the path is unknown.
 
-        A value of an explicit variant is tried with the whole variant; other values are tried alone, then with the first values of the
-        others.
+        A value of an explicit variant is checked together with the whole variant. Other values are checked alone, then with the first
+        values of other settings.
         """
         if at[0] == "list":
             written = self.texts({name: (*at[:-1], name) for name in self.spec.list_[int(at[1])].parameters})
@@ -299,12 +300,12 @@ class _Planner:
         return not wrong
 
     def texts(self, places: Mapping[str, Path]) -> dict[str, str]:
-        """Return the texts of this document at places, by name, without those that are not scalars."""
+        """Return the texts of this document at the given paths by name, without values that are not scalars."""
         nodes = ((name, node_at(self.document.tree, place)) for name, place in places.items())
         return {name: node.text for name, node in nodes if isinstance(node, ScalarNode)}
 
     def firsts(self) -> dict[str, str]:
-        """Return the first value, as written, of everything that is fixed, an axis or drawn."""
+        """Return the first value, as written, of every setting that is fixed, an axis, or sampled."""
         first: dict[str, Path] = {}
         for name, raw in self.spec.parameters.items():
             within: Path = (0,) if isinstance(raw, list) else ("from",) if isinstance(raw, AxisSpec) else ()
@@ -313,16 +314,15 @@ class _Planner:
         return self.texts(first)
 
     def made_wrong(self, texts: Mapping[str, str], beside: Mapping[str, str]) -> list[Diagnostic]:
-        """Return the errors that `texts` cause with the settings `beside`, without those that occur without `texts`."""
+        """Return the errors that `texts` cause with the settings `beside`, without errors that also occur without `texts`."""
         wrong = self.trial({**beside, **texts})
         others = self.trial(beside) if wrong else []
         return [one for one in wrong if one not in others]
 
     def trial(self, texts: Mapping[str, str]) -> list[Diagnostic]:
-        """Return the errors that settings cause in the assembly, alone or with one of the assemblies chosen around them, without its own
-        errors.
+        """Return the errors that settings cause in the assembly, alone or with one of the assemblies chosen around them.
 
-        Invalid values of parameters are reported elsewhere.
+        Errors of the assembly itself are not included. Invalid values of parameters are reported elsewhere.
         """
         known = self.tried.get(key := tuple(texts.items()))
         if known is not None:
@@ -349,7 +349,7 @@ class _Planner:
         return self.tried[key]
 
     def say_once(self, code: Code, diagnostic: Diagnostic, path: str, at: Path, shown: str, *, key: bool) -> None:
-        """Report an error of the assembly about a setting at a place of this document."""
+        """Report an error of the assembly about a setting at its location in this document."""
         if (path, diagnostic.message) in self.said:
             return
         self.said.add((path, diagnostic.message))
@@ -362,7 +362,7 @@ class _Planner:
         )
 
     def around(self, paths: Iterable[str]) -> Iterator[dict[str, str]]:
-        """Yield no choices, then each assembly that is chosen for a component on the way to one of the paths."""
+        """Yield no choices, then each assembly that is chosen for a component that contains one of the paths."""
         yield {}
         root = self.sources.documents.root.relative
         for other, raw in self.spec.choices.items():
@@ -423,7 +423,7 @@ class _Planner:
         return sample.method, count or 0, seed or 0
 
     def grid_fits(self) -> bool:
-        """Return whether the grid has at most `MOST` variants; report if not, before any value of an axis is evaluated."""
+        """Return whether the grid has at most `MOST` variants. If not, report it before any value of an axis is evaluated."""
         axes = [(key, raw) for key in ("parameters", "choices") for raw in getattr(self.spec, key).values()]
         sized = [(key, raw.count if isinstance(raw, AxisSpec) else len(raw)) for key, raw in axes if isinstance(raw, (AxisSpec, list))]
         sizes = [(key, size) for key, size in sized if isinstance(size, int) and 1 < size <= MOST_VALUES]
@@ -440,7 +440,10 @@ class _Planner:
     # --- inputs ------------------------------------------------------------------------------------------------------
 
     def inputs(self) -> dict[str, str]:
-        """Return the digests of the documents and the code that the plan depends on, by path (in the workspace, if they are there)."""
+        """Return the digests of the documents and the code that the plan depends on.
+
+        They are keyed by path, relative to the workspace if inside it.
+        """
         from thingc.driver.up_to_date import state_of
 
         digests = {
@@ -460,5 +463,5 @@ class _Planner:
 
 
 def _key(path: str) -> str:
-    """Return the last key of the path of a choice: `part`, `file`, `assembly` or `material`."""
+    """Return the last key in the path of a choice: `part`, `file`, `assembly` or `material`."""
     return path.rpartition(".")[2]

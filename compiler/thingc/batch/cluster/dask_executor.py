@@ -1,6 +1,7 @@
-"""A dask scheduler as the engine of a batch. Its workers are processes on any number of machines, and may come and go.
+"""A dask scheduler as the engine of a batch. Its workers are processes on any number of machines, and can connect and disconnect at any
+time.
 
-If a worker dies, dask gives its chunks to another one; if dask gives up, they are submitted again.
+If a worker dies, dask assigns its chunks to another worker. If dask reports them as lost, they are submitted again.
 """
 
 from __future__ import annotations
@@ -31,12 +32,15 @@ LOOK = 5.0
 
 
 def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
-    """Return the installed versions, and the digests of files and folders (`up_to_date.state_of`; None: missing). Runs on the worker."""
+    """Return the installed versions, and the digests of files and folders (`up_to_date.state_of`), or None if missing.
+
+    Runs on the worker.
+    """
     return dict(versions()), {path: state_of(path) for path in paths}
 
 
 class DaskCluster(FileTransferExecutor):
-    """The workers of the scheduler at `address`. Raises `BatchFault` if it does not answer, or has no worker."""
+    """The workers of the scheduler at `address`. Raises `BatchFault` if it does not respond or has no workers."""
 
     def __init__(self, address: str, *, jobs: int = 0) -> None:
         try:
@@ -50,7 +54,7 @@ class DaskCluster(FileTransferExecutor):
                 logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         try:
             self._client = distributed.Client(address, timeout=TIMEOUT, set_as_default=False)
-        except Exception as fault:  # OSError, and others if the program is not a scheduler
+        except Exception as fault:  # OSError, or others if the program is not a scheduler
             raise BatchFault(
                 Code.CLUSTER, f"no Dask scheduler responds at `{address}`: {_first_line(fault)}",
                 "start one with `dask scheduler`, which prints its address, or check firewalls",
@@ -106,7 +110,7 @@ class DaskCluster(FileTransferExecutor):
                     )
 
     def fault(self) -> BatchFault | None:
-        """Return the error if the scheduler is gone, or there was no worker for `PATIENCE`. Also updates the number of workers."""
+        """Return the error if the scheduler has ended, or if there was no worker for `PATIENCE`. Also update the number of workers."""
         if self._client.status != "running":
             return self._lost("the connection was closed")
         now = time.monotonic()
@@ -130,7 +134,7 @@ class DaskCluster(FileTransferExecutor):
         return None
 
     def ship(self, name: str, transfer: WorkspaceArchive) -> None:
-        """Send a workspace to all workers, including those that connect later. Shipments of dead drivers are removed first."""
+        """Send a workspace to all workers, including workers that connect later. Shipments of dead drivers are removed first."""
         from thingc.batch.cluster.dask_plugin import UnpackedWorkspace
 
         for left in self._left_behind():

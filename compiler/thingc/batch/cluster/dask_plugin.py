@@ -1,4 +1,4 @@
-"""The worker plugin of dask for a shipped workspace: unpack it in the worker's folder, and remove it at the end."""
+"""The dask worker plugin for a shipped workspace. It unpacks the workspace in the worker's folder, and removes it at the end."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 
 
 class UnpackedWorkspace(WorkerPlugin):
-    """A shipped workspace. dask installs the plugin on every worker, including later ones.
+    """A shipped workspace. dask installs the plugin on every worker, including workers that connect later.
 
-    If it cannot be unpacked, `remote_workers.evaluate_there` reports why.
+    If the workspace cannot be unpacked, `remote_workers.evaluate_there` reports the reason.
     """
 
     def __init__(self, shipment: str, transfer: WorkspaceArchive) -> None:
@@ -23,10 +23,10 @@ class UnpackedWorkspace(WorkerPlugin):
         self.transfer = transfer
 
     def setup(self, worker: Any) -> None:
-        """Unpack the workspace below the worker's folder, which dask removes when the worker ends."""
+        """Unpack the workspace below the worker's folder. dask removes this folder when the worker ends."""
         settle(self.shipment, self.transfer, worker.local_directory, worker.address)
         self.transfer = replace(self.transfer, data=b"")  # the scheduler has the data for later workers
 
     async def teardown(self, worker: Any) -> None:
-        """Remove the workspace. Idle runners are ended first, which may take a moment."""
+        """Remove the workspace. Idle runners are ended first, which can take a moment."""
         await asyncio.to_thread(leave, self.shipment)

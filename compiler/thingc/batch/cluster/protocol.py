@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 PATIENCE = 60.0
-"""Time [s] that a cluster may be without workers before the batch ends."""
+"""Time [s] after which a batch ends if its cluster has no workers."""
 
 
 class WorkerLost(Exception):
-    """A worker is gone, or does not have the requested data. Its variants are submitted again."""
+    """Raised if a worker has ended, or does not have the requested data. Its variants are submitted again."""
 
 
 class Cluster(Executor):
     """An executor on other machines.
 
-    Up to `ahead` chunks run at once. The first chunks have `first` variants. Later chunks take about `chunk_seconds` [s] of one runner and
-    have at most `chunk_most` variants.
+    At most `ahead` chunks run at a time. The first chunks have `first` variants. Later chunks take about `chunk_seconds` [s] of one runner
+    and have at most `chunk_most` variants.
     """
 
     ahead = 1
@@ -37,13 +37,14 @@ class Cluster(Executor):
 
     @abstractmethod
     def check(self, files: Mapping[str, str]) -> None:
-        """Raise `BatchFault` unless the workers see these files and folders (digests by absolute path, see `up_to_date.state_of`) and have
-        the same versions installed.
+        """Raise `BatchFault` unless the workers can read these files and have the same versions installed.
+
+        `files` contains digests of files and folders by absolute path (see `up_to_date.state_of`).
         """
 
     @abstractmethod
     def fault(self) -> BatchFault | None:
-        """Return the error that prevents further answers, or None."""
+        """Return the error that prevents further results, or None."""
 
 
 class FileTransferExecutor(Cluster):
@@ -51,15 +52,15 @@ class FileTransferExecutor(Cluster):
 
     @abstractmethod
     def ship(self, name: str, transfer: WorkspaceArchive) -> None:
-        """Send a workspace once to every worker, including later ones. Raises `BatchFault` if a worker cannot unpack it."""
+        """Send a workspace once to every worker, including workers that connect later. Raises `BatchFault` if a worker cannot unpack it."""
 
     @abstractmethod
     def unship(self, name: str) -> None:
-        """Remove a shipment from the workers that can be reached."""
+        """Remove a shipment from all workers that can be reached."""
 
     @abstractmethod
     def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
-        """Call `fn` at once on the worker with this address, even if it is busy. Raises `WorkerLost`."""
+        """Call `fn` immediately on the worker with this address, even if it is busy. Raises `WorkerLost`."""
 
 
 def missing(package: str) -> BatchFault:

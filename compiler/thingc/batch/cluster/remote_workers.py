@@ -1,9 +1,9 @@
-"""Workers without a shared folder: the workspace is sent to each worker once, and built variants are fetched.
+"""Workers without a shared folder. The workspace is sent to each worker once, and built variants are fetched.
 
-`RemoteExecutor` wraps a cluster, and looks to the batch like an executor that writes variants into its folder. On a worker,
+`RemoteExecutor` wraps a cluster so that the batch can use it like an executor that writes variants into its folder. On a worker,
 `evaluate_there` builds them with the same runners, from the unpacked workspace into a folder of the worker, and returns the list of files.
-The driver fetches the missing ones in groups of a few megabytes, and writes the variants. A file that variants share is fetched once, and
-not at all if the driver's store contains it.
+The driver fetches missing files in groups of a few megabytes, and writes the variants. A file that several variants share is fetched once,
+and not at all if the driver's store contains it.
 
     <place>/work/                the unpacked workspace
     <place>/out/variants/<id>/   built variants that have not been fetched
@@ -45,11 +45,11 @@ from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 T = TypeVar("T")
 
 WORK, OUT, ASIDE = "work", "out", os.path.join("aside", "a", "b", "c")
-"""Subfolders. The last one is deep, so that paths to the others are shown as absolute ones."""
+"""Subfolders. The last one is deeply nested, so that paths to the others are displayed as absolute paths."""
 PULL_BYTES = 8_000_000
-"""Size [bytes] of a group of files to fetch; larger files are fetched alone."""
+"""Size [bytes] of a group of files to fetch. Larger files are fetched alone."""
 CHUNK_SECONDS = 2.0
-"""Target duration [s] of a chunk, longer than without file transfer because each chunk needs one more request."""
+"""Target duration [s] of a chunk. It is longer than without file transfer, because each chunk needs one more request."""
 FAREWELL = 30.0
 """Time [s] to wait at the end for running transfers."""
 
@@ -58,7 +58,7 @@ FAREWELL = 30.0
 
 
 class WorkerFolder(FrozenStruct):
-    """The folder of a shipment on a worker (absolute path without symbolic links); `worker` is the address of the worker."""
+    """The folder of a shipment on a worker (absolute path without symbolic links), and the address `worker` of the worker."""
 
     folder: str
     worker: str
@@ -67,7 +67,7 @@ class WorkerFolder(FrozenStruct):
 _PLACES: dict[str, WorkerFolder] = {}
 """Folders of this process, by the name of the shipment."""
 _REFUSED: dict[str, str] = {}
-"""Reasons why shipments could not be unpacked."""
+"""Reasons why shipments could not be unpacked, by name of the shipment."""
 
 
 def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> None:
@@ -87,7 +87,7 @@ def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> N
 
 
 def leave(name: str) -> None:
-    """Remove a shipment. Builds in progress fail, but their results are not needed."""
+    """Remove a shipment. Builds in progress fail, but their results are no longer needed."""
     place = _PLACES.pop(name, None)
     _REFUSED.pop(name, None)
     if place is None:
@@ -122,7 +122,7 @@ class BuiltFile(FrozenStruct):
 
 
 class Answer(FrozenStruct):
-    """The results of a chunk: a row for each variant, and a mapping of ids to the files of built variants in `place`."""
+    """The results of a chunk: one row per variant, and the files of built variants in `place` by id."""
 
     place: WorkerFolder
     rows: list[Row]
@@ -132,9 +132,9 @@ class Answer(FrozenStruct):
 def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float) -> Answer:
     """Run `engine.evaluate` on a worker.
 
-    `job` is one of `RemoteExecutor`, with paths in the workspace. Raises `WorkerLost` and `RunnersBroken`.
+    `job` was encoded by `RemoteExecutor`, with paths relative to the workspace. Raises `WorkerLost` and `RunnersBroken`.
     """
-    if name in _REFUSED:  # otherwise, a worker that came later would fail chunk after chunk
+    if name in _REFUSED:  # otherwise, a worker that connects later would fail chunk after chunk
         raise RunnersBroken(f"a worker cannot unpack the workspace: {_REFUSED[name]}", "")
     place = _worker_folder(name)
 
@@ -147,7 +147,7 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float
 
 @lru_cache(maxsize=4)
 def _settled(job: str, place: WorkerFolder) -> str:
-    """Return the job with the worker's paths, and with the worker's store unless the batch has a store."""
+    """Return the job with paths on the worker. Use the worker's store unless the batch has a store."""
     decoded = Job.decode(job)
     work = os.path.join(place.folder, WORK)
     cwd = os.path.join(work, decoded.cwd) if decoded.cwd is not None else ""
@@ -181,7 +181,7 @@ def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
 
 
 def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[bytes]:
-    """Read files in `out/` of a worker, then remove the variants `done`. Raises `WorkerLost`."""
+    """Read files in `out/` on a worker, then remove the variants `done`. Raises `WorkerLost`."""
     out = os.path.join(_worker_folder(name).folder, OUT)
     contents: list[bytes] = []
     for path in paths:
@@ -199,10 +199,11 @@ def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[byt
 
 
 class RemoteExecutor(Cluster):
-    """A cluster whose workers share no folder with this machine. As a context manager, it does not close the cluster.
+    """A cluster whose workers share no folder with this machine. The context manager does not close the cluster.
 
     `folder` is the folder of the batch, `store` is the store of the driver, and `name` is the name of the shipment. `submit` only accepts
-    `evaluate`, and its future is done when the variants are written. Entering raises `BatchFault` if a worker cannot unpack the workspace.
+    `evaluate`. Its future is done when the variants are written. Entering the context raises `BatchFault` if a worker cannot unpack the
+    workspace.
     """
 
     chunk_seconds = CHUNK_SECONDS
@@ -225,7 +226,7 @@ class RemoteExecutor(Cluster):
 
     @property
     def ahead(self) -> int:  # type: ignore[override]
-        """The maximum number of chunks at once, as in the cluster."""
+        """The maximum number of chunks at a time, as for the cluster."""
         return self.cluster.ahead
 
     def check(self, files: Mapping[str, str]) -> None:
@@ -237,7 +238,7 @@ class RemoteExecutor(Cluster):
         return self.cluster.fault()
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Build a chunk on a worker, and write its variants here."""
+        """Build a chunk on a worker, and write its variants on this machine."""
         if fn is not evaluate or named:
             raise TypeError("shipped workspaces can only evaluate chunks")
         job, tasks, timeout = arguments
@@ -248,7 +249,7 @@ class RemoteExecutor(Cluster):
         return outer
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Remove the shipment from the workers. Nothing is written here afterwards."""
+        """Remove the shipment from the workers. No more variants are written on this machine."""
         self._stopping = True
         self._arrived.put(None)
         if self._thread.is_alive():
@@ -281,7 +282,7 @@ class RemoteExecutor(Cluster):
                 outer.set_exception(fault)
 
     def _taken(self, answer: Answer) -> list[Row]:
-        """Write the built variants, and return the rows as a local runner would. Raises `WorkerLost`."""
+        """Write the built variants, and return the rows that a local runner would return. Raises `WorkerLost`."""
         blobs = _Blobs(self, answer)
         rows: list[Row] = []
         for given in answer.rows:
@@ -312,7 +313,7 @@ class RemoteExecutor(Cluster):
             keep_asset(self.folder, sha256, blobs)
 
     def _mapped(self, said: Any, work: str, key: str = "") -> Any:
-        """Replace the paths of the worker in a row by those of this machine."""
+        """Replace paths on the worker in a row by paths on this machine."""
         if isinstance(said, dict):
             return {name: value if name == FILES else self._mapped(value, work, name) for name, value in said.items()}
         if isinstance(said, list):
@@ -328,7 +329,7 @@ def _stopped(row: Row, message: str) -> Row:
 
 
 class _Blobs:
-    """The files of an answer: from the driver's store, or fetched in groups, in the order in which they are needed."""
+    """The files of an answer, read from the driver's store or fetched in groups, in the order in which they are used."""
 
     def __init__(self, shipping: RemoteExecutor, answer: Answer) -> None:
         self.shipping = shipping

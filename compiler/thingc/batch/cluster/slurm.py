@@ -1,6 +1,6 @@
-"""SLURM as the engine of a batch, through submitit. Each chunk is a job that is large enough to be worth the queueing time.
+"""SLURM as the engine of a batch, through submitit. Each chunk is a job that takes long compared with its time in the queue.
 
-`slurm:partition=cpu,cpus=8,time=2 h`. With `cluster=local`, the jobs are processes of this machine, which needs no SLURM.
+Example of the settings: `slurm:partition=cpu,cpus=8,time=2 h`. With `cluster=local`, jobs are processes on this machine, without SLURM.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ T = TypeVar("T")
 JOB_SECONDS = 300.0
 """Target duration [s] of a job, long compared to its time in the queue."""
 JOBS = 16
-"""Default number of jobs at once."""
+"""Default number of jobs at a time."""
 POLL = 0.5
-"""Polling interval [s] for results. submitit asks SLURM once a minute."""
+"""Polling interval [s] for results. submitit itself asks SLURM once a minute."""
 
 
 class SlurmSettings(FrozenStruct):
     """The settings after `slurm:`.
 
-    `cpus` is the number of cores of a job and of the variants that it builds at once. `minutes` is its time limit. `cluster` is submitit's
+    `cpus` is the number of cores of a job, and of variants that it builds at a time. `minutes` is its time limit. `cluster` is submitit's
     name of the engine (`slurm` or `local`), and `more` are further parameters of submitit.
     """
 
@@ -93,7 +93,7 @@ def _minutes(text: str) -> int:
 def spread(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> dict[str, Any]:
     """Build the variants of a chunk with `width` runners. Runs in the job.
 
-    Returns `{"rows": [...]}`, or `{"broken": message, "detail": ...}` if no runner starts.
+    Returns `{"rows": [...]}`, or `{"broken": message, "detail": ...}` if no runner can be started.
     """
     size = max(1, len(tasks) // (4 * width))
     with LocalExecutor(width) as executor:
@@ -124,7 +124,7 @@ def _silent() -> Iterator[None]:
 class SlurmCluster(Cluster):
     """SLURM jobs, with at most `jobs` in the queue (0 means `JOBS`). `folder` is for submitit, and must be on a shared file system.
 
-    Raises `BatchFault` if there is no SLURM.
+    Raises `BatchFault` if SLURM is not installed.
     """
 
     def __init__(self, settings: SlurmSettings, *, jobs: int = 0, folder: str) -> None:
@@ -158,7 +158,7 @@ class SlurmCluster(Cluster):
         threading.Thread(target=self._watch, daemon=True, name="thingc-slurm").start()
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Submit a job for `evaluate`; other functions raise `TypeError`."""
+        """Submit a job for `evaluate`. Raises `TypeError` for other functions."""
         if fn is not evaluate or named:
             raise TypeError("SLURM jobs can only evaluate chunks")
         future: Future[T] = Future()
@@ -176,7 +176,7 @@ class SlurmCluster(Cluster):
         return future
 
     def check(self, files: Mapping[str, str]) -> None:
-        """Do nothing, because workers exist only while a job runs. A job without access to the files reports it."""
+        """Do nothing, because workers exist only while a job runs. A job that cannot access the files reports it."""
 
     def fault(self) -> BatchFault | None:
         """Return the error of the last submission, or None."""

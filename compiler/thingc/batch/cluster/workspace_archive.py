@@ -1,11 +1,11 @@
-"""A workspace as an archive, for machines without access to its folder. The same files give the same bytes.
+"""Pack a workspace to an archive for machines that cannot access its folder. Equal files give equal bytes.
 
 The files that part code opens are not known in advance, so the archive contains the whole folder of the workspace, except
 - hidden files and folders, `__pycache__`, `node_modules`, `*.pyc`, and virtual environments;
-- the build folder of the workspace, and the folder of any batch.
+- the build folder of the workspace, and the folders of batches.
 
-Part folders, documents and part code of the plan are always included. Links are packed as links. A link out of the workspace is an error,
-because its target may differ on another machine.
+Part folders, documents and part code of the plan are always included. Links are packed as links. A link to a target outside the workspace
+is an error, because the target can differ on another machine.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MOST_BYTES = 100_000_000
 MOST_FILES = 20_000
 """Maximum number of files, folders and links."""
 NAMES = frozenset(("__pycache__", "node_modules"))
-"""Names of folders to leave out, in addition to hidden ones."""
+"""Names of folders that are omitted, in addition to hidden folders."""
 MODIFIED = 946_684_800
 """Modification time [s] of all entries (2000-01-01)."""
 
@@ -50,7 +50,7 @@ class WorkspaceArchive(FrozenStruct):
     names: int
 
     def unpack(self, folder: str) -> None:
-        """Write the workspace into a new folder, and nothing outside of it.
+        """Write the workspace to a new folder, and nothing outside it.
 
         Raises `OSError`, and `ValueError` if the data is damaged or unsafe.
         """
@@ -72,9 +72,9 @@ class WorkspaceArchive(FrozenStruct):
 
 
 def pack(plan: Plan, batch: str) -> WorkspaceArchive:
-    """Pack the workspace of a plan; `batch` is the folder of the batch.
+    """Pack the workspace of a plan. `batch` is the folder of the batch.
 
-    Raises `BatchFault` if the workspace is too large, has a link out of it or an unreadable file, or has changed since it was planned.
+    Raises `BatchFault` if the workspace is too large, has a link to the outside or an unreadable file, or has changed since it was planned.
     """
     workspace = plan.workspace
     names = _Search(workspace, (workspace.build, batch)).names(plan)
@@ -89,7 +89,7 @@ def pack(plan: Plan, batch: str) -> WorkspaceArchive:
 
 
 class _Search:
-    """Collect the files to pack. `without` are absolute paths of folders to omit."""
+    """Collects the files to pack. `without` are absolute paths of folders to omit."""
 
     def __init__(self, workspace: Workspace, without: tuple[str, ...]) -> None:
         self.workspace = workspace
@@ -99,7 +99,7 @@ class _Search:
         self.found: set[str] = set()
 
     def names(self, plan: Plan) -> set[str]:
-        """Return the paths of the files in the workspace, with `/` as separator."""
+        """Return the paths of the files relative to the workspace, with `/` as separator."""
         self._folder(self.root)
         for folder in self.workspace.parts:
             if folder != self.root:
@@ -130,7 +130,7 @@ class _Search:
 
     def _add(self, path: str) -> None:
         folder, own = os.path.split(path)
-        if self.workspace.contains(folder):  # a file behind a linked folder is packed at its target
+        if self.workspace.contains(folder):  # a file in a linked folder is packed at its target
             path = os.path.join(os.path.realpath(folder), own)
         name = os.path.relpath(path, os.path.realpath(self.root)).replace(os.sep, "/")
         if name in self.found:
@@ -192,7 +192,7 @@ def _link(archive: tarfile.TarFile, workspace: Workspace, name: str, target: str
     """Add a link with a relative target."""
     place = os.path.realpath(os.path.dirname(os.path.join(workspace.root, name)))
     path = os.path.join(place, target)
-    first = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))  # the first step of a chain of links
+    first = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))  # the first link of a chain of links
     if not workspace.contains(path) or not os.path.join(first, "").startswith(os.path.join(os.path.realpath(workspace.root), "")):
         raise BatchFault(
             Code.OUTSIDE_WORKSPACE, f"`{name}` links to `{target}`, outside the workspace, and cannot be shipped",

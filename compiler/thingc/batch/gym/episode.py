@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 class EpisodeRules(FrozenStruct):
     """The rules of all episodes.
 
-    An action lasts `frame_skip` simulation steps, an episode `max_steps` actions. It starts in the keyframe `pose` (None: the first), with
-    each degree of freedom moved by up to `noise` [rad or m].
+    An action lasts `frame_skip` simulation steps, and an episode lasts `max_steps` actions. It starts in the keyframe `pose` (None: the
+    first), with a random change of each degree of freedom by at most `noise` [rad or m].
     """
 
     reward: Reward
@@ -34,9 +34,9 @@ class EpisodeRules(FrozenStruct):
 
 
 class SimulationStep(FrozenStruct):
-    """Which models are simulated: those of a `mode`, with or without `floor`, with or without visual geometry (`visual`).
+    """The models to simulate: models of a `mode`, with or without the floor (`floor`) and visual geometry (`visual`).
 
-    `cache` is the number of models to keep.
+    `cache` is the number of models to cache.
     """
 
     mode: str
@@ -48,7 +48,7 @@ class SimulationStep(FrozenStruct):
 def rules(
     reward: Reward | str, terminated: Terminated | None, frame_skip: int, max_steps: int, pose: str | None, noise: float,
 ) -> EpisodeRules:
-    """Return the rules; `reward` may be the name of a task.
+    """Return the rules. `reward` can be the name of a task.
 
     Raises `UnknownVariant` for an unknown task, and `FamilyError` for invalid values.
     """
@@ -66,7 +66,7 @@ def rules(
 
 
 def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
-    """Return the options of `reset`. Raises `FamilyError` for unknown ones."""
+    """Return the options of `reset`. Raises `FamilyError` for unknown options."""
     if options is not None and not isinstance(options, Mapping):
         raise FamilyError(f"expected `options` to be a mapping from names to values, found `{options}`")
     options = dict(options or {})
@@ -88,10 +88,10 @@ def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
 
 
 class Episode:
-    """An episode of one robot: its `model` and `data`, its `variant`, and the `spans` of its controls (lower and upper bounds).
+    """An episode of one robot: its `model`, `data` and `variant`, and the `spans` of its controls (lower and upper bounds).
 
-    Call `begin` first; then `ask`, `run` and `judge` for each action. `run` is the simulation, and may be called in other threads, for
-    several episodes at once.
+    Call `begin` first, and then `ask`, `run` and `judge` for each action. `run` executes the simulation, and can be called in other threads
+    for several episodes at a time.
     """
 
     __slots__ = ("_action", "_before", "_high", "_low", "_rules", "_started", "data", "model", "start", "steps", "unstable", "variant")
@@ -110,7 +110,7 @@ class Episode:
         self._started = 0.0
 
     def begin(self, source: np.random.Generator, name: str) -> None:
-        """Set the initial state; `name` is the name of the variant in errors. Raises `UnknownVariant` for an unknown pose."""
+        """Set the initial state. `name` is the name of the variant in error messages. Raises `UnknownVariant` for an unknown pose."""
         import mujoco
 
         model, data, pose = self.model, self.data, self._rules.pose
@@ -126,7 +126,7 @@ class Episode:
         self.start = np.array(data.qpos)
 
     def ask(self, action: Array) -> None:
-        """Set the action, shape (nu,) or longer: [-1, 1] is mapped to the range of each control.
+        """Set the action, with shape (nu,) or longer. The interval [-1, 1] is mapped to the range of each control.
 
         Raises `FamilyError` for NaN, which MuJoCo would replace by 0.
         """
@@ -163,7 +163,7 @@ class Episode:
 
 
 def _number(reward: Any) -> float:
-    """Convert a reward to a number. Raises `FamilyError` for NaN and other values, since training would continue with them."""
+    """Convert a reward to a number. Raises `FamilyError` for NaN and other invalid values, because training would continue with them."""
     try:
         number = float(reward)
     except (TypeError, ValueError):
@@ -181,7 +181,7 @@ def _keyframe(model: mujoco.MjModel, pose: str, name: str) -> int:
 
 
 def _unstable(data: mujoco.MjData) -> bool:
-    """Return whether MuJoCo has reset the simulation itself because of invalid or huge numbers."""
+    """Return whether MuJoCo has reset the simulation because of invalid or very large numbers."""
     import mujoco
 
     faults = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
@@ -189,6 +189,6 @@ def _unstable(data: mujoco.MjData) -> bool:
 
 
 def spans_of(model: mujoco.MjModel) -> tuple[Array, Array]:
-    """Return the lower and upper bounds of all controls, shape (nu,); [-1, 1] without limits."""
+    """Return the lower and upper bounds of all controls, each with shape (nu,). Controls without limits get [-1, 1]."""
     limited = model.actuator_ctrllimited.astype(bool)
     return np.where(limited, model.actuator_ctrlrange[:, 0], -1.0), np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)

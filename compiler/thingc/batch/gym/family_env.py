@@ -1,4 +1,4 @@
-"""Vector environments of Gymnasium for a family, in one process, with a different robot in each world (`pip install thingc[learning]`).
+"""Gymnasium vector environments for a family, in one process, with a different robot in each world (`pip install thingc[learning]`).
 
     from thingc.batch.gym.family_env import make_vec_env
 
@@ -48,19 +48,18 @@ __all__ = [
 
 ENVIRONMENT = "thingc/Family-v0"
 CACHED = 1024
-"""Default number of cached morphologies, in addition to those being simulated."""
+"""Default number of cached morphologies, in addition to the ones being simulated."""
 DRAWS = 100
-"""Maximum number of refused settings in a row when an episode starts."""
+"""Maximum number of successive refused settings when an episode starts."""
 
 Settings = Mapping[str, Any]
 Draw = Callable[[np.random.Generator], Settings]
 
 
 class MorphologyDistribution(FrozenStruct):
-    """The distribution of the robots of episodes: uniform over `many` settings, or, if there are none, the function `draw` of a random
-    generator.
+    """The distribution of robots over episodes: uniform over `many` settings, or the function `draw` of a random generator.
 
-    `ids` are the values of `infos["variant"]` (empty: indices), `names` are the names of the settings.
+    `ids` are the values of `infos["variant"]` (empty: indices), and `names` are the names of the settings.
     """
 
     many: Sequence[Settings] = ()
@@ -70,7 +69,7 @@ class MorphologyDistribution(FrozenStruct):
 
 
 class WorldPool(FrozenStruct):
-    """The numbers of worlds and threads, when a world restarts after its episode, and the seed of the first `reset` without one."""
+    """The numbers of worlds and threads, the autoreset mode, and the seed of the first `reset` without a seed."""
 
     count: int
     threads: int
@@ -79,7 +78,7 @@ class WorldPool(FrozenStruct):
 
 
 class Morphology:
-    """A model, its descriptor, and the `spans` of its controls. Models with the same `layout` (sizes and names) can share an `MjData`."""
+    """A model, its descriptor, and the `spans` of its controls. Models with equal `layout` (sizes and names) can share an `MjData`."""
 
     __slots__ = ("described", "layout", "model", "settings", "spans")
 
@@ -93,11 +92,11 @@ class Morphology:
 
 
 class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
-    """Worlds with robots of a family, stepped together in threads. Create it with `make_vec_env`.
+    """Worlds with robots of a family, which are stepped together in threads. Create it with `make_vec_env`.
 
-    A world behaves like a single environment of `thingc.batch.gym.variants_env` with the same robot, with the same observations, rewards
-    and infos, and with the same episodes for the same seed. When an episode has ended, the world restarts as defined by
-    `metadata["autoreset_mode"]`. Refused settings are drawn again; `refused` counts them by message.
+    A world behaves like a single environment of `thingc.batch.gym.variants_env` with the same robot: it has the same observations, rewards
+    and infos, and the same episodes for the same seed. When an episode has ended, the world restarts as defined by
+    `metadata["autoreset_mode"]`. If settings are refused, new ones are drawn; `refused` counts the refused settings by message.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
@@ -148,10 +147,10 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None,
     ) -> tuple[Array, dict[str, Any]]:
-        """Start an episode in every world, or in those of `options["reset_mask"]`.
+        """Start an episode in every world, or in the worlds selected by `options["reset_mask"]`.
 
-        Each has a random variant, or all have `options["variant"]` (its index; for a variants document, also its id or name). World k has
-        the seed `seed + k`. Raises gymnasium's `ClosedEnvironmentError` after `close`.
+        Each world gets a random variant, or all get `options["variant"]` (an index, or for a variants document also an id or name). World k
+        gets the seed `seed + k`. Raises gymnasium's `ClosedEnvironmentError` after `close`.
         """
         self._open()
         options = known_options(options, ("variant", "reset_mask"))
@@ -171,9 +170,9 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return self._observations.copy(), infos
 
     def step(self, actions: Array) -> tuple[Array, Array, np.ndarray[Any, Any], np.ndarray[Any, Any], dict[str, Any]]:
-        """Apply an action (num_envs, nu).
+        """Apply actions with shape (num_envs, nu).
 
-        With `NextStep`, ended episodes restart instead. Raises `ClosedEnvironmentError` after `close`.
+        With `NextStep`, worlds with ended episodes restart instead. Raises `ClosedEnvironmentError` after `close`.
         """
         self._open()
         actions = as_actions(actions, self.action_space.shape)
@@ -210,12 +209,12 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
 
     @property
     def models(self) -> tuple[mujoco.MjModel, ...]:
-        """The model of each world. Worlds with equal settings share one, so do not change it."""
+        """The model of each world. Worlds with equal settings share a model, so do not modify it."""
         return tuple(self._world(k)[2].model for k in range(self.num_envs))
 
     @property
     def data(self) -> tuple[mujoco.MjData, ...]:
-        """The state of each world, for reading or rendering with its model. `data.model` may be another model."""
+        """The state of each world, for reading or rendering with its model. `data.model` can be another model."""
         return tuple(self._world(k)[2].data for k in range(self.num_envs))
 
     @property
@@ -224,7 +223,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return tuple(self._source(k) for k in range(self.num_envs))
 
     def close_extras(self, **named: Any) -> None:
-        """End the threads, and the worker of a family that was opened here."""
+        """End the threads, and the worker of a family that this environment opened."""
         if self._pool is not None:
             self._pool.shutdown()
         if self._owned:
@@ -238,7 +237,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
             raise ClosedEnvironmentError(f"Trying to operate on `{type(self).__name__}`, after a call to `close()`.")
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """Return a seed for each world (None: it keeps its generator)."""
+        """Return a seed for each world. None means that the generator of the world does not change."""
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, Integral):
@@ -249,14 +248,17 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return [None if one is None else int(one) for one in seeds]
 
     def _simulate(self, episodes: Sequence[Episode]) -> None:
-        """Run the episodes, in threads if there are enough of them: MuJoCo releases the GIL while it steps."""
+        """Run the episodes, in threads if there are enough of them. MuJoCo releases the GIL while it steps."""
         if self._pool is None or len(episodes) < 2 * self._threads:
             _run(episodes)
         else:
             list(self._pool.map(_run, [episodes[k:: self._threads] for k in range(self._threads)]))
 
     def _begin(self, worlds: Sequence[int], infos: dict[str, Any], wanted: Any) -> None:
-        """Start new episodes; refused settings are drawn again. Raises `FamilyError` if `wanted`, or too many in a row, are refused."""
+        """Start new episodes. If settings are refused, draw new ones.
+
+        Raises `FamilyError` if the settings `wanted`, or too many successive settings, are refused.
+        """
         refused: NoModel | None = None
         for _ in range(DRAWS if wanted is None else 1):
             drawn = [self._drawn(self._source(k), wanted) for k in worlds]
@@ -277,7 +279,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
             raise _refusal(refused)
 
     def _drawn(self, source: np.random.Generator, wanted: Any) -> tuple[Any, Settings]:
-        """Return settings, and their key in the cache."""
+        """Return the key of settings in the cache, and the settings."""
         if self._choices.draw is not None:
             if wanted is not None:
                 raise UnknownVariant(f"there is no variant `{wanted}`: a function draws the settings")
@@ -300,7 +302,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return int(wanted) % count
 
     def _made(self, keys: Sequence[Any], many: Sequence[Settings], first: mujoco.MjModel | None) -> list[Morphology | NoModel]:
-        """Return morphologies, `NoModel` for refused settings. Raises `FamilyError` if the sizes of a model differ from `first`."""
+        """Return the morphologies, or `NoModel` for refused settings. Raises `FamilyError` if the sizes of a model differ from `first`."""
         new = {key: settings for key, settings in zip(keys, many) if key not in self._kept}
         simulated = self._simulated
         models = self.family.models(new.values(), mode=simulated.mode, visual=simulated.visual, floor=simulated.floor)
@@ -320,7 +322,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return morphologies
 
     def _state(self, k: int, morphology: Morphology) -> mujoco.MjData:
-        """Return the state for a world with this morphology; it is reused as long as the models have the same layout."""
+        """Return the state of a world for this morphology. The state is reused if the models have the same layout."""
         import mujoco
 
         world = self._worlds[k]
@@ -345,7 +347,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         row[nq + nv:] = morphology.described
 
     def _called(self, k: int) -> dict[str, Any]:
-        """Return the infos of a world: the variant of its episode."""
+        """Return the infos of a world, which contain the variant of its episode."""
         key = self._world(k)[0]
         return {} if self._choices.draw is not None else {"variant": self._choices.ids[key] if self._choices.ids else key}
 
@@ -359,20 +361,21 @@ def make_vec_env(
     frame_skip: int = 5, max_steps: int = 1000, descriptor: Sequence[str] | str = (), pose: str | None = None, noise: float = 0.0,
     threads: int = 0, cache: int = CACHED, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, seed: int | None = None,
 ) -> FamilyVectorEnv:
-    """Create `num_envs` worlds with robots of a family or document (see `thingc.family`), stepped together in threads.
+    """Create `num_envs` worlds with robots of a family or document (see `thingc.family`), which are stepped together in threads.
 
     Args:
-        settings: The settings of episodes, with equal probability; or a function that draws them with a `numpy.random.Generator`. By
+        settings: The settings of episodes, with equal probability, or a function that draws them with a `numpy.random.Generator`. By
             default, the valid variants of the document that satisfy its rules.
-        descriptor: Names in `family.space` whose values, scaled from their bounds to [-1, 1], are the end of the observation.
+        descriptor: Names in `family.space` whose values, scaled from their bounds to [-1, 1], are appended to the observation.
         threads: Number of threads (0: one per core).
         cache: Number of morphologies to cache.
         autoreset_mode: When a world restarts after its episode (`NextStep`, `SameStep` or `Disabled`).
 
-    The other arguments are those of `thingc.batch.gym.variants_env.make_env`; `floor` is its `scene`.
+    The other arguments are as in `thingc.batch.gym.variants_env.make_env`; `floor` is called `scene` there.
 
-    Refused settings are drawn again. Raises `FamilyError` if there is nothing to simulate or too many settings in a row are refused,
-    `UnknownVariant` for an unknown task or descriptor, `UnknownChoice` for an unknown mode, and `CompileError` for a document with errors.
+    If settings are refused, new ones are drawn. Raises `FamilyError` if there is nothing to simulate or too many successive settings are
+    refused, `UnknownVariant` for an unknown task or descriptor, `UnknownChoice` for an unknown mode, and `CompileError` for a document with
+    errors.
     """
     made = rules(reward, terminated, frame_skip, max_steps, pose, noise)
     threads = threads or os.cpu_count() or 1
@@ -406,13 +409,14 @@ class FamilyEnv(gymnasium.Env[Array, Array]):
         self.action_space = world.single_action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start an episode with `options["variant"]` (its index; for a variants document, also its id or name), else with a random one."""
+        """Start an episode with a random variant, or with `options["variant"]` (an index, or for a variants document also an id or name).
+        """
         observations, infos = self._world.reset(seed=seed, options=known_options(options, ("variant",)))
         self.np_random = self._world.sources[0]
         return observations[0], _first(infos)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Apply an action, shape (nu,). Call `reset` after an episode has ended."""
+        """Apply an action with shape (nu,). Call `reset` after an episode has ended."""
         actions = as_actions(action, self.action_space.shape)[None]
         observations, rewards, terminated, truncated, infos = self._world.step(actions)
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first(infos)
@@ -424,7 +428,7 @@ class FamilyEnv(gymnasium.Env[Array, Array]):
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The model of the robot of the episode; another one after each `reset`. Do not change it."""
+        """The model of the robot of the episode. It changes with each `reset`. Do not modify it."""
         return self._world.models[0]
 
     @property
@@ -433,7 +437,7 @@ class FamilyEnv(gymnasium.Env[Array, Array]):
         return self._world.data[0]
 
     def close(self) -> None:
-        """End the worker of a family that was opened here."""
+        """End the worker of a family that this environment opened."""
         self._world.close()
 
 
@@ -448,7 +452,9 @@ def make_env(
     max_steps: int = 1000, descriptor: Sequence[str] | str = (), pose: str | None = None, noise: float = 0.0, cache: int = CACHED,
     seed: int | None = None,
 ) -> FamilyEnv:
-    """Create a single environment. Its episodes are those of the first world of `make_vec_env`, which documents arguments and errors."""
+    """Create a single environment. Its episodes are equal to those of the first world of `make_vec_env`, which describes arguments and
+    errors.
+    """
     return FamilyEnv(make_vec_env(
         family, 1, settings=settings, mode=mode, floor=floor, visual=visual, reward=reward, terminated=terminated, frame_skip=frame_skip,
         max_steps=max_steps, descriptor=descriptor, pose=pose, noise=noise, threads=1, cache=cache,

@@ -21,8 +21,8 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 class StepInfo(FrozenStruct):
     """The arguments of a reward after a step.
 
-    `action` (nu,) is in [-1, 1]; `before` and `after` are the centre of mass of the robot before and after the step [m]; `seconds` is the
-    duration of the step [s]. `variant` is the variant of the episode; for a family in memory, its settings.
+    `action` (nu,) is in [-1, 1]. `before` and `after` are the centre of mass of the robot before and after the step [m], and `seconds` is
+    the duration of the step [s]. `variant` is the variant of the episode, or its settings for a family in memory.
     """
 
     model: mujoco.MjModel
@@ -46,7 +46,7 @@ def forward(step: StepInfo) -> float:
 
 
 def hold(step: StepInfo) -> float:
-    """Return exp(-|q - q0|^2), minus 0.001 times the square of the action: 1 while the joints are as at the start."""
+    """Return exp(-|q - q0|^2), minus 0.001 times the square of the action. The first term is 1 if the joints are at their start values."""
     import mujoco
 
     away = np.zeros(step.model.nv)
@@ -59,9 +59,9 @@ TASKS: Mapping[str, Reward] = {"forward": forward, "hold": hold}
 
 
 class Descriptor:
-    """The numbers of settings at the end of an observation, each scaled from its bounds to [-1, 1].
+    """Numbers from the settings that are appended to an observation, scaled from their bounds to [-1, 1].
 
-    Raises `UnknownVariant` for an unknown name, and `FamilyError` for one without bounds.
+    Raises `UnknownVariant` for an unknown name, and `FamilyError` for a name without bounds.
     """
 
     def __init__(self, family: RobotFamily, names: Sequence[str]) -> None:
@@ -81,7 +81,7 @@ class Descriptor:
         self._span = np.array([high - low for low, high in spans])
 
     def __call__(self, settings: Mapping[str, Any]) -> Array:
-        """Return the scaled numbers, shape (names,)."""
+        """Return the scaled numbers with shape (names,)."""
         if not self._names:
             return np.zeros(0)
         numbers = self._family.numbers(settings)

@@ -1,4 +1,4 @@
-"""A Gymnasium environment for a batch, in which every episode has another variant (`pip install thingc[learning]`).
+"""A Gymnasium environment for a batch. Every episode uses another variant (`pip install thingc[learning]`).
 
     from thingc.batch.gym.variants_env import make_env
 
@@ -6,8 +6,8 @@
     observation, info = env.reset(seed=7)           # info["variant"] is the variant of the episode
     env.reset(options={"variant": "leg_sweep_12"})  # an episode with this variant
 
-Importing this module registers it, for vector environments: `gymnasium.make_vec("thingc/Variants-v0", num_envs=8,
-vectorization_mode="async", folder="build/leg_sweep", mode="standing")`.
+Importing this module also registers vector environments: `gymnasium.make_vec("thingc/Variants-v0", num_envs=8, vectorization_mode="async",
+folder="build/leg_sweep", mode="standing")`.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ CACHED = 16
 
 
 class VariantsEnv(gymnasium.Env[Array, Array]):
-    """One robot of a batch at a time; `reset` selects the variant. Create it with `make_env`.
+    """An environment that simulates one robot of a batch at a time. `reset` selects the variant. Create it with `make_env`.
 
-    An action in [-1, 1] is mapped to the range of each control. The observation is qpos, qvel and the descriptor; with `pad`, qpos and
-    qvel are padded with 0 to the sizes of the largest variant, and a smaller one ignores further actions.
+    An action in [-1, 1] is mapped to the range of each control. The observation is qpos, qvel and the descriptor. With `pad`, qpos and qvel
+    are padded with 0 to the sizes of the largest variant, and smaller variants ignore additional actions.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
@@ -68,7 +68,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         self.variant: BuiltVariant | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start an episode with the variant `options["variant"]` (its id, name or index), else with a random one."""
+        """Start an episode with a random variant, or with the variant `options["variant"]` (its id, name or index)."""
         if seed is None:
             seed, self._seed = self._seed, None
         super().reset(seed=seed)
@@ -80,7 +80,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         return self._observation(episode), {"variant": self.variant.id}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Apply an action, shape (nu,), for `frame_skip` simulation steps.
+        """Apply an action with shape (nu,) for `frame_skip` simulation steps.
 
         An episode ends early if `terminated` returns true, or if the simulation is unstable (reward 0).
         """
@@ -92,7 +92,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The model of the variant of the episode; another one after each `reset`."""
+        """The model of the variant of the episode. It changes with each `reset`."""
         return self._now().model
 
     @property
@@ -114,7 +114,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         return seen
 
     def _of(self, variant: BuiltVariant) -> Episode:
-        """Return the episode of a variant, with its compiled model; the least recently used ones are dropped."""
+        """Return the episode of a variant with its compiled model. The least recently used models are removed from the cache."""
         import mujoco
 
         episode = self._episodes.get(variant.id)
@@ -134,24 +134,24 @@ def make_env(
     descriptor: Sequence[str] | str = (), weights: str | Callable[[BuiltVariant], float] | None = None, pose: str | None = None,
     noise: float = 0.0, pad: bool = False, cache: int = CACHED, seed: int | None = None,
 ) -> VariantsEnv:
-    """Create an environment for the variants of a batch (its folder, or the result of `load`, possibly filtered).
+    """Create an environment for the variants of a batch: its folder, or the result of `load`, which can be filtered.
 
     Args:
-        mode: The mode of the models (default: that of `load`, or the only one).
+        mode: The mode of the models (default: the mode passed to `load`, or the only one).
         scene: Include the floor of the scene.
         visual: Include visual geometry. Without it, models move in the same way and compile in less than half the time.
         reward: A function of a `StepInfo`, or a name in `TASKS`.
         terminated: A function of a `StepInfo` that ends an episode.
         frame_skip: Number of simulation steps per action.
         max_steps: Number of actions per episode.
-        descriptor: Columns of the table whose cells, scaled to [-1, 1] over the batch (0 if all are equal), are the end of the
+        descriptor: Columns of the table. Their cells are scaled to [-1, 1] over the batch (0 if all are equal) and appended to the
             observation.
         weights: Relative probabilities of variants: a column, or a function of a variant (default: uniform).
         pose: The keyframe in which episodes start (default: the first).
         noise: Maximum change of each degree of freedom at the start [rad or m].
         pad: Allow variants with different sizes.
         cache: Number of compiled models to cache.
-        seed: The seed of the first `reset` without one.
+        seed: The seed of the first `reset` without a seed.
 
     Raises `FamilyError` for a batch without variants, and if variants differ in nq, nv or nu without `pad`; `UnknownVariant` for an unknown
     mode, column or task.
@@ -168,7 +168,7 @@ def make_env(
 
 
 def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
-    """Return the largest sizes. Raises `FamilyError` if they differ and `pad` is not set."""
+    """Return the maximum sizes. Raises `FamilyError` if sizes differ and `pad` is not set."""
     sizes = [variant.sizes(mode) for variant in family]
     for name in ("nq", "nv", "nu") if not pad else ():
         values = [getattr(one, name) for one in sizes]
@@ -182,7 +182,7 @@ def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
 
 
 def _descriptors(family: BatchResults, columns: Sequence[str]) -> dict[str, Array]:
-    """Return the cells of the columns by id of the variant, each scaled to [-1, 1].
+    """Return the cells of the columns by id of the variant, scaled to [-1, 1].
 
     Raises `FamilyError` for a cell that is not a number.
     """

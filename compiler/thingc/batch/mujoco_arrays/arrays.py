@@ -1,4 +1,4 @@
-"""A compiled model whose arrays are written for other numbers in its text."""
+"""A compiled model whose arrays are overwritten for other numbers in its text."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     Places = list[Array]
 
 _LEAST = 1e-5
-"""Size [m] of a body, and of a model, without extent."""
+"""Size [m] of a body or model without extent."""
 _PLANE = 0.1
-"""Default size [m] of an infinite plane, of which statistics use a tenth."""
+"""Default size [m] of an infinite plane. Statistics use a tenth of it."""
 
 
 class Statistics:
-    """Computes MuJoCo's statistics of one model structure for many variants. Statistics that are `stated` in the text are left out."""
+    """Computes MuJoCo's statistics of one model structure for many variants. Statistics that are `stated` in the text are omitted."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, stated: Collection[str] = ()) -> None:
         import mujoco
@@ -54,22 +54,20 @@ class Statistics:
         self._inertia = model.dof_M0
 
     def room(self, variants: int) -> Places:
-        """Return arrays for `note`: positions of anchors, centres, geoms, bodies and sites of `variants` variants, each (number, variants,
-        3) [m].
-        """
+        """Return arrays for `note`: positions of anchors, centres, geoms, bodies and sites, each with shape (number, variants, 3) [m]."""
         import numpy as np
 
         return [np.empty((len(place), variants, 3)) for place in self._places]
 
     def note(self, places: Places, variant: int) -> None:
-        """Copy the positions from `data`, at `qpos0`, for a variant."""
+        """Copy the positions of a variant from `data`, which is at `qpos0`."""
         for kind, place in zip(places, self._places):
             kind[:, variant] = place
 
     def of(self, places: Places, masses: Array) -> dict[str, list[Any]]:
-        """Return the statistics of many variants, without `meaninertia`; `masses` (variants, bodies) are in kg.
+        """Return the statistics of many variants, without `meaninertia`. `masses` (variants, bodies) are in kg.
 
-        `places` may contain one variant, if all have the same positions.
+        `places` can contain a single variant if all variants have the same positions.
         """
         import numpy as np
 
@@ -80,7 +78,7 @@ class Statistics:
         sizes[len(self._joints):] += self._rbound[:, None]
         sizes = np.concatenate((sizes, np.full((self._count, count), _LEAST)))
         meansize, mass = np.zeros(count), np.zeros(len(masses))
-        for body, largest in enumerate(np.maximum.reduceat(sizes[self._order], self._starts), start=1):  # MuJoCo's order
+        for body, largest in enumerate(np.maximum.reduceat(sizes[self._order], self._starts), start=1):  # in MuJoCo's order
             meansize += largest / self._count
             mass += masses[:, body]
         box = np.concatenate((bodies[1:], centres[1:], anchors, sites, shapes - self._around, shapes + self._around))
@@ -93,7 +91,7 @@ class Statistics:
         return {name: values * (len(masses) // len(values)) for name, values in columns.items() if name not in self._stated}
 
     def write(self, values: Mapping[str, list[Any]], index: int) -> None:
-        """Write the statistics of a variant, with `meaninertia`, which needs the constants of the variant."""
+        """Write the statistics of a variant, including `meaninertia`, which depends on constants that MuJoCo computes for the variant."""
         for name, column in values.items():
             setattr(self._stat, name, column[index])
         if self._nv and "meaninertia" not in self._stated:
@@ -104,10 +102,10 @@ class Statistics:
 
 
 BOXES = ("bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid")
-"""The fields of the tree of boxes of a body."""
+"""The fields of the bounding volume tree of a body."""
 
 TOGETHER = 128
-"""Number of variants that are computed together."""
+"""Number of variants that are computed in one step."""
 
 INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
 """The fields of the mass properties of a body."""
@@ -120,8 +118,8 @@ Compile = Callable[[str], "mujoco.MjModel"]
 class Arrays:
     """The model of one structure, and the entries of its arrays that depend on varying numbers.
 
-    `text` has a word for each of these numbers, and `tokens` maps words to indices of numbers. `plain` is the text with numbers, `assets`
-    are the meshes by file, `compile` compiles a text. `lines` are the indices of the numbers for `prepare`, in order. Raises
+    `text` contains a word for each of these numbers, and `tokens` maps words to indices of numbers. `plain` is the text with numbers,
+    `assets` are the meshes by file, and `compile` compiles a text. `lines` are the indices of the numbers for `prepare`, in order. Raises
     `NotAnArrayEntry` if a number does not appear unchanged in an array.
     """
 
@@ -157,12 +155,12 @@ class Arrays:
             [column(tokens[word]) if word in tokens else float(word) for words in said for word in words] for said in inertials.values()
         ]
         self._traced = np.array([[word in tokens for words in said for word in words] for said in inertials.values()], dtype=bool)
-        self._resting = [  # tendons whose springs relax where those of the joints do
+        self._resting = [  # tendons whose springs are relaxed when the springs of the joints are
             self.model.tendon(tendon.get("name", "")).id for tendon in root.iterfind("tendon/*") if "springlength" not in tendon.attrib
         ]
         self._constants = not self._bodies and self.written <= (INERT - TENSED if self.model.ntendon else INERT)
         self._data = mujoco.MjData(self.model)
-        self._first = copy.copy(self.model)  # never lent, so never changed by others
+        self._first = copy.copy(self.model)  # never lent, so never modified by borrowers
         self._placed = mujoco.MjData(self._first)
         stated = {name for element in root.iter("statistic") for name in element.attrib}
         self._statistics = Statistics(self.model, self._placed, stated)
@@ -171,18 +169,18 @@ class Arrays:
         self._geoms = [self._colliding(body) for body in self._bodies]
 
     def lend(self) -> mujoco.MjModel:
-        """Return the model for a borrower, who may write into it."""
+        """Return the model to a borrower, which can modify it."""
         self._is_lent = True
         return self.model
 
     def take_back(self) -> None:
-        """Undo the changes of borrowers, so that `put` gives exactly the model of a variant."""
+        """Undo the changes of borrowers, so that `put` gives the exact model of a variant."""
         if self._is_lent:
             restore(self.model, self._first)
         self._is_lent = False
 
     def _take(self, field: str, entries: list[tuple[int, Entry]]) -> None:
-        """Record where the numbers of a field are written, each by its column: in an array, or in an option."""
+        """Record the places of the numbers of a field, each by its column: in an array, or in an option."""
         import numpy as np
 
         owner, name = owner_of(self.model, field)
@@ -196,7 +194,7 @@ class Arrays:
             self._options.append((owner, name, entries[-1][0]))
 
     def _colliding(self, body: int) -> Array:
-        """Return the colliding geoms of a body, followed by -1, so that the index -1 gives -1; empty if there are none."""
+        """Return the colliding geoms of a body, followed by -1, so that the index -1 gives -1. Return an empty array if there are none."""
         import numpy as np
 
         m = self.model
@@ -205,7 +203,7 @@ class Arrays:
         return np.array([*colliding, -1] if colliding else [], dtype=int)
 
     def prepare(self, values: Sequence[tuple[float, ...]]) -> Prepared:
-        """Compute the entries for many variants, from the numbers of each. Raises `ValueError` if MuJoCo rejects one."""
+        """Compute the entries for many variants from the numbers of each variant. Raises `ValueError` if MuJoCo rejects one."""
         import mujoco
         import numpy as np
 
@@ -234,8 +232,9 @@ class Arrays:
         return Prepared(plain, options, self._statistics.of(places, masses))
 
     def _inertial_writes(self, inertials: Array) -> list[tuple[str, Array, Array, Array]]:
-        """Return the entries for the mass properties of bodies (variants, bodies, 10), and for boxes of colliding geoms, which are aligned
-        with principal axes.
+        """Return the entries for the mass properties of bodies (variants, bodies, 10).
+
+        Entries for boxes of colliding geoms, which are aligned with principal axes, are included.
         """
         import numpy as np
 
@@ -263,7 +262,7 @@ class Arrays:
         return writes
 
     def put(self, prepared: Prepared, index: int) -> None:
-        """Write the entries of a variant into `model`."""
+        """Write the entries of a variant to `model`."""
         import mujoco
 
         model = self.model
@@ -279,8 +278,9 @@ class Arrays:
 
 
 class Prepared:
-    """Variants that are computed but not written: for each a row for array entries, a value for options, and its statistics if MuJoCo
-    recomputes constants.
+    """Computed entries of variants.
+
+    Each variant has a row of array entries, a value per option, and statistics if MuJoCo recomputes constants.
     """
 
     __slots__ = ("options", "statistics", "writes")
@@ -295,10 +295,10 @@ class Prepared:
 
 
 class Bodies:
-    """Some bodies of a model, each `copies` times in a small model, so that MuJoCo's compiler computes principal axes and aligned boxes for
-    many variants at once.
+    """Several copies of some bodies of a model in a small model.
 
-    `text` is the text of the whole model, `assets` are its meshes by file name.
+    MuJoCo's compiler then computes the principal axes and aligned boxes of many variants in one call. `text` is the text of the whole
+    model, and `assets` are its meshes by file name.
     """
 
     def __init__(self, text: str, assets: Mapping[str, bytes], names: Sequence[str], copies: int) -> None:
@@ -332,7 +332,7 @@ class Bodies:
         self._bodies = [self._spec.body(f"{name}#{index}") for name in names for index in range(copies)]
 
     def work_out(self, inertials: Array) -> BodyArrays:
-        """Compute as many variants as there are copies, or fewer.
+        """Compute at most as many variants as there are copies.
 
         `inertials` (variants, bodies, 10) are masses, centres and inertias, as in `fullinertia`. Raises `ValueError` if MuJoCo rejects one.
         """
@@ -345,10 +345,10 @@ class Bodies:
 
 
 class BodyArrays:
-    """The results for all copies:
+    """The results for all copies.
 
-    `inertia` (copies, bodies, 3) are principal moments, `axes` (copies, bodies, 4) the quaternions of the axes; `boxes` are the fields of
-    the tree of boxes of each body.
+    `inertia` (copies, bodies, 3) are principal moments, and `axes` (copies, bodies, 4) the quaternions of the axes. `boxes` are the fields
+    of the bounding volume tree of each body.
     """
 
     def __init__(self, model: mujoco.MjModel, copies: int, bodies: int) -> None:

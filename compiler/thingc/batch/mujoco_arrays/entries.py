@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class NotAnArrayEntry(Exception):
-    """A number that the compiler processes; `attribute` is where it is, such as `geom.pos`."""
+    """Raised for a number that the compiler processes. `attribute` is its place, such as `geom.pos`."""
 
     def __init__(self, attribute: str) -> None:
         super().__init__(attribute)
@@ -21,8 +21,9 @@ class NotAnArrayEntry(Exception):
 
 
 class Entry(FrozenStruct):
-    """An entry of a field of `MjModel` (`opt.timestep` for options, `stat.extent` for statistics): its flat index, and the factor of the
-    number (1 or -1).
+    """An entry of a field of `MjModel`: its flat index, and the factor of the number (1 or -1).
+
+    Fields of options are named `opt.timestep`, and fields of statistics `stat.extent`.
     """
 
     field: str
@@ -38,7 +39,7 @@ INERT = frozenset((
 ))
 """Fields that do not affect the constants that MuJoCo computes."""
 TENSED = frozenset(("qpos_spring", "site_pos"))
-"""Those of them that do if there are tendons, whose lengths depend on them."""
+"""Fields in `INERT` that affect these constants if there are tendons, because tendon lengths depend on them."""
 
 _JOINT = {
     "damping": "dof_damping", "frictionloss": "dof_frictionloss", "armature": "dof_armature", "stiffness": "jnt_stiffness",
@@ -63,14 +64,13 @@ _GROUPS = {"option": "opt", "statistic": "stat"}
 _DRIVES = ("position", "velocity", "motor", "adhesion")
 _TENDONS = ("fixed", "spatial")
 _KINDS = {**dict.fromkeys(_DRIVES, "actuator"), **dict.fromkeys(_TENDONS, "tendon")}
-"""Accessors of the model for tags with another name."""
+"""Names of the accessors of the model for tags with another name."""
 
 
 def places(root: Element, tokens: Mapping[str, int], model: mujoco.MjModel) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
-    """Return the entries of every number, by the index of its token; and, by body, the texts of mass, centre and inertia of each `inertial`
-    with tokens.
+    """Return the entries of every number, by the index of its token, and the texts of mass properties by body.
 
-    `model` is the compiled text. Raises `NotAnArrayEntry`.
+    The texts are mass, centre and inertia of each `inertial` with tokens. `model` is the compiled text. Raises `NotAnArrayEntry`.
     """
     entries: list[tuple[int, Entry]] = []
     inertials: dict[str, list[list[str]]] = {}

@@ -15,13 +15,13 @@ GROUPS = ("opt", "stat", "vis", "vis.global_", "vis.quality", "vis.headlight", "
 def different_fields(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]:
     """Return the names of all fields in which two models differ: arrays, sizes, names, and numbers of `opt`, `stat` and `vis`.
 
-    `signature`, which depends on the file, is not compared.
+    `signature` is not compared, because it depends on the file.
     """
     return [name for name in names(first) if content(first, name) != content(second, name)]
 
 
 def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
-    """Undo all changes to a model that was a copy of `first`."""
+    """Undo all changes of a model that was a copy of `first`."""
     import numpy as np
 
     for name in different_fields(model, first):
@@ -45,8 +45,8 @@ def names(model: mujoco.MjModel) -> Iterator[str]:
 
 
 def owner_of(model: Any, name: str) -> tuple[Any, str]:
-    """Return the structure that has a field (`model.vis.map` for `vis.map.znear`), and the name of the field in it."""
-    if "." not in name:  # the most frequent case
+    """Return the structure that contains a field (`model.vis.map` for `vis.map.znear`), and the name of the field in it."""
+    if "." not in name:  # the most common case
         return model, name
     *groups, field = name.split(".")
     for group in groups:

@@ -1,4 +1,4 @@
-"""Models of many texts: of texts that differ in numbers only, one is compiled, and its arrays are written for the others."""
+"""Create models from many texts. If texts differ only in numbers, one is compiled, and its arrays are overwritten for the others."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     import mujoco
 
 ENOUGH = 3
-"""Number of texts of a kind to compile before arrays are written, since preparing that takes some compilations."""
+"""Number of texts of a kind to compile before arrays are overwritten. Preparing the arrays takes as long as some compilations."""
 KINDS, SHAPES = 32, 100_000
-"""Maximum number of cached kinds of texts, and of cached results of whether attribute values are numbers."""
+"""Maximum number of cached kinds of texts, and of cached results of the check whether attribute values are numbers."""
 
 _NUMBERS = re.compile(r"[-+0-9.e ]*[0-9][-+0-9.e ]*")
 
 
 class ModelText(FrozenStruct, eq=False):
-    """The text of a model, without includes.
+    """The text of a model without includes.
 
-    `meshes` identifies its files: equal values are equal files. `assets` reads them by name; `compiled` compiles the text.
+    `meshes` identifies its files; equal values mean equal files. `assets` reads them by name, and `compiled` compiles the text.
     """
 
     text: str
@@ -38,10 +38,10 @@ class ModelText(FrozenStruct, eq=False):
 
 
 class TextModels:
-    """The models of texts.
+    """Creates the models of texts.
 
-    Some models computed without a compilation (the first, second, fourth, eighth ... of each kind) are compared with the compiled one.
-    After a difference, the kind is always compiled. Not thread-safe.
+    Some models that were created without compilation (the first, second, fourth, eighth ... of each kind) are compared with the compiled
+    model. After a difference, models of this kind are always compiled. Not thread-safe.
     """
 
     def __init__(self) -> None:
@@ -49,7 +49,10 @@ class TextModels:
         self._shapes: dict[str, str | int] = {}
 
     def each(self, many: Iterable[ModelText], *, share: bool) -> Iterator[mujoco.MjModel]:
-        """Yield the models, in order; up to 128 texts are read ahead. With `share`, one model object is lent, valid until the next one."""
+        """Yield the models, in order. At most 128 texts are read ahead.
+
+        With `share`, the same model object is lent each time, and valid until the next one is requested.
+        """
         texts = iter(many)
         while some := list(islice(texts, TOGETHER)):
             pieces = [one.text.split('"') for one in some]
@@ -65,7 +68,7 @@ class TextModels:
                 yield one.compiled() if made is None else made if share else copy.copy(made)
 
     def _kind(self, one: ModelText, pieces: Sequence[str]) -> _Kind:
-        """Return the kind of a text: the texts that equal it except for numbers."""
+        """Return the kind of a text. Texts of one kind differ only in numbers."""
         if len(self._shapes) > SHAPES:
             self._shapes.clear()
         shapes = self._shapes
@@ -83,7 +86,7 @@ class TextModels:
 
 
 class _Kind:
-    """Texts that differ in numbers only, like `first`; `pieces` are its parts between quotes."""
+    """Texts that differ from `first` only in numbers. `pieces` are its parts between quotes."""
 
     def __init__(self, first: ModelText, pieces: Sequence[str]) -> None:
         self._first = first
@@ -125,7 +128,7 @@ class _Kind:
         return self._arrays.lend() if share else self._arrays.model
 
     def _with(self, others: Iterable[int]) -> Arrays:
-        """Return the arrays, with further attributes whose numbers differ."""
+        """Return arrays that support additional attributes with different numbers."""
         self._gaps = sorted((*self._gaps, *others))
         tokens: dict[str, int] = {}
         tokened = self._pieces.copy()
@@ -137,6 +140,6 @@ class _Kind:
         return Arrays('"'.join(tokened), tokens, first.text, first.assets(), lambda text: first.compiled())
 
     def _numbers(self, arrays: Arrays, pieces: Sequence[str]) -> tuple[float, ...]:
-        """Return the numbers of a text, as `arrays` needs them."""
+        """Return the numbers of a text in the order that `arrays` requires."""
         words = [float(word) for k in self._gaps for word in pieces[k].split()]
         return tuple(words[line] for line in arrays.lines)
