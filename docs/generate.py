@@ -5,7 +5,7 @@
 and the last line are written here, and a new code gets a page to be filled in. `compiler/thingc/tools/reporting/examples.json` is what
 `thingc explain` reads of them.
 
-The text between `<!-- generated: ... -->` and `<!-- /generated -->` comes from the files of `documents/checks/` in
+The text between `<!-- generated: ... -->` and `<!-- /generated -->` comes from the files of `driver/testing/kinds/` in
 `docs/language/tests.md`, from the capabilities of the targets in `docs/formats.md`, from their declarations in `docs/outputs/index.md`, and
 from the parsers of the command line in `docs/commands/`.
 """

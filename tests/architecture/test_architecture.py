@@ -30,7 +30,11 @@ ORDER = (
 ENTRIES = {"__init__.py", "__main__.py", "py.typed", *(room for room in ORDER if room.isidentifier() and not room.startswith("__"))}
 TYPES_ONLY = {
     ("documents/checks", "thingc.model.resolve"), ("documents/checks", "thingc.model.assembly"),
+    ("documents/checks", "thingc.driver.testing"),
 }
+KINDS = "driver/testing/kinds/"
+"""Kinds of tests, which are imported with the language: what they import at once is of the rooms up to it."""
+OF_KINDS = ("thingc.base.", "thingc.documents.", "thingc.driver.testing.outcomes.")
 """Folders whose annotations name types of later rooms. Nothing is imported from there at run time."""
 ALONE = ("geometry/things", "tools/templates")
 """Folders that import nothing else of thingc: part authors read the first, the second holds the files of new workspaces."""
@@ -47,7 +51,7 @@ GEOMETRY: dict[str, set[str]] = {
 }
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd", "ruamel", "tomlkit"}
 LIGHT = (
-    "base/", "documents/load/", "documents/spec/", "documents/checks/", "documents/expressions/", "documents/workspace.py",
+    "base/", "documents/load/", "documents/spec/", "documents/checks/", "documents/expressions/", "documents/workspace.py", KINDS,
     "model/resolve/", "model/assembly/", "model/robot/", "driver/environment.py", "driver/pipeline.py", "driver/up_to_date.py",
 )
 """Where everything is that `check` runs."""
@@ -135,6 +139,14 @@ def test_imports_point_one_way() -> None:
             }
             wrong[place] = sorted(later - only_types)
     assert wrong and {place: names for place, names in wrong.items() if names} == {}, "these modules must not import that"
+
+
+def test_kinds_of_tests_are_imported_without_later_rooms() -> None:
+    seen = {
+        (place_of(path), name) for path in modules() if place_of(path).startswith((KINDS, "driver/testing/outcomes"))
+        for name in named_by(at_run_time(tree(path), called=False)) if name.startswith("thingc.")
+    }
+    assert seen and {(place, name) for place, name in seen if not name.startswith(OF_KINDS)} == set(), "import these inside functions"
 
 
 def test_some_rooms_do_not_see_others() -> None:
@@ -288,7 +300,7 @@ def test_a_class_name_means_one_class() -> None:
 
 
 NUMBERS = (
-    "base/pose.py", "base/inertia.py", "base/primitives.py", "base/joints/", "documents/checks/", "model/", "modes/",
+    "base/pose.py", "base/inertia.py", "base/primitives.py", "base/joints/", "model/", "modes/",
     "targets/drawing/", "driver/testing/kinds/",
 )
 """Where numbers are computed with."""
@@ -316,12 +328,13 @@ def test_lengths_are_the_same_in_every_python() -> None:
 
 RECORDED = (
     "base/pose.py", "base/inertia.py", "base/primitives.py", "base/joints/", "documents/expressions/",
-    "documents/checks/", "model/", "targets/", "batch/measurements.py",
+    "driver/testing/kinds/", "model/", "targets/", "batch/measurements.py",
 )
 """Where numbers may be recorded: what is done with them goes through `base/numeric.py`."""
 NOT_RECORDED = ("targets/hag/", "targets/html/", "targets/render/", "model/solids/shapes.py", "targets/mjcf/initial_state_checks.py")
 """Files of these that work with pictures, or with the numbers of another program."""
 INDICES_AND_CONSTANTS = {
+    "driver/testing/kinds/no_collision.py": {"max", "min"},
     "base/inertia.py": {"math.copysign", "math.hypot"}, "base/pose.py": {"math.cos", "math.sin", "max"},  # inside of one operation
     "documents/expressions/parsing.py": {"max"}, "documents/expressions/value_text.py": {"math.ulp"},
     "model/assembly/links.py": {"max"}, "model/assembly/modes.py": {"max", "min"}, "model/resolve/scope.py": {"max"},

@@ -1,7 +1,7 @@
-"""Kinds of document tests (`tests:` of a document), one module each: its model, how it is read, and its documentation.
+"""Kinds of document tests (`tests:` of a document).
 
-Every module of this folder with a `KIND` defines a kind. Its declarations determine the language, the schema, the page in the
-documentation, references and linking. The measurements are in `driver/testing/kinds/`.
+Every module of `driver/testing/kinds/` with a `KIND` defines a kind. Its declarations determine the language, the schema, the page in the
+documentation, references, linking and measurements.
 """
 
 from __future__ import annotations
@@ -13,11 +13,15 @@ from typing import Any
 
 from thingc.documents.checks.kind import CheckKind
 
+KINDS = "thingc.driver.testing.kinds"
+"""The package of the kinds. They are of a later room, because they measure robots, and import it only then."""
+
 
 @cache
 def kinds() -> dict[str, CheckKind[Any, Any]]:
     """Return every kind by its name, in the order of the documentation."""
-    files = (name.removesuffix(".py") for name in os.listdir(os.path.dirname(__file__)) if name.endswith(".py"))
-    modules = [import_module(f"{__name__}.{stem}") for stem in files if stem != "__init__"]
+    (folder,) = import_module(KINDS).__path__
+    stems = (name.removesuffix(".py") for name in os.listdir(folder) if name.endswith(".py") and name != "__init__.py")
+    modules = [import_module(f"{KINDS}.{stem}") for stem in stems]
     unsorted: list[CheckKind[Any, Any]] = [module.KIND for module in modules if hasattr(module, "KIND")]
     return {kind.name: kind for kind in sorted(unsorted, key=lambda kind: (kind.position, kind.name))}

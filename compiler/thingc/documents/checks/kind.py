@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pydantic import ConfigDict
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.documents.spec.base import Model, rule
+
+if TYPE_CHECKING:
+    from thingc.base.diagnostics import Report
+    from thingc.driver.testing.outcomes import Outcome, TestCase
+    from thingc.model.assembly.report import LinkReport
+    from thingc.model.assembly.types import JointEdge, LinkedTest
+    from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import NamedPose, Test
 
 BOUNDED = ConfigDict(json_schema_extra={"anyOf": [{"required": ["min"]}, {"required": ["max"]}]})
 """Configuration of models that require `min`, `max` or both, for the schema."""
@@ -21,6 +29,10 @@ def require_bounds(low: object, high: object, kind: str, example: str) -> None:
         raise rule(f"a `{kind}` test needs `min`, `max` or both", f"write for example `{example}`")
 
 
+def _one_pose(stated: object, pose: NamedPose) -> Sequence[NamedPose]:
+    return [pose]
+
+
 Written = TypeVar("Written", bound=Model)
 Stated = TypeVar("Stated", bound=OneLineRepr)
 
@@ -30,11 +42,11 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
 
     `model` is the model of the value under the key `name`. With a field `mode` the test runs once for each mode, with a field `pose` once
     for each pose, else once. `read(written, reader)` returns the specification, in SI units and with names resolved, or None if it is
-    invalid, which the reader has reported; `reader` is a `model.resolve.tests.Reader`. References in the specification are linked by type.
+    invalid, which the reader has reported. References in the specification are linked by type.
 
-    `link(test, stated, joints by path, findings)` reports errors that depend on the linked assembly. (Its argument types belong to later
-    passes, which this module must not import; the functions of each kind name them.) The module of the same name in
-    `driver/testing/kinds/` does the measurement.
+    `link(test, stated, joints by path, findings)` reports errors that depend on the linked assembly. `measure(case, stated)` measures one
+    case. `poses(stated, pose)` returns the poses of a case that is named after `pose`. `finish(linked, outcomes, report)` receives all
+    outcomes, if the test was run in all of its modes.
 
     `position` is the place among the kinds in the documentation; `summary` is one sentence for a schema and a table; `examples` are values
     of the key; `stub` is the content of a new test of this kind, which is valid in any robot, with `$mount` and `$base` in place of mounts;
@@ -49,8 +61,11 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     stub: Mapping[str, Any]
     page: str
     model: type[Written]
-    read: Callable[[Written, Any], Stated | None]
-    link: Callable[[Any, Stated, Mapping[str, Any], Any], None] | None = None
+    read: Callable[[Written, Reader], Stated | None]
+    measure: Callable[[TestCase, Stated], Outcome]
+    link: Callable[[Test, Stated, Mapping[str, JointEdge], LinkReport], None] | None = None
+    poses: Callable[[Stated, NamedPose], Sequence[NamedPose]] = _one_pose
+    finish: Callable[[LinkedTest, Sequence[Outcome], Report], None] | None = None
     lengths: Sequence[str] = ()
     of_limits: bool = False
 

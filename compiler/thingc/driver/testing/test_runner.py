@@ -11,9 +11,9 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.checks import kinds
-from thingc.driver.testing.kinds import runner_of
+from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, unclosed
 from thingc.driver.testing.poses import keyframe, posed, starting_pose
-from thingc.driver.testing.results import Failure, Outcome, Result, TestCase, unclosed
+from thingc.driver.testing.results import Result
 from thingc.model.assembly.types import Assembly, LinkedMode, LinkedTest
 from thingc.model.resolve.types import NamedPose
 from thingc.targets.request import EmitRequest
@@ -55,7 +55,7 @@ def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result]
                 result = replace(result, diagnostic=request.report.diagnostics[-1])
             results.append(result)
             on_result(result)
-        finish = runner_of(linked.test.kind).finish
+        finish = kinds()[linked.test.kind].finish
         if finish is not None and len(chosen) == len(modes):
             finish(linked, outcomes, request.report)
     return results
@@ -87,7 +87,7 @@ def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMo
     kind, assembly, check = kinds()[linked.test.kind], request.assembly, linked.test.check
     if not kind.takes("mode"):
         case = TestCase(linked=linked, robot=request.robots[0], request=request)
-        yield _Attempt(mode=None, pose=None, run=lambda: runner_of(kind.name).measure(case, check))
+        yield _Attempt(mode=None, pose=None, run=lambda: kind.measure(case, check))
         return
     named = {pose.name for pose in assembly.poses}
     for mode in modes:
@@ -109,13 +109,13 @@ def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[N
 def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Callable[[], Outcome]:
     """Return the case in a mode and a pose, ready to run."""
     def run() -> Outcome:
-        runner, check = runner_of(linked.test.kind), linked.test.check
-        wanted = runner.poses(check, pose)
+        kind, check = kinds()[linked.test.kind], linked.test.check
+        wanted = kind.poses(check, pose)
         robot = posed(request.assembly, mode, wanted)
         frames = () if robot is None else tuple(frame for one in wanted if (frame := keyframe(robot, one)) is not None)
         if robot is None or not frames:
             return unclosed()
-        return runner.measure(
+        return kind.measure(
             TestCase(linked=linked, robot=robot, request=request, frames=frames, missing=len(wanted) - len(frames)), check,
         )
 

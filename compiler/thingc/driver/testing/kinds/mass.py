@@ -1,13 +1,58 @@
-"""Run `mass` tests; see `thingc.documents.checks.mass` for their specification."""
+"""`mass`: the mass of the robot, or of some of its components, is within bounds."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from pydantic import model_validator
+
 from thingc.base.diagnostics import Code
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import sum_of
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import MASS
-from thingc.documents.checks.mass import MassCheck
-from thingc.driver.testing.kinds import CheckRunner
-from thingc.driver.testing.results import Outcome, TestCase, check_bounds
+from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import MassField
+from thingc.documents.spec.name_types import ComponentField
+from thingc.driver.testing.outcomes import Outcome, check_bounds
+
+if TYPE_CHECKING:
+    from thingc.driver.testing.outcomes import TestCase
+    from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import Reference
+
+
+class MassTest(Model):
+    """The mass is within bounds."""
+
+    model_config = BOUNDED
+
+    of: ComponentField | None = None
+    """A component, or a pattern for several; a nested assembly counts as a whole. Default: the whole robot."""
+    min: MassField | None = None
+    """The smallest mass allowed."""
+    max: MassField | None = None
+    """The largest mass allowed."""
+
+    @model_validator(mode="after")
+    def _bounds(self) -> MassTest:
+        require_bounds(self.min, self.max, "mass", "max: 2.2 kg")
+        return self
+
+
+class MassCheck(OneLineRepr, FrozenStruct):
+    """Requires the mass [kg] of components (none: of the robot) to be within bounds."""
+
+    of: tuple[Reference, ...]
+    minimum: float | None
+    maximum: float | None
+
+
+def read_mass(written: MassTest, reader: Reader) -> MassCheck:
+    """Read a `mass` test."""
+    low, high = reader.bounds(written.min, written.max, MASS, "the mass")
+    return MassCheck(of=reader.components(written.of, "of"), minimum=low, maximum=high)
 
 
 def measure(case: TestCase, check: MassCheck) -> Outcome:
@@ -17,4 +62,21 @@ def measure(case: TestCase, check: MassCheck) -> Outcome:
     return check_bounds("mass", "the mass", value, check.minimum, check.maximum, MASS, Code.TEST_MASS)
 
 
-RUNNER = CheckRunner(measure=measure)
+PAGE = """\
+## Mass
+
+Checks the total mass of the components, as shown by `thingc info`.
+
+<!-- keys: MassTest -->
+| Key | Type | Default | Description |
+|---|---|---|---|
+| `of` | a component, or a pattern | the whole robot | components to include |
+| `min` | a mass | no bound | smallest allowed mass; `min`, `max` or both are required |
+| `max` | a mass | no bound | largest allowed mass |
+"""
+
+KIND = CheckKind(
+    name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}], stub={"max": "10 kg"}, page=PAGE,
+    model=MassTest, read=read_mass,
+    measure=measure,
+)

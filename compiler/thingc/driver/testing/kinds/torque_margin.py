@@ -1,25 +1,100 @@
-"""Run `torque_margin` tests; see `thingc.documents.checks.torque_margin` for their specification."""
+"""`torque_margin`: drives hold the robot still against gravity, with a margin."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
+from pydantic import Field
 
-from thingc.base.diagnostics import Code, Note
+from thingc.base.diagnostics import Code, Note, noted
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.numeric import isfinite
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose
-from thingc.base.units import FORCE, LENGTH, TORQUE
-from thingc.documents.checks.torque_margin import TorqueCheck
-from thingc.driver.testing.kinds import CheckRunner
-from thingc.driver.testing.results import Failure, Measure, Outcome, TestCase, shown
-from thingc.model.assembly.kinematics import joints_of
-from thingc.model.assembly.types import JointEdge
-from thingc.model.robot.kinematics import body_poses
-from thingc.model.robot.types import Keyframe, Robot
-from thingc.model.statics.efforts import static_efforts
-from thingc.model.statics.support import lifted, stance
-from thingc.model.statics.types import Efforts
+from thingc.base.units import FORCE, LENGTH, NUMBER, TORQUE
+from thingc.documents.checks.kind import CheckKind
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import NumberField
+from thingc.documents.spec.name_types import JointNames, ModeNames, PoseNames
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, shown
+
+if TYPE_CHECKING:
+    from thingc.driver.testing.outcomes import TestCase
+    from thingc.model.assembly.report import LinkReport
+    from thingc.model.assembly.types import JointEdge
+    from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import Mode, Test
+    from thingc.model.robot.types import Keyframe, Robot
+    from thingc.model.statics.types import Efforts
+
+
+class TorqueMarginTest(Model):
+    """Drives hold the robot still against gravity, with a margin: their effort limit over the static torque."""
+
+    drive: JointNames = Field(examples=["shoulder", ["shoulder", "leg_*"]])
+    """Driven joints, patterns allowed."""
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    """Modes whose base is `fixed` or `held`, patterns allowed, or `all`; default: the first."""
+    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    """Poses, patterns allowed, or `all` keyframes of the mode; default: where the mode starts."""
+    min: NumberField
+    """The smallest allowed margin: 1.5 requires a limit of 1.5 times the needed torque."""
+
+
+class TorqueCheck(OneLineRepr, FrozenStruct):
+    """Requires the effort limits of the drives of `joints` (paths) to be at least `minimum` times the static effort."""
+
+    joints: tuple[str, ...]
+    minimum: float
+
+
+def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
+    """Read a `torque_margin` test, and report modes if the document does not specify what supports the robot in them."""
+    minimum = reader.number(written.min, "min", NUMBER, above=0.0)
+    joints = reader.drives(written.drive, "drive")
+    floating = [name for name in reader.chosen_modes if not _carried(reader.modes[name])]
+    if floating:
+        standing = [name for name, mode in reader.modes.items() if _carried(mode) and not _left_out(joints, mode)]
+        others = f", or use modes that do: {', '.join(f'`{name}`' for name in standing)}" if standing else ""
+        reader.error(
+            Code.TEST, f"the base of mode `{floating[0]}` is free and has no support", "mode" if written.mode is not None else (),
+            on_key=written.mode is None, help=f"set `standing_on: [...]` in the mode{others}",
+        )
+    for name in reader.chosen_modes:
+        absent = _left_out(joints, reader.modes[name])
+        if absent:
+            reader.error(
+                Code.TEST, f"mode `{name}` does not use the drive of joint `{absent[0]}`", "drive",
+                help="use drives that are in the `actuators` of the mode",
+            )
+    return TorqueCheck(joints=joints, minimum=minimum)
+
+
+def _carried(mode: Mode) -> bool:
+    """Return whether the document specifies what supports the base of a mode."""
+    return mode.base != "free" or mode.standing is not None or bool(mode.holds)
+
+
+def _left_out(joints: Sequence[str], mode: Mode) -> list[str]:
+    """Return the `joints` (paths) whose drives a mode does not use."""
+    present = mode.actuators
+    return [joint for joint in joints if present is not None and joint not in present]
+
+
+def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findings: LinkReport) -> None:
+    """Report drives without an effort limit, which have no margin."""
+
+    for path in check.joints:
+        joint = joints.get(path)
+        if joint is not None and joint.limit.effort is None:
+            findings.error(
+                Code.TEST, f"joint `{path}` has no effort limit, so its drive has no margin",
+                (test.spans["drive"],) if "drive" in test.spans else test.origin, path=path,
+                help="set `limit: {effort: ...}` of the joint, or `effort` of its drive", notes=noted(f"`{path}` is here", joint.origin),
+            )
+
 
 SLACK = 1e-6
 """Tolerance of unbalanced gravity on the joints, relative."""
@@ -27,6 +102,10 @@ SLACK = 1e-6
 
 def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     """Measure the smallest ratio of limit to static effort of the named drives."""
+    from thingc.model.assembly.kinematics import joints_of
+    from thingc.model.robot.kinematics import body_poses
+    from thingc.model.statics.efforts import static_efforts
+
     robot, frame = case.robot, case.frames[0]
     bodies = body_poses(robot, frame.q, frame.base)
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}
@@ -36,7 +115,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     text = _effort(joints[least], efforts[least])
     limit = _effort(joints[least], joints[least].limit.effort or 0.0)
     measured: dict[str, Measure] = {
-        "margin": margins[least] if math.isfinite(margins[least]) else None, "drive": least, "effort": efforts[least],
+        "margin": margins[least] if isfinite(margins[least]) else None, "drive": least, "effort": efforts[least],
         "efforts": {path: efforts[path] for path in check.joints},
     }
     expected: dict[str, Measure] = {"min": check.minimum}
@@ -54,7 +133,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
         measured["margin_without_friction"] = slippery
         aside += f"; {slippery:.3g} if the floor had no friction"
     failure: Failure | None = None
-    if not math.isfinite(margins[least]):
+    if not isfinite(margins[least]):
         said = f"{least} carries no load (margin at least {check.minimum:g}){aside}"
         return Outcome(measured=measured, expected=expected, said=said)
     said = f"margin {margins[least]:.3g} at {least}: {text} of {limit} (at least {check.minimum:g}){aside}"
@@ -78,6 +157,8 @@ def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
 
 def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:
     """Describe the result and the failure if nothing supports the pose: feet in the air, a robot that falls over, or an undriven joint."""
+    from thingc.model.statics.support import lifted, stance
+
     if robot.mode.feet:
         feet = stance(robot, q, bodies).feet
         high = lifted(feet)
@@ -111,6 +192,8 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
 
 def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], check: TorqueCheck) -> float | None:
     """Return the smallest margin if the floor only pushed upwards; None if nothing stands on it, or if this would not support the robot."""
+    from thingc.model.statics.efforts import static_efforts
+
     if not any(foot.friction > 0.0 for foot in robot.mode.feet):
         return None
     smooth = replace(robot, mode=replace(robot.mode, feet=tuple(replace(foot, friction=0.0) for foot in robot.mode.feet)))
@@ -118,11 +201,53 @@ def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], che
     if held.fall is not None or held.unheld > SLACK:
         return None
     least = held.margins[_weakest(check, held.margins)]
-    return least if math.isfinite(least) else None
+    return least if isfinite(least) else None
 
 
 def _effort(joint: JointEdge, value: float) -> str:
     return shown(abs(value), TORQUE if joint.twist.turns else FORCE)
 
 
-RUNNER = CheckRunner(measure=measure)
+PAGE = """\
+## Torque margin
+
+The torque margin is the effort limit of a drive divided by the effort that it needs to hold the robot still. This effort balances
+gravity and springs, without joint friction. A joint that mimics another adds its load to the joint that it follows. The base supports
+the robot; a `free` base requires [feet](modes.md#feet) or [holds](loops.md#holds). The test fails if no efforts can hold the robot in
+the pose.
+
+With loops, holds, feet or several drives, different efforts can hold the robot. The test then minimizes the sum of the squares of
+effort divided by limit, and reports this. A controller can apply these efforts. The best possible margin may be larger.
+
+Forces at the feet must be inside friction cones, which are approximated by inscribed pyramids with 16 edges. If no such forces support
+the robot, the test fails. It reports the distance of the centre of mass from the support polygon, or that the robot slides. A foot does
+not support the robot if it is higher than the lowest foot by more than 2 % of the greatest distance between feet.
+
+These efforts require a controller that controls the horizontal forces at the feet. Position drives at rest need about the same efforts
+as without friction. The test also reports the margin without friction. To require this margin, set `friction: 0`. The table shows the
+margins of a hexapod of 1.3 kg on three legs with servos of 1.5 N m (`tests/statics/hexapod`), computed by `thingc test` and MuJoCo:
+
+<!-- hexapod -->
+| Case | Smallest margin |
+|---|---|
+| least squares within the cones, friction 0.8 | 8.27 |
+| the same without friction | 5.24 |
+| MuJoCo, position drives at rest on the scene's floor | 5.21 |
+| three points held (`carries: force`) | 8.27 |
+| three clamps | 67.4 |
+
+<!-- keys: TorqueMarginTest -->
+| Key | Type | Default | Description |
+|---|---|---|---|
+| `drive` | driven joints, patterns allowed | required | drives to check; each must have an effort limit |
+| `mode` | modes | the first mode | |
+| `pose` | poses | the mode's own pose | |
+| `min` | a number | required | smallest allowed margin |
+"""
+
+KIND = CheckKind(
+    name="torque_margin", position=6, summary="Drives hold the robot still against gravity, with a margin.",
+    examples=[{"drive": "shoulder", "min": 1.5, "pose": "stretched"}], stub={"drive": "*", "min": "2"}, page=PAGE, model=TorqueMarginTest,
+    read=read_torque_margin, link=link,
+    measure=measure,
+)

@@ -1,0 +1,101 @@
+"""Test cases and the outcomes of their measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING
+
+from thingc.base.diagnostics import Code, Note
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.units import Dimension, Quantity
+
+if TYPE_CHECKING:
+    from thingc.model.assembly.types import LinkedTest
+    from thingc.model.resolve.types import Reference
+    from thingc.model.robot.types import Keyframe, Robot
+    from thingc.targets.request import EmitRequest
+
+Measure = float | int | str | list[float] | dict[str, float] | dict[str, list[str]] | None
+"""Measured or expected value in the JSON output, in SI."""
+
+ROUNDING = 1e-9
+"""Tolerance for rounding: relative for masses and lengths, in metres for positions."""
+
+
+class Failure(FrozenStruct):
+    """A failure: its code and message, and which value of the test (`max`, `within.x`) is violated."""
+
+    code: Code
+    message: str
+    key: str
+    help: str | None = None
+    notes: tuple[Note, ...] = ()
+
+
+class Outcome(FrozenStruct):
+    """The result of a measurement: measured and expected values (SI, by name), a description, and the failure, if any.
+
+    `needed` are the indices of the allowances of a collision test that were needed.
+    """
+
+    measured: Mapping[str, Measure]
+    expected: Mapping[str, Measure]
+    said: str
+    failure: Failure | None = None
+    needed: frozenset[int] = frozenset()
+
+
+def shown(value: float, dimension: Dimension) -> str:
+    """Format a measured value [SI] with four digits: `533.2 g`. Values below about a nanometre are shown as 0."""
+    value = value if abs(value) >= 1e-9 else 0.0
+    number, space, unit = str(Quantity(value, dimension)).partition(" ")
+    return f"{float(f'{float(number):.4g}'):g}{space}{unit}"
+
+
+def check_bounds(
+    name: str, what: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: Code,
+) -> Outcome:
+    """Format a range [SI]; either bound may be missing."""
+    measured = shown(value, dimension)
+    expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
+    words = [f"{word} {Quantity(bound, dimension)}" for word, bound in (("at least", minimum), ("at most", maximum)) if bound is not None]
+    failure = None
+    for key, bound, word in (("min", minimum, "below"), ("max", maximum, "above")):
+        slack = ROUNDING * max(abs(bound), abs(value)) if bound is not None else 0.0
+        if bound is None or not (value < bound - slack if key == "min" else value > bound + slack):
+            continue
+        off = abs(value - bound)
+        share = f" ({float(f'{100.0 * off / bound:.3g}'):g} %)" if bound else ""
+        failure = Failure(
+            code=code, key=key, message=f"{what} is {measured}, {word} {Quantity(bound, dimension)} by {shown(off, dimension)}{share}",
+        )
+    return Outcome(measured={name: value}, expected=expected, said=f"{name} {measured} ({', '.join(words)})", failure=failure)
+
+
+def unclosed() -> Outcome:
+    """Return the outcome for a pose in which the loops of the robot do not close."""
+    failure = Failure(
+        code=Code.TEST_POSE, key="pose", message="the loops of the mode do not close in this pose",
+        help="run `thingc info` to list the poses in which they close",
+    )
+    return Outcome(measured={}, expected={}, said="the loops do not close", failure=failure)
+
+
+class TestCase(FrozenStruct):
+    """A single run of a test: `robot` in a mode, with keyframes for the poses of this run (`frames`).
+
+    `missing` is the number of poses in which loops do not close. A test that does not depend on the mode has the first mode's robot and no
+    frames.
+    """
+
+    linked: LinkedTest
+    robot: Robot
+    request: EmitRequest
+    frames: tuple[Keyframe, ...] = ()
+    missing: int = 0
+
+    def components(self, references: Collection[Reference]) -> list[int]:
+        """Return the occurrences of the named components, in order; all if none is named."""
+        if not references:
+            return list(range(len(self.robot.assembly.occurrences)))
+        return sorted({index for reference in references for index in self.linked.components[reference]})
