@@ -13,7 +13,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from thingc.base.diagnostics import Code
+from thingc.base.diagnostics import DiagnosticCode
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ROOT / "docs" / "codes"
@@ -82,12 +82,12 @@ class Page:
     examples: dict[str, Example]
 
 
-def path_of(code: Code) -> Path:
+def path_of(code: DiagnosticCode) -> Path:
     """Return the page of a code."""
     return PAGES / f"{code.code}.md"
 
 
-def read_page(code: Code) -> Page:
+def read_page(code: DiagnosticCode) -> Page:
     """Return the parts of the page of a code."""
     return parse_page(path_of(code).read_text(encoding="utf-8"))
 
@@ -130,7 +130,7 @@ def with_output(text: str, example: Example, printed: str) -> str:
     return text.replace(before, after, 1)
 
 
-def current_page(code: Code) -> str:
+def current_page(code: DiagnosticCode) -> str:
     """Return the page of a code with the title and the fix of `Code`, and the last line; a new code gets a page to be filled in."""
     path = path_of(code)
     text = path.read_text(encoding="utf-8") if path.exists() else NEW.replace("CODE", code.code)

@@ -25,7 +25,7 @@ from code_pages import current_page, parse_page, path_of
 
 from thingc.base.diagnostics import Code
 from thingc.base.joints.kinds import KINDS
-from thingc.documents.checks import kinds
+from thingc.documents.checks import all_codes, kinds
 from thingc.targets.artifact import MANIFEST
 from thingc.targets.capabilities import Capabilities, Cell, Companion, Supported, joint_cell
 from thingc.targets.registry import TARGETS
@@ -120,7 +120,7 @@ def _read(path: Path) -> str:
 def examples(pages: Mapping[Path, str]) -> str:
     """What `thingc explain` reads: the sections, and by code the meaning and the two examples."""
     codes: dict[str, Any] = {}
-    for code in sorted(Code, key=lambda code: code.code):
+    for code in sorted(all_codes(), key=lambda code: code.code):
         page = parse_page(pages[path_of(code)])
         codes[code.code] = {"meaning": page.meaning, "wrong": None, "right": None}
         for side, example in page.examples.items():
@@ -130,7 +130,7 @@ def examples(pages: Mapping[Path, str]) -> str:
 
 def generated() -> dict[Path, str]:
     """Every file that is made here, with its text."""
-    pages = {path_of(code): current_page(code) for code in Code}
+    pages = {path_of(code): current_page(code) for code in all_codes()}
     return {PAGE: page(), EXAMPLES: examples(pages), TESTS: tests(), FORMATS: formats(), OUTPUTS: outputs(), **pages, **command_pages()}
 
 
@@ -257,9 +257,9 @@ def page() -> str:
     """The whole page."""
     lines = [HEAD]
     titles = sections()
-    for hundred in sorted({code.code[:3] for code in Code}):
+    for hundred in sorted({code.code[:3] for code in all_codes()}):
         lines += [f"## {hundred}xx: {titles[hundred]}", "", "| Code | Meaning | Fix |", "|---|---|---|"]
-        for code in sorted((code for code in Code if code.code.startswith(hundred)), key=lambda code: code.code):
+        for code in sorted((code for code in all_codes() if code.code.startswith(hundred)), key=lambda code: code.code):
             link = f"[{code.code}](codes/{code.code}.md)"
             lines.append(f"| {link} | {_cell(code.title)} | {_cell(code.cure)} |")
         lines.append("")
@@ -276,4 +276,4 @@ if __name__ == "__main__":
         stale.unlink()
     for path, text in files.items():
         path.write_text(text, encoding="utf-8", newline="\n")
-    print(f"{len(Code)} codes, {len(files)} files")
+    print(f"{len(all_codes())} codes, {len(files)} files")

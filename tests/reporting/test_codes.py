@@ -16,7 +16,8 @@ from code_pages import NEW, parse_page, path_of, read_page, unpack, with_output
 from generate import generated
 
 from cases.test_cases import said
-from thingc.base.diagnostics import Code
+from thingc.base.diagnostics import Code, DiagnosticCode
+from thingc.documents.checks import all_codes
 from thingc.tools.cli.console import USAGE_CODES
 from thingc.tools.cli.main import COMMANDS, main
 from thingc.tools.reporting.explain import explained, find, near, sections
@@ -24,7 +25,7 @@ from thingc.tools.reporting.explain import explained, find, near, sections
 pytestmark = pytest.mark.usefixtures("one_kernel")
 
 ROOT = Path(__file__).resolve().parents[2]
-CODES = sorted(Code, key=lambda code: code.code)
+CODES = sorted(all_codes(), key=lambda code: code.code)
 AGAIN = "run `python docs/generate.py`"
 
 ELSEWHERE = {
@@ -68,7 +69,7 @@ SIDES = ("wrong", "right")
 
 
 @pytest.mark.parametrize("code", CODES, ids=lambda code: code.code)
-def test_every_code_has_a_page_with_a_meaning_in_sentences(code: Code) -> None:
+def test_every_code_has_a_page_with_a_meaning_in_sentences(code: DiagnosticCode) -> None:
     assert path_of(code).exists(), AGAIN
     meaning = read_page(code).meaning
     assert meaning.endswith(".") and len(meaning) > 30 and meaning not in (code.title, code.cure), "say what the code means"
@@ -76,7 +77,7 @@ def test_every_code_has_a_page_with_a_meaning_in_sentences(code: Code) -> None:
 
 
 @pytest.mark.parametrize("code", CODES, ids=lambda code: code.code)
-def test_every_code_has_an_example_or_is_tested_elsewhere(code: Code) -> None:
+def test_every_code_has_an_example_or_is_tested_elsewhere(code: DiagnosticCode) -> None:
     if code.name in ELSEWHERE:
         text = (ROOT / ELSEWHERE[code.name]).read_text()
         assert any(spoken in text for spoken in (f"Code.{code.name}", f'"{code.name}"', code.code, _SPOKEN.get(code.name, "\0")))
@@ -128,7 +129,7 @@ def test_the_table_leads_to_every_page() -> None:
 
 
 @pytest.mark.parametrize("code", CODES, ids=lambda code: code.code)
-def test_links_of_a_page_lead_somewhere(code: Code) -> None:
+def test_links_of_a_page_lead_somewhere(code: DiagnosticCode) -> None:
     page = path_of(code).read_text()
     for target in re.findall(r"\]\(([^)\s]+)\)", page):
         assert (ROOT / "docs" / "codes" / target).exists(), target
@@ -138,7 +139,7 @@ def test_links_of_a_page_lead_somewhere(code: Code) -> None:
 
 
 @pytest.mark.parametrize("code", CODES, ids=lambda code: code.code)
-def test_explain_says_what_the_page_says(code: Code, capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_says_what_the_page_says(code: DiagnosticCode, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", code.code]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith(f"{code.code}: {code.title}\n") and f"Fix: {code.cure}\n" in printed

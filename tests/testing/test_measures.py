@@ -258,6 +258,7 @@ def test_the_lowest_corner_of_a_bar_that_hangs_down(rig: Workspace) -> None:
     assert found["under"]["measured"] == {"clearance": pytest.approx(-corner, abs=1e-7), "part": "lower"}
     assert found["spared"]["passed"] and found["spared"]["measured"] == {"clearance": pytest.approx(0.01, abs=1e-7), "part": "upper"}
     under, nothing = answer["diagnostics"]
+    assert under["code"] == nothing["code"] == "TC662"
     assert f"the lowest point of `lower` is {1000 * corner:.4g} mm below the plane, but at least 1 mm is required" in under["message"]
     assert [note["message"] for note in under["notes"]] == ["`upper` is also 10 mm below the plane"]
     assert under["help"] == "if this is intended, add `except: [lower]`" and "no checked part has a shape" in nothing["message"]

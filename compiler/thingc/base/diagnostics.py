@@ -37,11 +37,23 @@ class Stage(str, Enum):
     TEST = "test"
 
 
-class Code(Enum):
-    """All diagnostic codes: `NAME = ("code", "title", "fix")`. Codes are never reused or renumbered.
+class DiagnosticCode(Enum):
+    """A diagnostic code: `NAME = ("code", "title", "fix")`. Codes are never reused or renumbered.
 
     If a code can be a warning about an assembly document, its fourth value is the command that reports it. Such warnings, and export
     losses, can be suppressed where they occur (`allow: {TC407: reason}`).
+    """
+
+    def __init__(self, code: str, title: str, cure: str, warned_by: Stage | None = None) -> None:
+        self.code = code
+        self.title = title
+        self.cure = cure
+        self.warned_by = warned_by
+
+
+class Code(DiagnosticCode):
+    """The codes of thingc, except those of kinds of tests (`thingc.documents.checks.all_codes`).
+
     TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly,
     TC6xx modes (TC65x tests), TC7xx targets, TC8xx folders and files, TC9xx variants (TC95x import).
     """
@@ -205,18 +217,8 @@ class Code(Enum):
     COLLISION_MISSING = ("TC704", "no such collision shape", "Choose another `collision`, or give the Thing a `collision()`.")
     STATED = ("TC792", "implausible centre or inertia", "Correct the number or its unit.", Stage.CHECK)
     # --- TC65x: tests of the document (thingc test) ----------------------------------------------------------------
-    TEST_MASS = ("TC651", "mass outside its bounds", "Change the parts that weigh too much or too little, or the bound.")
-    TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move heavy parts, or widen the box.")
-    TEST_REACH = ("TC653", "reach outside its bounds", "Change lengths, the limits of joints, or the bound.")
-    TEST_POINT = ("TC654", "point out of reach", "Move the point, change lengths or the limits of joints, or allow more distance.")
-    TEST_COLLISION = ("TC655", "parts that collide", "Change a part, a pose or a range, or allow the pair with a reason.")
-    TEST_TORQUE = ("TC656", "too little torque", "Choose a stronger drive, a lighter robot or another pose, or lower the margin.")
-    TEST_SETTLES = ("TC657", "no rest in simulation", "Change the pose, the drives or the bounds; inspect the model of `thingc build`.")
     TEST_POSE = ("TC658", "pose that a test cannot use", "Name a pose in which the mode's loops close.")
     TEST_ALLOWANCE = ("TC659", "allowance that is never needed", "Remove the pair from `allow`.", Stage.TEST)
-    TEST_FALLS = ("TC660", "robot that falls over", "Move its feet or heavy parts, or use more feet.")
-    TEST_FOOT = ("TC661", "feet in the air", "Lower them in the pose, or let the mode stand on others.")
-    TEST_CLEARANCE = ("TC662", "too near to the ground", "Change a part or a pose, or name what may touch the ground under `except`.")
     # --- TC7xx: targets (emit) -------------------------------------------------------------------------------------
     RAW_UNKNOWN = ("TC701", "raw attribute of an unknown element", "Name a kind of element and an element that the model has.")
     MJCF_REFUSED = ("TC702", "MuJoCo rejects the model", "Change the place shown as the message of MuJoCo requires.")
@@ -266,12 +268,6 @@ class Code(Enum):
     SOURCE_FILE = ("TC956", "missing mesh of a robot file", "Specify `--package NAME=DIR` or `--mesh-root DIR`, or use `--no-meshes`.")
     SOURCE_CONFLICT = ("TC957", "conflict with the source", "Write the correct value at the place shown.")
 
-    def __init__(self, code: str, title: str, cure: str, warned_by: Stage | None = None) -> None:
-        self.code = code
-        self.title = title
-        self.cure = cure
-        self.warned_by = warned_by
-
 
 class Note(OneLineRepr, FrozenStruct):
     """A second location or additional information, such as "mount declared here". The message is shortened as in `Diagnostic`."""
@@ -295,7 +291,7 @@ class Diagnostic(OneLineRepr, FrozenStruct):
     with `--debug`. `fixes` are unambiguous edits for `thingc check --fix`. `message` and `help` are shortened here, for all output formats.
     """
 
-    code: Code
+    code: DiagnosticCode
     severity: Severity
     message: str
     span: Span | None = None
@@ -318,18 +314,18 @@ class Allowance(FrozenStruct, eq=False):
     location of the entry, and `path` the path of its mapping in the document.
     """
 
-    code: Code
+    code: DiagnosticCode
     reason: str
     where: Span
     path: str
     nodes: tuple[tuple[Span, Node], ...]
 
-    def covers(self, code: Code, places: Collection[Span]) -> bool:
+    def covers(self, code: DiagnosticCode, places: Collection[Span]) -> bool:
         """Return whether this entry suppresses a warning of `code`, which requires one of `places` in the mapping."""
         return code is self.code and any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
 
 
-def allow_hint(code: Code) -> str:
+def allow_hint(code: DiagnosticCode) -> str:
     """Return a hint on how to suppress a warning."""
     return f'if this is intended, write `allow: {{{code.code}: "the reason"}}`'
 
@@ -349,7 +345,7 @@ class Report:
     _known: set[Diagnostic] = field(default_factory=set, repr=False)
 
     def add(
-        self, code: Code, message: str, where: Span | Origin | None, *, help: str | None = None, path: str | None = None,
+        self, code: DiagnosticCode, message: str, where: Span | Origin | None, *, help: str | None = None, path: str | None = None,
         notes: Iterable[Note] = (), severity: Severity = Severity.ERROR, detail: str | None = None,
     ) -> bool:
         """Add a diagnostic. The location is `where`, or the innermost span of an `Origin`. The other spans of the `Origin` become notes.
@@ -380,7 +376,7 @@ class Report:
             self.diagnostics.append(diagnostic)
         return True
 
-    def allows(self, code: Code, places: Collection[Span]) -> bool:
+    def allows(self, code: DiagnosticCode, places: Collection[Span]) -> bool:
         """Return whether a warning with these locations is suppressed. If so, mark the allowances as needed."""
         covering = [allowance for allowance in self.allowances if allowance.covers(code, places)]
         self.needed.update(covering)
@@ -388,7 +384,7 @@ class Report:
         return bool(covering)
 
     def warn(
-        self, code: Code, message: str, where: Span | Origin | None, *, help: str | None = None, path: str | None = None,
+        self, code: DiagnosticCode, message: str, where: Span | Origin | None, *, help: str | None = None, path: str | None = None,
         notes: Iterable[Note] = (),
     ) -> bool:
         """Add a warning (see `add`)."""

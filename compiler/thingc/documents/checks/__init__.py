@@ -11,6 +11,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
+from thingc.base.diagnostics import Code, DiagnosticCode
 from thingc.documents.checks.kind import CheckKind
 
 KINDS = "thingc.driver.testing.kinds"
@@ -25,3 +26,9 @@ def kinds() -> dict[str, CheckKind[Any, Any]]:
     modules = [import_module(f"{KINDS}.{stem}") for stem in stems]
     unsorted: list[CheckKind[Any, Any]] = [module.KIND for module in modules if hasattr(module, "KIND")]
     return {kind.name: kind for kind in sorted(unsorted, key=lambda kind: (kind.position, kind.name))}
+
+
+@cache
+def all_codes() -> tuple[DiagnosticCode, ...]:
+    """Return every diagnostic code: those of `Code`, then those of kinds of tests."""
+    return (*Code, *(code for kind in kinds().values() for code in kind.codes))

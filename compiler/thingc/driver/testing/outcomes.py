@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
-from thingc.base.diagnostics import Code, Note
+from thingc.base.diagnostics import Code, DiagnosticCode, Note
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.units import Dimension, Quantity
 
@@ -25,7 +25,7 @@ ROUNDING = 1e-9
 class Failure(FrozenStruct):
     """A failure: its code and message, and which value of the test (`max`, `within.x`) is violated."""
 
-    code: Code
+    code: DiagnosticCode
     message: str
     key: str
     help: str | None = None
@@ -53,7 +53,7 @@ def shown(value: float, dimension: Dimension) -> str:
 
 
 def check_bounds(
-    name: str, what: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: Code,
+    name: str, what: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: DiagnosticCode,
 ) -> Outcome:
     """Format a range [SI]; either bound may be missing."""
     measured = shown(value, dimension)

@@ -11,7 +11,8 @@ import os
 import re
 from typing import Any
 
-from thingc.base.diagnostics import Code
+from thingc.base.diagnostics import DiagnosticCode
+from thingc.documents.checks import all_codes
 
 _FILE = os.path.join(os.path.dirname(__file__), "examples.json")
 
@@ -22,31 +23,31 @@ def _data() -> dict[str, Any]:
     return explanations
 
 
-def find(word: str) -> Code | None:
+def find(word: str) -> DiagnosticCode | None:
     """Return the code for `TC302`, `tc302`, `302` or `unknown_component`, or None if the code does not exist."""
     asked = word.strip().upper()
     asked = asked.removeprefix("TC") if re.fullmatch(r"TC\d+", asked) else asked
-    return next((code for code in Code if asked in (code.code.removeprefix("TC"), code.name)), None)
+    return next((code for code in all_codes() if asked in (code.code.removeprefix("TC"), code.name)), None)
 
 
-def near(word: str, count: int = 3) -> list[Code]:
+def near(word: str, count: int = 3) -> list[DiagnosticCode]:
     """Return codes similar to a word: the nearest numbers, or codes whose title contains the word or whose name is similar."""
     number = re.fullmatch(r"(?:TC)?(\d+)", word.strip().upper())
     if number is not None and len(number.group(1)) == 3:
         wanted = int(number.group(1))
-        return sorted(Code, key=lambda code: abs(int(code.code[2:]) - wanted))[:count]
+        return sorted(all_codes(), key=lambda code: abs(int(code.code[2:]) - wanted))[:count]
     asked = word.strip().lower().replace("_", " ")
     if number is not None:
-        numbers = {code.code[2:]: code for code in Code}
+        numbers = {code.code[2:]: code for code in all_codes()}
         return [numbers[match] for match in difflib.get_close_matches(number.group(1), numbers, n=count)]
-    spoken = [code for code in Code if asked in f"{code.title} {code.name.replace('_', ' ')}".lower()]
+    spoken = [code for code in all_codes() if asked in f"{code.title} {code.name.replace('_', ' ')}".lower()]
     if spoken:
         return spoken[:count]
-    words = {known: code for code in Code for known in (*code.name.lower().split("_"), code.name.lower())}
+    words = {known: code for code in all_codes() for known in (*code.name.lower().split("_"), code.name.lower())}
     return list(dict.fromkeys(words[match] for match in difflib.get_close_matches(asked, words, n=count, cutoff=0.75)))
 
 
-def explained(code: Code) -> dict[str, Any]:
+def explained(code: DiagnosticCode) -> dict[str, Any]:
     """Return `code`, `title`, `meaning`, `cure`, `wrong` and `right` of a code.
 
     The examples are `{"files": {name: text}, "command", "said"}`, the document first among the files. They are None if no document causes
@@ -59,7 +60,7 @@ def explained(code: Code) -> dict[str, Any]:
     }
 
 
-def as_page(code: Code) -> str:
+def as_page(code: DiagnosticCode) -> str:
     """Format the explanation of a code as text."""
     explanation = explained(code)
     lines = [f"{code.code}: {code.title}", ""]
@@ -77,11 +78,11 @@ def as_page(code: Code) -> str:
     return "\n".join(lines)
 
 
-def sections() -> list[tuple[str, list[Code]]]:
+def sections() -> list[tuple[str, list[DiagnosticCode]]]:
     """Return all codes by section, such as `TC3xx: names and values across documents`."""
     titles = _data()["sections"]
-    hundreds = sorted({code.code[:3] for code in Code})
-    by_number = sorted(Code, key=lambda code: code.code)
+    hundreds = sorted({code.code[:3] for code in all_codes()})
+    by_number = sorted(all_codes(), key=lambda code: code.code)
     return [
         (f"{hundred}xx: {titles[hundred]}" if hundred in titles else f"{hundred}xx", [c for c in by_number if c.code[:3] == hundred])
         for hundred in hundreds

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.base.diagnostics import Code
+from thingc.base.diagnostics import DiagnosticCode
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import total
 from thingc.base.one_line_repr import OneLineRepr
@@ -23,6 +23,12 @@ if TYPE_CHECKING:
     from thingc.model.resolve.types import Reference
 
 Interval = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
+
+class CentreCode(DiagnosticCode):
+    """Codes of `centre` tests."""
+
+    TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move heavy parts, or widen the box.")
+
 
 class WithinSpec(Model):
     """A box: smallest and largest value per axis. An omitted axis is free."""
@@ -84,7 +90,7 @@ def measure(case: TestCase, check: CentreCheck) -> Outcome:
     whole = total(robot.assembly.occurrences[index].properties.seen_from(at[index]) for index in case.components(check.of))
     expected: dict[str, Measure] = {axis: list(box) for axis, box in check.box.items()}
     if whole.mass <= 0.0:
-        weightless = Failure(code=Code.TEST_CENTRE, key="of", message="the components have no mass and thus no centre of mass")
+        weightless = Failure(code=CentreCode.TEST_CENTRE, key="of", message="the components have no mass and thus no centre of mass")
         return Outcome(measured={"mass": 0.0}, expected=expected, said="no mass", failure=weightless)
     place = whole.centre
     if check.frame is not None:
@@ -98,14 +104,14 @@ def measure(case: TestCase, check: CentreCheck) -> Outcome:
             continue
         bound, word = (low, "below") if value < low else (high, "above")
         failures.append(Failure(
-            code=Code.TEST_CENTRE, key=f"within.{axis}.{0 if value < low else 1}",
+            code=CentreCode.TEST_CENTRE, key=f"within.{axis}.{0 if value < low else 1}",
             message=f"{axis} of the centre of mass is {shown(value, LENGTH)}, {word} {Quantity(bound, LENGTH)} by "
             f"{shown(abs(value - bound), LENGTH)}",
         ))
     text = "  ".join(f"{1000.0 * v:z.1f}" for v in place)
     failure = None
     if failures:
-        failure = Failure(code=Code.TEST_CENTRE, key=failures[0].key, message="; ".join(one.message for one in failures))
+        failure = Failure(code=CentreCode.TEST_CENTRE, key=failures[0].key, message="; ".join(one.message for one in failures))
     return Outcome(measured={"centre": list(place), "mass": whole.mass}, expected=expected, said=f"centre {text} mm", failure=failure)
 
 
@@ -132,5 +138,5 @@ PAGE = """\
 KIND = CheckKind(
     name="centre", position=2, summary="The centre of mass is inside a box.", examples=[{"within": {"x": ["-10 mm", "10 mm"]}}],
     stub={"within": {"z": ["-1 m", "1 m"]}}, page=PAGE, model=CentreTest, read=read_centre,
-    measure=measure,
+    codes=CentreCode, measure=measure,
 )

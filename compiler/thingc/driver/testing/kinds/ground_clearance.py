@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.diagnostics import Code, Note
+from thingc.base.diagnostics import DiagnosticCode, Note
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import inf, maximum, minimum
 from thingc.base.one_line_repr import OneLineRepr, counted
@@ -26,6 +26,12 @@ if TYPE_CHECKING:
     from thingc.model.assembly.types import Occurrence, Surface
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import Reference
+
+
+class ClearanceCode(DiagnosticCode):
+    """Codes of `ground_clearance` tests."""
+
+    TEST_CLEARANCE = ("TC662", "too near to the ground", "Change a part or a pose, or name what may touch the ground under `except`.")
 
 
 class GroundClearanceTest(Model):
@@ -70,7 +76,7 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
     expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
     heights = sorted(_heights(case, check))
     if not heights:
-        shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="no checked part has a shape")
+        shapeless = Failure(code=ClearanceCode.TEST_CLEARANCE, key="except", message="no checked part has a shape")
         return Outcome(measured={}, expected=expected, said="no shape", failure=shapeless)
     height, path = heights[0]
     failure: Failure | None = None
@@ -80,7 +86,7 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
         if len(others) > LISTED:
             notes.append(Note(message=f"and {counted(len(others) - LISTED, 'more part')}"))
         failure = Failure(
-            code=Code.TEST_CLEARANCE, key="at_least", notes=tuple(notes),
+            code=ClearanceCode.TEST_CLEARANCE, key="at_least", notes=tuple(notes),
             message=f"the lowest point of `{path}` is {_over(height)}, but at least {Quantity(check.least, LENGTH)} is required",
             help=f"if this is intended, add `except: [{path.replace('/', '.')}]`",
         )
@@ -159,5 +165,5 @@ KIND = CheckKind(
     examples=[{"at_least": "5 mm", "except": ["foot"]}],
     stub={"at_least": "0"}, lengths=("ground_clearance", "clearance"),
     page=PAGE, model=GroundClearanceTest, read=read_ground_clearance,
-    measure=measure,
+    codes=ClearanceCode, measure=measure,
 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import model_validator
 
-from thingc.base.diagnostics import Code
+from thingc.base.diagnostics import DiagnosticCode
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import sum_of
 from thingc.base.one_line_repr import OneLineRepr
@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from thingc.driver.testing.outcomes import TestCase
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import Reference
+
+
+class MassCode(DiagnosticCode):
+    """Codes of `mass` tests."""
+
+    TEST_MASS = ("TC651", "mass outside its bounds", "Change the parts that weigh too much or too little, or the bound.")
 
 
 class MassTest(Model):
@@ -59,7 +65,7 @@ def measure(case: TestCase, check: MassCheck) -> Outcome:
     """Measure the sum of the masses [kg]."""
     occurrences = case.robot.assembly.occurrences
     value = sum_of(occurrences[index].properties.mass for index in case.components(check.of))
-    return check_bounds("mass", "the mass", value, check.minimum, check.maximum, MASS, Code.TEST_MASS)
+    return check_bounds("mass", "the mass", value, check.minimum, check.maximum, MASS, MassCode.TEST_MASS)
 
 
 PAGE = """\
@@ -78,5 +84,5 @@ Checks the total mass of the components, as shown by `thingc info`.
 KIND = CheckKind(
     name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}], stub={"max": "10 kg"}, page=PAGE,
     model=MassTest, read=read_mass,
-    measure=measure,
+    codes=MassCode, measure=measure,
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.base.diagnostics import Code, Note, Report, allow_hint
+from thingc.base.diagnostics import Code, DiagnosticCode, Note, Report, allow_hint
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr, counted
 from thingc.base.source import Origin
@@ -31,6 +31,12 @@ JointBoundField = Annotated[Value, quantity(ANGLE, LENGTH)]
 SAMPLES = 200
 """Default number of positions of a sweep."""
 MOST_SAMPLES = 10_000
+
+
+class CollisionCode(DiagnosticCode):
+    """Codes of `no_collision` tests."""
+
+    TEST_COLLISION = ("TC655", "parts that collide", "Change a part, a pose or a range, or allow the pair with a reason.")
 
 
 class AllowSpec(Model):
@@ -223,7 +229,7 @@ def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], c
     ]
     names = ", ".join(assembly.occurrences[index].path.replace("/", ".") for index in (first.one, first.other))
     return Failure(
-        code=Code.TEST_COLLISION, key="clearance" if first.gap > 0.0 else "", notes=tuple(notes),
+        code=CollisionCode.TEST_COLLISION, key="clearance" if first.gap > 0.0 else "", notes=tuple(notes),
         message=f"{_how(assembly, first, check.clearance)}{_at(case, check, first)}",
         help=f"{allow_hint(Code.OVERLAP)} on one of the two" if (first.one, first.other) in collisions.close
         else f'if this is intended, add `allow: [{{pair: [{names}], reason: "..."}}]`',
@@ -309,5 +315,5 @@ KIND = CheckKind(
     stub={"pose": "all"}, lengths=("clearance", "gap", "overlap"),
     page=PAGE, model=NoCollisionTest, read=read_no_collision,
     of_limits=True,
-    measure=measure, poses=poses, finish=finish,
+    codes=CollisionCode, measure=measure, poses=poses, finish=finish,
 )

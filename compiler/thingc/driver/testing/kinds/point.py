@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.base.diagnostics import Code, Note
+from thingc.base.diagnostics import Code, DiagnosticCode, Note
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import hypot, radians
 from thingc.base.one_line_repr import OneLineRepr
@@ -25,6 +25,12 @@ if TYPE_CHECKING:
 
 ANGLE_OFF = radians(1.0)
 """Default deviation from the direction [rad]."""
+
+
+class PointCode(DiagnosticCode):
+    """Codes of `point` tests."""
+
+    TEST_POINT = ("TC654", "point out of reach", "Move the point, change lengths or the limits of joints, or allow more distance.")
 
 
 class PointTest(Model):
@@ -102,7 +108,9 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     expected = {"distance": check.within} | ({"angle": check.angle} if check.direction is not None else {})
     failure: Failure | None = None
     if best is None:
-        failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot did not close in any position that was tried")
+        failure = Failure(
+            code=PointCode.TEST_POINT, key="at", message="the loops of the robot did not close in any position that was tried",
+        )
         return Outcome(measured={}, expected=expected, said="no position", failure=failure)
     distance, off, joints = best
     said = f"{shown(distance, LENGTH)} from the point ({target}"
@@ -114,13 +122,13 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     notes = (Note(message=f"nearest at {where}"),) if where else ()
     if distance > check.within:
         failure = Failure(
-            code=Code.TEST_POINT, key="at", notes=notes,
+            code=PointCode.TEST_POINT, key="at", notes=notes,
             message=f"`{check.mount.text}` gets at best within {shown(distance, LENGTH)} of the point, but "
             f"{Quantity(check.within, LENGTH)} is required",
         )
     elif check.direction is not None and off > check.angle:
         failure = Failure(
-            code=Code.TEST_POINT, key="direction", notes=notes,
+            code=PointCode.TEST_POINT, key="direction", notes=notes,
             message=f"`{check.mount.text}` reaches the point, but is at best {shown(off, ANGLE)} off the direction; "
             f"at most {Quantity(check.angle, ANGLE)} is allowed",
         )
@@ -151,5 +159,5 @@ KIND = CheckKind(
     examples=[{"mount": "hand.tip", "at": "200 0 50 mm", "within": "1 mm"}],
     stub={"mount": "$mount", "at": ["0", "0", "0"], "within": "1 m"}, lengths=("point", "distance"),
     page=PAGE, model=PointTest, read=read_point,
-    measure=measure,
+    codes=PointCode, measure=measure,
 )

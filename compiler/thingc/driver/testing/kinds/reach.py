@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 from pydantic import Field, model_validator
 
-from thingc.base.diagnostics import Code, Note
+from thingc.base.diagnostics import DiagnosticCode, Note
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from thingc.driver.testing.outcomes import TestCase
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import Reference
+
+
+class ReachCode(DiagnosticCode):
+    """Codes of `reach` tests."""
+
+    TEST_REACH = ("TC653", "reach outside its bounds", "Change lengths, the limits of joints, or the bound.")
 
 
 class ReachTest(Model):
@@ -72,7 +78,7 @@ def measure(case: TestCase, check: ReachCheck) -> Outcome:
     if robot is None:
         return unclosed()
     best, joints = farthest(robot, case.linked.mounts[check.of], case.linked.mounts[check.base], case.linked.test.origin)
-    outcome = check_bounds("reach", "the reach", best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
+    outcome = check_bounds("reach", "the reach", best, check.minimum, check.maximum, LENGTH, ReachCode.TEST_REACH)
     where = joints_text(assembly, joints)
     if outcome.failure is not None:
         message = f"{outcome.failure.message}, over the ranges of all joints"
@@ -105,5 +111,5 @@ KIND = CheckKind(
     examples=[{"of": "hand.tip", "from": "plate.bottom", "min": "300 mm"}],
     stub={"of": "$mount", "from": "$base", "min": "1 mm"}, lengths=("reach",),
     page=PAGE, model=ReachTest, read=read_reach,
-    measure=measure,
+    codes=ReachCode, measure=measure,
 )

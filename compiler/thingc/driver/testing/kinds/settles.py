@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 from pydantic import Field
 
-from thingc.base.diagnostics import Code, Report
+from thingc.base.diagnostics import DiagnosticCode, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import maximum
 from thingc.base.one_line_repr import OneLineRepr
@@ -29,6 +29,12 @@ HOLD = 1.0
 """Default time [s] for which the robot must be at rest."""
 GIVES = 5e-3
 """Default depth [m] of contacts. Contacts that carry a robot are less deep; deeper ones overlapped at the start."""
+
+
+class SettleCode(DiagnosticCode):
+    """Codes of `settles` tests."""
+
+    TEST_SETTLES = ("TC657", "no rest in simulation", "Change the pose, the drives or the bounds; inspect the model of `thingc build`.")
 
 
 class SettlesTest(Model):
@@ -91,7 +97,7 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
     if report.failed:
         for diagnostic in report.diagnostics:
             case.request.report.say(diagnostic)
-        failure = Failure(code=Code.TEST_SETTLES, key="", message="MuJoCo rejects the model")
+        failure = Failure(code=SettleCode.TEST_SETTLES, key="", message="MuJoCo rejects the model")
         return Outcome(measured={}, expected={}, said="no model", failure=failure)
     store = case.request.store
     files = {path: content if isinstance(content, bytes) else store.read(content.sha256) for path, content in artifacts.files.items()}
@@ -119,18 +125,18 @@ def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
     if not settled:
         said = f"not at rest after {check.within:g} s"
         failure = Failure(
-            code=Code.TEST_SETTLES, key="within",
+            code=SettleCode.TEST_SETTLES, key="within",
             message=f"after {Quantity(check.within, TIME)} it still moves by {shown(drift, LENGTH)} in "
             f"{Quantity(check.hold, TIME)}, but at most {Quantity(check.drift, LENGTH)} is allowed",
         )
     elif check.moved is not None and moved > check.moved:
         failure = Failure(
-            code=Code.TEST_SETTLES, key="moved",
+            code=SettleCode.TEST_SETTLES, key="moved",
             message=f"it comes to rest {far} from the pose, but at most {Quantity(check.moved, LENGTH)} is allowed",
         )
     elif deepest > check.penetration:
         failure = Failure(
-            code=Code.TEST_SETTLES, key="penetration",
+            code=SettleCode.TEST_SETTLES, key="penetration",
             message=f"its contacts are {deep} deep at rest, but at most {Quantity(check.penetration, LENGTH)} is allowed",
             help="start on the floor (`at: {on: floor}` of the mode) and without overlaps; if contacts are meant to be this soft, "
             "increase `penetration`",
@@ -140,7 +146,7 @@ def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
 
 def _diverged(time: float) -> Outcome:
     failure = Failure(
-        code=Code.TEST_SETTLES, key="", message=f"the simulation diverges after {time:.3g} s",
+        code=SettleCode.TEST_SETTLES, key="", message=f"the simulation diverges after {time:.3g} s",
         help="reduce `simulation: {timestep: ...}`, or look for parts that overlap in the pose",
     )
     return Outcome(measured={"diverged": time}, expected={}, said=f"diverges after {time:.3g} s", failure=failure)
@@ -171,5 +177,5 @@ KIND = CheckKind(
     stub={"within": "2 s", "drift": "1 mm"}, lengths=("drift", "moved", "penetration"),
     page=PAGE,
     model=SettlesTest, read=read_settles,
-    measure=measure,
+    codes=SettleCode, measure=measure,
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 from pydantic import Field
 
-from thingc.base.diagnostics import Code, Note, noted
+from thingc.base.diagnostics import Code, DiagnosticCode, Note, noted
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import isfinite
 from thingc.base.one_line_repr import OneLineRepr
@@ -28,6 +28,14 @@ if TYPE_CHECKING:
     from thingc.model.resolve.types import Mode, Test
     from thingc.model.robot.types import Keyframe, Robot
     from thingc.model.statics.types import Efforts
+
+
+class TorqueCode(DiagnosticCode):
+    """Codes of `torque_margin` tests."""
+
+    TEST_TORQUE = ("TC656", "too little torque", "Choose a stronger drive, a lighter robot or another pose, or lower the margin.")
+    TEST_FALLS = ("TC660", "robot that falls over", "Move its feet or heavy parts, or use more feet.")
+    TEST_FOOT = ("TC661", "feet in the air", "Lower them in the pose, or let the mode stand on others.")
 
 
 class TorqueMarginTest(Model):
@@ -144,7 +152,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
             for path in others
         ]
         failure = Failure(
-            code=Code.TEST_TORQUE, key="min", notes=tuple(notes),
+            code=TorqueCode.TEST_TORQUE, key="min", notes=tuple(notes),
             message=f"drive `{least}` needs {text} of its {limit}: a margin of {margins[least]:.3g}, below {check.minimum:g}",
         )
     return Outcome(measured=measured, expected=expected, said=said, failure=failure)
@@ -165,7 +173,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
         if high:
             listed = ", ".join(f"`{path}` by {shown(height, LENGTH)}" for path, height in high.items())
             failure = Failure(
-                code=Code.TEST_FOOT, key="pose", message=f"in this pose, feet of the mode are above the other feet: {listed}",
+                code=TorqueCode.TEST_FOOT, key="pose", message=f"in this pose, feet of the mode are above the other feet: {listed}",
                 help="lower them in the pose, or remove them from `standing_on`",
             )
             return "stands on feet in the air", failure
@@ -176,14 +184,14 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
             "pulls": ("falls off", "gravity pulls it away from the floor, and nothing presses it on"),
         }[held.fall.how]
         failure = Failure(
-            code=Code.TEST_FALLS, key="pose", message=f"in this pose the robot {said}: {why}",
+            code=TorqueCode.TEST_FALLS, key="pose", message=f"in this pose the robot {said}: {why}",
             help="move its feet or heavy parts, or add feet to `standing_on`",
         )
         return said, failure
     if held.unheld > SLACK:
         moves = f"joint `{held.where}`" if held.where else "the robot"
         failure = Failure(
-            code=Code.TEST_TORQUE, key="drive", message=f"the drives cannot hold this pose: {moves} would move",
+            code=TorqueCode.TEST_TORQUE, key="drive", message=f"the drives cannot hold this pose: {moves} would move",
             help="drive the joint, or choose a pose in which it hangs at rest",
         )
         return "does not stay in the pose", failure
@@ -249,5 +257,5 @@ KIND = CheckKind(
     name="torque_margin", position=6, summary="Drives hold the robot still against gravity, with a margin.",
     examples=[{"drive": "shoulder", "min": 1.5, "pose": "stretched"}], stub={"drive": "*", "min": "2"}, page=PAGE, model=TorqueMarginTest,
     read=read_torque_margin, link=link,
-    measure=measure,
+    codes=TorqueCode, measure=measure,
 )

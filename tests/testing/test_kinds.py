@@ -1,0 +1,29 @@
+"""What a kind of test consists of: nothing of a new one can be forgotten."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from thingc.documents.checks import kinds
+
+ROOT = Path(__file__).resolve().parents[2]
+MODULES = sorted((ROOT / "compiler" / "thingc" / "driver" / "testing" / "kinds").glob("[!_]*.py"))
+TESTS = [path for path in (ROOT / "tests").rglob("test_*.py") if path != Path(__file__)]
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda path: path.stem)
+def test_a_module_is_a_kind_and_its_codes_are_tested(module: Path) -> None:
+    """A test names each code, so it lets a test of the kind fail."""
+    assert module.stem in kinds(), f"driver/testing/kinds/{module.name} has no `KIND` of the name `{module.stem}`"
+    tested = "\n".join(path.read_text() for path in TESTS)
+    missing = [code.code for code in kinds()[module.stem].codes if not re.search(rf"\b{code.code}\b", tested)]
+    assert missing == [], f"no test expects {missing}: add a test of the kind `{module.stem}`"
+
+
+def test_positions_and_pages_of_kinds() -> None:
+    assert [kind.position for kind in kinds().values()] == [*range(1, len(kinds()) + 1)]
+    for kind in kinds().values():
+        assert f"<!-- keys: {kind.model.__name__} -->" in kind.page, f"`PAGE` of `{kind.name}` has no table of its keys"
