@@ -1,4 +1,4 @@
-"""The result of an emitter: files keyed by relative path, and losses (what the target cannot express)."""
+"""The result of an emitter: files by relative path, and losses, which are features that the target cannot express."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Origin, Span
 
 MANIFEST = "manifest.json"
-"""The path of the manifest in a build folder, the only file that it does not list."""
+"""The path of the manifest in a build folder. It is the only file that the manifest does not list."""
 
 
 class StoredArtifact(FrozenStruct):
@@ -23,9 +23,9 @@ class StoredArtifact(FrozenStruct):
 Content = bytes | StoredArtifact
 
 How = Literal["omitted", "approximated", "carried as custom data"]
-"""What happens to something that a target cannot express, the worst first.
+"""What happens to a feature that a target cannot express, from worst to best.
 
-Custom data is written to the files, but readers ignore it unless they know it.
+Custom data is written to the files, but only readers that support it use it.
 """
 
 CARRIED: Final = "carried as custom data"
@@ -34,10 +34,10 @@ HOW: tuple[How, ...] = get_args(How)
 
 
 class Loss(FrozenStruct):
-    """Something that a target cannot express.
+    """A feature of a robot that a target cannot express.
 
     `mode` is None if the loss does not belong to a single mode. `path` is the path of the occurrence, joint or mount. `what` describes the
-    loss, and `origin` lists its places in the documents.
+    loss, and `origin` are its places in the documents.
     """
 
     target: str
@@ -54,7 +54,7 @@ class Loss(FrozenStruct):
 
     @staticmethod
     def of(origin: Origin, target: str, mode: str | None, path: str, what: str, how: How) -> Loss:
-        """Return a loss, with `origin` as the first argument."""
+        """Return a loss. This constructor takes `origin` as the first argument."""
         return Loss(target=target, mode=mode, path=path, what=what, how=how, origin=origin)
 
 
@@ -65,7 +65,7 @@ def counts_of(losses: Iterable[Loss]) -> dict[str, int]:
 
 
 class Artifacts(FrozenStruct):
-    """The result of an emitter: `{path in the build folder: content}`, and the losses."""
+    """The result of an emitter: the contents of files by path in the build folder, and the losses."""
 
     files: dict[str, Content]
     losses: tuple[Loss, ...] = ()

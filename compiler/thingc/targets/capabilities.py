@@ -1,10 +1,10 @@
-"""Capabilities of formats: one table for each target.
+"""Capabilities of formats, with one table for each target.
 
 The table determines what the emitter writes, which losses it reports, and the target's column in `docs/formats.md`.
 
 Types ensure that tables are complete: mypy reports a missing feature. If a feature can be written in several ways, the cell has one of the
 target's own keywords (`by`). The emitter matches on this keyword (`written`), and mypy reports an unknown keyword or a missing case. Losses
-depend on the robot: `losses` checks which features it uses, in the same way for all targets.
+depend on the robot: `losses` checks which features the robot uses, in the same way for all targets.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Sensor = TypeVar("Sensor")
 class Supported(FrozenStruct, Generic[By], kw_only=False):
     """The format supports the feature.
 
-    `how` describes the feature if the format uses a different name. `by` is the emitter's keyword for how it is written, or None if there
+    `how` describes the format's feature if it has a different name. `by` is the emitter's keyword for how it is written, or None if there
     is only one way.
     """
 
@@ -49,7 +49,7 @@ class Supported(FrozenStruct, Generic[By], kw_only=False):
 class Lossy(FrozenStruct, Generic[By], kw_only=False):
     """The format supports part of the feature: it is written as `by` specifies, with a `Loss` whose `how` is given.
 
-    `words` are added to the description of the loss, including the comma or colon before.
+    `words` are added to the description of the loss; they begin with a comma or colon.
     """
 
     by: By
@@ -58,7 +58,7 @@ class Lossy(FrozenStruct, Generic[By], kw_only=False):
 
 
 class Omitted(FrozenStruct, kw_only=False):
-    """The format does not support the feature; nothing is written. `words` are added to the description of the `Loss`."""
+    """The format does not support the feature, and nothing is written. `words` are added to the description of the `Loss`."""
 
     words: str = ""
 
@@ -69,7 +69,7 @@ class Omitted(FrozenStruct, kw_only=False):
 
 
 class Companion(FrozenStruct, kw_only=False):
-    """Users do not expect the feature in files of this format: it is not written and is not a loss."""
+    """Users do not expect the feature in files of this format. It is not written and does not count as a loss."""
 
 
 Written = Supported[By] | Lossy[By]
@@ -82,7 +82,7 @@ BESIDE = Companion()
 
 
 def written(cell: Cell[By]) -> By | None:
-    """Return the emitter's keyword for how a feature is written, or None if there is only one way or it is not written."""
+    """Return the emitter's keyword for how a feature is written. Return None if there is only one way or if it is not written."""
     return cell.by if isinstance(cell, (Supported, Lossy)) else None
 
 
@@ -100,7 +100,7 @@ class Joints(TypedDict, Generic[By]):
 
 
 class OfJoints(TypedDict):
-    """Properties of joints."""
+    """Cells for properties of joints."""
 
     cone: Plain
     velocity: Plain
@@ -124,7 +124,7 @@ class Drives(TypedDict, Generic[By]):
 
 
 class LoopKinds(TypedDict, Generic[By]):
-    """Cells for loops, by the free motion at the cut. A `hold` keeps a mount in place."""
+    """Cells for loops, by the motion that remains free at the cut. A `hold` keeps a mount in place."""
 
     hold: Cell[By]
     weld: Cell[By]
@@ -147,7 +147,7 @@ class Bases(TypedDict):
 
 
 class Modes(TypedDict):
-    """Properties of modes. `simulation` covers all simulation settings except `timestep`."""
+    """Cells for properties of modes. `simulation` covers all simulation settings except `timestep`."""
 
     gravity: Plain
     poses: Plain
@@ -157,7 +157,7 @@ class Modes(TypedDict):
 
 
 class Links(TypedDict):
-    """Properties of links.
+    """Cells for properties of links.
 
     `rolling` is rolling friction. `weightless` is a massless link moved by a joint, and `weightless_base` is a massless base. `point` and
     `line` are masses at a point or on a line, whose inertia no solid can have.
@@ -175,7 +175,7 @@ class Links(TypedDict):
 
 
 class ContactShapes(TypedDict, Generic[By]):
-    """Collision shapes. `mesh` is a non-convex mesh that is not replaced by its convex hull. Visual primitives use the same cells."""
+    """Cells for collision shapes. `mesh` is a non-convex mesh that is not replaced by its hull. Visual primitives use the same cells."""
 
     box: Cell[By]
     cylinder: Cell[By]
@@ -188,7 +188,7 @@ class ContactShapes(TypedDict, Generic[By]):
 
 
 class Sensors(TypedDict, Generic[By]):
-    """Sensors by their kind."""
+    """Cells for sensors, by kind."""
 
     imu: Cell[By]
     force: Cell[By]
@@ -216,7 +216,7 @@ def all_sensors(cell: Cell[By]) -> Sensors[By]:
 
 
 class OfSensors(TypedDict):
-    """Properties of the sensors that are written."""
+    """Cells for properties of the sensors that are written."""
 
     noise: Plain
     cutoff: Plain
@@ -248,7 +248,7 @@ AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
 def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
     """Return the losses of a target for a robot in these modes, without duplicates.
 
-    `cut` means that the target also writes the joints that cut loops as joints.
+    `cut` means that the target also writes joints that cut loops as joints.
     """
     lost = _Lost(target, says, cut)
     everything: list[Iterator[Loss]] = [lost.of_assembly(assembly)]
@@ -371,7 +371,7 @@ class _Lost:
         )
 
     def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
-        """Yield the loss for a sensor, or the losses for those of its properties that are not written.
+        """Yield the loss for a sensor or, if the sensor is written, the losses for its properties that are not written.
 
         For a rangefinder, `cutoff` is the range and does not clip the values.
         """
@@ -441,5 +441,5 @@ def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "sc
 
 
 def shape_cell(kind: Literal["mesh"] | PrimitiveShape) -> Literal["hull"] | PrimitiveShape:
-    """Return the cell for a collision shape; a mesh counts as convex."""
+    """Return the cell for a collision shape. A mesh is treated as convex."""
     return "hull" if kind == "mesh" else kind

@@ -1,4 +1,4 @@
-"""The connections between the bodies of a mode, for formats that allow any graph: joints of the tree and joints that close loops."""
+"""The connections between the bodies of a mode, for formats that allow any graph: tree joints, and joints that close loops."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ HOLD = "_hold"
 class Connection(FrozenStruct):
     """A connection between two bodies, which are given by index (None as the parent is the world).
 
-    `X_0` is a frame on the parent, `X_1` one on the child. Applying the motion of `coordinates` to the first frame gives the second. Each
-    of the `twists` is in the first frame, with all later coordinates at 0. A connection without coordinates is fixed, or if `turns` is set,
-    only keeps the two origins together. `path` is the path of the whole joint. `joints` are the coordinates of a joint in the document. A
-    connection that is not `in_tree` closes a loop or holds a mount.
+    `X_0` is a frame on the parent, `X_1` a frame on the child. Applying the motion of `coordinates` to the first frame gives the second
+    one. Each of the `twists` is in the first frame, with all later coordinates at 0. A connection without coordinates is fixed; if `turns`
+    is set, it only keeps the two origins together. `path` is the path of the whole joint. `joints` are the coordinates of a joint in the
+    document. A connection that is not `in_tree` closes a loop or holds a mount.
     """
 
     parent: int | None
@@ -41,7 +41,7 @@ class Connection(FrozenStruct):
 
 
 def connections(robot: Robot, loops: LoopKinds[Literal["joint"]], *, closed: bool = True) -> Iterator[Connection]:
-    """Yield the joints of a mode in the order of its bodies, then the closed loops and holds that the format writes."""
+    """Yield the joints of a mode in the order of its bodies, then the closed loops and holds that the format supports."""
     for index, body in enumerate(robot.bodies):
         path, origin, moves = BASE, robot.mode.origin, body.joints or robot.moves
         if body.joints:

@@ -1,7 +1,7 @@
-"""Apply the custom names of `names:` in the documents to the robot.
+"""Apply the custom names in `names:` of the documents to the robot.
 
 Emitters of targets with `Target.by_name` get the renamed robot and do not see the original names. A `/` in a custom name is written in the
-same way as in a path.
+same way as a `/` in a path.
 
 Fields that contain paths are identified by their types (see `base/export_names.py`). Other records with paths have rules (see
 `_Caller.rules`).
@@ -25,7 +25,7 @@ from thingc.model.robot.types import Closure, TreeJoint
 from thingc.targets.request import EmitRequest
 
 MADE = "called"
-"""Key under which the new request is cached in the original."""
+"""Key under which the new request is cached in the original one."""
 
 AS_WRITTEN = frozenset({AssemblyDefinition, Component, Definition, FileNames, LinkedTest, Occurrence})
 """Records that keep the names of the documents."""
@@ -115,7 +115,7 @@ class _Caller:
             return self.record(old) if type(old) not in AS_WRITTEN else old
         return self.value(next(one for one in get_args(hint) if _holds(one, frozenset())), old) if get_args(hint) else old
 
-    # --- rules: the fields of a record that change; `fields` are those found by their types --------------------------------
+    # --- rules: the fields of a record that change; `fields` are the fields found by their types ---------------------------
 
     def _assembly(self, assembly: Assembly, fields: dict[str, Any]) -> dict[str, Any]:
         return {**fields, "names": None}

@@ -1,4 +1,4 @@
-"""The visual and collision shapes of each occurrence, for any target: primitives, and meshes shared per definition.
+"""The visual and collision shapes of each occurrence for any target: primitives, and meshes that are shared per definition.
 
 This module also computes the size of a robot.
 
@@ -25,13 +25,13 @@ from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss, StoredArtifact
 
 PIECES = {"decompose": "convex"}
-"""Names for files of pieces, if they differ from the value of `collision`."""
+"""Names used in files of convex pieces, if they differ from the value of `collision`."""
 
 ENDLESS = 100.0
-"""Half the size [m] of an infinite plane, in formats without infinite planes."""
+"""Half the size [m] of a plane that represents an infinite plane, in formats without infinite planes."""
 
 Takes = Callable[[Occurrence, Mesh | Primitive], bool]
-"""Returns whether a target accepts a collision shape of an occurrence. The function itself reports what is lost."""
+"""Returns whether a target accepts a collision shape of an occurrence. The function itself reports losses."""
 
 
 class MeshAsset(FrozenStruct):
@@ -60,7 +60,7 @@ class MeshAsset(FrozenStruct):
 
 
 class Shape(FrozenStruct):
-    """A shape in its occurrence's frame: a mesh (named by `mesh`) or a primitive of `size`, as in `Primitive` [m].
+    """A shape in its occurrence's frame: a mesh (by its name `mesh`) or a primitive with a `size` as in `Primitive` [m].
 
     `name` is the custom name, prefixed with the path of its document.
     """
@@ -96,7 +96,7 @@ class Geometry(FrozenStruct):
 
 
 def material_name(material: Material | None, color: str | None) -> str | None:
-    """Return `petg_e6e6fa`: material and colour, because a document may use a material in several colours; None without a colour."""
+    """Return `petg_e6e6fa`, the material and the colour, since a material may have several colours. Return None without a colour."""
     if color is None:
         return None
     return f"{material.name if material is not None else 'color'}_{color.removeprefix('#')}"
@@ -119,7 +119,7 @@ def numbered(name: str, index: int) -> str:
 
 
 def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
-    """Yield the name of each shape: its custom name if that is still free, else the usual name with a number."""
+    """Yield the name of each shape: its custom name if that is still unused, else the usual name with a number."""
     used: set[str | None] = {None}
     for index, shape in enumerate(shapes):
         yield numbered(usual, index) if shape.name in used else shape.name or ""
@@ -153,7 +153,7 @@ def linear(channel: float) -> float:
 
 
 def inputs_of(assembly: Assembly) -> tuple[object, ...]:
-    """Return a `Memo` key of everything in an assembly that affects its geometry."""
+    """Return a `Memo` key that contains everything in an assembly that affects its geometry."""
     return tuple(
         (
             one.path, one.definition, one.record, one.listed, one.component.definition, one.overrides.collision, one.overrides.visual,
@@ -164,10 +164,10 @@ def inputs_of(assembly: Assembly) -> tuple[object, ...]:
 
 
 def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report, *, own: bool = False) -> Geometry:
-    """Return the geometry of every occurrence. `takes` tells whether the target accepts a collision shape.
+    """Return the geometry of every occurrence. `takes` returns whether the target accepts a collision shape.
 
-    With `own`, meshes are written with the content of their original mesh files if known. It is an error if meshes of two definitions have
-    the same file name in `folder`.
+    With `own`, meshes have the content of their original mesh files if it is known. It is an error if meshes of two definitions have the
+    same file name in `folder`.
     """
     return _Collector(folder, takes, report, own).collect(assembly)
 

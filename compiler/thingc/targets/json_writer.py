@@ -1,4 +1,4 @@
-"""The JSON format of build outputs: an indent of two spaces, floats as `repr`, and each row of numbers on one line."""
+"""The JSON format of build outputs: two spaces of indentation, floats as `repr`, and each row of numbers on one line."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from thingc.base.safe_text import json_text
 
 
 def encode(value: object) -> bytes:
-    """Return `value` (mappings, sequences, text, numbers, flags, None) as UTF-8 JSON with a final newline, keys in the order given.
+    """Return `value` (mappings, sequences, text, numbers, flags, None) as UTF-8 JSON with a final newline. Keys keep their order.
 
     Raises `ValueError` for a number that is not finite, which JSON does not support, and `TypeError` for any other type.
     """
@@ -19,20 +19,20 @@ def encode(value: object) -> bytes:
 
 
 class JsonFragment(str):
-    """A value that is already encoded as JSON text, indented for its depth (see `fragment`)."""
+    """A value that is already encoded as JSON text, with the indentation for its depth (see `fragment`)."""
 
     __slots__ = ()
 
 
 def fragment(value: object, depth: int) -> JsonFragment:
-    """Encode a value that will be nested `depth` levels deep in another one. Raises the same errors as `encode`."""
+    """Encode a value that will be nested `depth` levels deep. Raises the same errors as `encode`."""
     return JsonFragment(_format_json(value, "\n" + "  " * depth))
 
 
 @formatter("json")
 def number(value: float) -> str:
     """Return the text of a finite number."""
-    return repr(value + 0.0)  # 0.0 in place of the -0.0 in rotations
+    return repr(value + 0.0)  # replaces the -0.0 in rotations by 0.0
 
 
 _PLAIN = {float, int, str, bool, type(None)}

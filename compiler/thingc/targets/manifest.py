@@ -1,4 +1,4 @@
-"""`manifest.json`: the contents and sources of a build folder, so that it can be checked and replaced."""
+"""`manifest.json`: the contents and sources of a build folder, which are needed to check and replace the folder."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "trimesh")
-"""Distributions, besides thingc, whose version affects a build; one that is not installed is left out."""
+"""Distributions, besides thingc, whose version affects a build. A distribution that is not installed is omitted."""
 
 
 class BuildChoice(FrozenStruct):
     """The options of a build.
 
-    `modes`, `emit` (targets) and `compat` (readers of MuJoCo models) are names in document or table order. Values of parameters and choices
-    are text.
+    `modes`, `emit` (targets) and `compat` (readers of MuJoCo models) are names in document order or in the order of their tables. Values of
+    parameters and choices are text.
     """
 
     modes: tuple[str, ...]
@@ -49,7 +49,7 @@ def manifest(
 ) -> bytes:
     """Return the bytes of `manifest.json`.
 
-    `document` and the keys of `documents` (path to SHA-256) are paths in the workspace; `files` are all other files of the folder. The
+    `document` and the keys of `documents` (path to SHA-256) are paths in the workspace. `files` are all other files of the folder. The
     result does not depend on the order of the mappings. Raises `ValueError` if `files` contains a manifest.
     """
     if MANIFEST in files:
@@ -85,7 +85,7 @@ def manifest(
 
 
 def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
-    """Return a loss as in the manifest and in `--format json`. `file`, relative to the workspace, and `line` are null if unknown."""
+    """Return a loss as in the manifest and in `--format json`. `file` (relative to the workspace) and `line` are null if unknown."""
     return {
         "target": loss.target,
         "mode": loss.mode,
@@ -98,16 +98,16 @@ def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
 
 
 def sha256_of(content: Content) -> str:
-    """Return the hexadecimal SHA-256 of a file's content. For a stored file it is already known."""
+    """Return the hexadecimal SHA-256 of a file's content, which is already known for a stored file."""
     return content.sha256 if isinstance(content, StoredArtifact) else hashlib.sha256(content).hexdigest()
 
 
 @functools.cache
 def versions() -> Mapping[str, str]:
-    """Return the installed versions of Python, thingc and `DISTRIBUTIONS`, by name. Cached.
+    """Return the installed versions of Python, thingc and `DISTRIBUTIONS` by name. The result is cached.
 
-    The first one on the import path counts. They are read from the names of the `NAME-VERSION.dist-info` folders ("Recording installed
-    projects", PyPA specifications): importing `importlib.metadata` would take longer than writing everything else.
+    The first version on the import path counts. Versions are read from the names of the `NAME-VERSION.dist-info` folders ("Recording
+    installed projects", PyPA specifications), because importing `importlib.metadata` would take longer than writing all other files.
     """
     wanted = {_normal(name): name for name in DISTRIBUTIONS}
     version_of: dict[str, str] = {}

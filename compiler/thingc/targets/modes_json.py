@@ -1,13 +1,13 @@
 """`modes.json`: the trees of all modes, for switching between modes at run time.
 
-It is sufficient for the forward kinematics of any mode at any q, without MuJoCo. With P the document's parent link of a joint and C its
-child, J the parent mount's frame and the joint's coordinates in order,
+It is sufficient for the forward kinematics of any mode at any q, without MuJoCo. P is the document's parent link of a joint and C its
+child; J is the parent mount's frame. With the joint's coordinates in order,
 
     X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ inv(X_CJ)
 
-where a twist (`angular`, `linear`) rotates about `angular` and moves along `linear`, through the origin of J, per unit of q. Those of a
-`ball` act at once, `exp(twist_0 q_0 + twist_1 q_1 + twist_2 q_2)`: its q is a rotation vector. If C is the parent in the mode's tree
-(`reversed`), use the inverse of the pose. None of these values depends on the root.
+A twist (`angular`, `linear`) rotates about `angular` and moves along `linear`, through the origin of J, per unit of q. The twists of a
+`ball` are exponential coordinates, `exp(twist_0 q_0 + twist_1 q_1 + twist_2 q_2)`: its q is a rotation vector. If C is the parent in the
+mode's tree (`reversed`), use the inverse of the pose. None of these values depends on the root.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from thingc.targets.mjcf.lowering import is_ball, lowered, sizes
 from thingc.targets.request import EmitRequest
 
 VERSION = 2
-"""Version of the form of a mode: readers reject others."""
+"""Version of the data format of a mode. Readers reject other versions."""
 
 LISTED = 3
-"""Nesting depth of a link or a joint in the file: in a list of a mode."""
+"""Nesting depth of a link or joint in the file, which is in a list of a mode."""
 
 FREE = (7, 6)
-"""Sizes in `qpos` and `qvel` of a free base: position and quaternion; linear and angular velocity."""
+"""Sizes of a free base in `qpos` and `qvel`: position and quaternion; linear and angular velocity."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -61,21 +61,21 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
 
     - `root` is the path of the site on which the mode stands, `base` is `fixed | held | free | planar | ball`, `gravity` [m/s^2] is in the
       world, `X_world_root` is the pose of the root link in this mode (4 x 4, by rows). `X_world_at` exists only for a `planar` or `ball`
-      base: the frame in whose x-y plane it moves, or about whose origin it rotates.
-    - `links` are in the order of the bodies of the model, the root link first; `X_root_link` is the pose of the link's frame in the root
-      link's frame at q = 0; `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] are in the link's frame.
-    - `joints` are in the order of the model: `parent` and `child` are links as in this mode's tree; `reversed` means that they are swapped
-      in the document. `coordinates` are in the document's order; `in_model` has the names of a coordinate's joints in MuJoCo, each with its
-      motion per unit of q; `qpos` and `dof` are their addresses in `MjData.qpos` and `.qvel`, after a free base's 7 and 6. Each coordinate
+      base: it is the frame in whose x-y plane the base moves, or about whose origin it rotates.
+    - `links` are in the order of the bodies of the model, with the root link first. `X_root_link` is the pose of the link's frame in the
+      root link's frame at q = 0. `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] are in the link's frame.
+    - `joints` are in the order of the model. `parent` and `child` are links as in this mode's tree; `reversed` means that they are swapped
+      in the document. `coordinates` are in the document's order. `in_model` has the names of a coordinate's joints in MuJoCo, each with its
+      motion per unit of q. `qpos` and `dof` are their addresses in `MjData.qpos` and `.qvel`, after a free base's 7 and 6. Each coordinate
       of a ball has the addresses of the whole ball, a quaternion and an angular velocity.
-    - `holds` are further mounts held to the world, by path: `link` has the mount, `anchor` is the mocap body that holds it. `carries` is
+    - `holds` are additional mounts held to the world, by path: `link` has the mount, `anchor` is the mocap body that holds it. `carries` is
       `force` if only the mount's origin is held, so that it can rotate, else `force and torque`. `X_LM` is the mount in the link, `X_WM`
       its pose in the world.
-    - `poses` are q by joint path, the mode's own pose first. Only if there are any: `bases` are `X_world_root` of the poses in which a free
+    - `poses` are q by joint path, with the mode's own pose first. If there are any: `bases` are `X_world_root` of the poses in which a free
       base is elsewhere, and `standing_on` are the mounts on which the mode stands.
-    - If there are loops, `cuts` are the joints that close them (which are not joints of this model): `X_PA` and `X_CB` are the frames that
-      meet, with A on the parent moving by `coordinates` as above, and the offsets in `X_PA`. `residuals` is how far [m, rad] the worst loop
-      is from closed in each pose.
+    - If there are loops, `cuts` are the joints that close them, which are not joints of this model. `X_PA` and `X_CB` are the frames that
+      meet, with A on the parent moving by `coordinates` as above, and the offsets in `X_PA`. `residuals` is the error [m, rad] of the worst
+      loop in each pose.
     """
     names = [robot.assembly.links[body.link].name.replace("/", separator) for body in robot.bodies]
     memo = memo or Memo()

@@ -1,4 +1,4 @@
-"""Names in formats other than MJCF: paths with `_` instead of `/` and `::` (Gazebo's separator). Each name must be unique."""
+"""Names in formats other than MJCF: paths with `_` in place of `/` and `::` (Gazebo's separator). Each name must be unique."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from thingc.model.robot.types import Robot, Site
 
 
 def safe(path: str) -> str:
-    """Return `hand_tip` for `hand/tip`."""
+    """Return the name for a path: `hand_tip` for `hand/tip`."""
     return path.replace("/", "_").replace("::", "_")
 
 
 def package_name(robot: str) -> str:
-    """Return the name of the robot's ROS package, in the letters that REP 144 allows: `arm_description` for `Arm`."""
+    """Return the name of the robot's ROS package, with the letters that REP 144 allows: `arm_description` for `Arm`."""
     return re.sub("_+", "_", f"{robot.lower()}_description")
 
 
 def frames(robot: Robot) -> dict[int, list[Site]]:
-    """Return a mapping of body indices to their additional frames.
+    """Return the additional frames by body index.
 
     If several paths have the same name and frame, only the first one is included.
     """
@@ -37,7 +37,7 @@ def frames(robot: Robot) -> dict[int, list[Site]]:
 
 
 class MangledNames:
-    """The names in one namespace of a file of the format `target` (such as `URDF`). Duplicates are reported at the second use.
+    """The names in one namespace of a file of the format `target` (such as `URDF`). A duplicate is reported at its second use.
 
     `both` is the verb for the conflict in the message: `be the link` or `have the name`.
     """
@@ -51,7 +51,7 @@ class MangledNames:
     def take(self, path: str, origin: Origin, made: str | None = None) -> str:
         """Return the name for a path, and report a duplicate.
 
-        `made` describes an item without a path in the document. Names that every file contains have an empty origin.
+        `made` describes an item that has no path in the document. Names that every file contains have an empty origin.
         """
         self.free(path, origin, made)
         return safe(path)

@@ -1,4 +1,4 @@
-"""The graphs of a robot as networkx graphs, for export only: the compiler does not use them.
+"""Graphs of a robot as networkx graphs, only for export: the compiler does not use them.
 
 Attributes without a value are omitted, because GraphML has no null.
 """
@@ -24,7 +24,8 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
     """Return the hierarchical assembly graph.
 
     Nodes are texts of definitions with `label`, `reference`, `kind`, `quantity` (their number in the robot), and for a mirror image
-    `mirror` and `mirrors` (a text). Edges go from an assembly to its components; their key is the component, with `mounts` and `joint`.
+    `mirror` and `mirrors` (a text). Edges go from an assembly to its components. Their key is the component; they have `mounts` and
+    `joint`.
     """
     graph = networkx.MultiDiGraph(name=hag.label)
     for one in hag.definitions:
@@ -40,8 +41,8 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
 def mate_graph(assembly: Assembly) -> Graph:
     """Return the graph of mates.
 
-    Nodes are paths of occurrences with `definition` (a text), `link` and `mass` [kg]. Edges go from the parent of a mate to its child;
-    their key is `mount -> mount`, with `parent_mount`, `child_mount`, `joint` (left out if rigid) and `loop`.
+    Nodes are paths of occurrences with `definition` (a text), `link` and `mass` [kg]. Edges go from the parent of a mate to its child.
+    Their key is `mount -> mount`; they have `parent_mount`, `child_mount`, `joint` (omitted if rigid) and `loop`.
     """
     graph = networkx.MultiDiGraph(name=assembly.name)
     names = [occurrence.path for occurrence in assembly.occurrences]
@@ -58,8 +59,8 @@ def mate_graph(assembly: Assembly) -> Graph:
 def link_graph(assembly: Assembly) -> Graph:
     """Return the graph of links.
 
-    Nodes are names of links with `mass` [kg] and `occurrences`. Edges go from the document's parent of a joint to its child; their key is
-    the path of the joint, with `kind`, `coordinates` (their paths) and `loop`.
+    Nodes are names of links with `mass` [kg] and `occurrences`. Edges go from the document's parent of a joint to its child. Their key is
+    the path of the joint; they have `kind`, `coordinates` (their paths) and `loop`.
     """
     graph = networkx.MultiDiGraph(name=assembly.name)
     for link in assembly.links:
@@ -81,7 +82,7 @@ def _said(**attributes: Any) -> dict[str, Any]:
 
 
 def graphml(graph: Graph) -> str:
-    """Return a graph without lists as GraphML. Edge ids are numbers, because they must be unique in a file; `name` is the key."""
+    """Return a graph without lists as GraphML. Edge ids are numbers, because they must be unique in a file; the key is in `name`."""
     spoken = networkx.MultiDiGraph(**_displayable(graph.graph))
     for node, attributes in graph.nodes(data=True):
         spoken.add_node(escape_control(node), **_displayable(attributes))
@@ -96,7 +97,7 @@ def _displayable(attributes: dict[str, Any]) -> dict[str, Any]:
 
 
 def plain(graph: Graph) -> dict[str, Any]:
-    """Return the graph as JSON data, which `networkx.node_link_graph` reads."""
+    """Return the graph as JSON data for `networkx.node_link_graph`."""
     node_link: dict[str, Any] = networkx.node_link_data(graph, edges="edges")
     return node_link
 
@@ -104,8 +105,8 @@ def plain(graph: Graph) -> dict[str, Any]:
 class Loop(FrozenStruct):
     """A loop that is cut at joint `cut`.
 
-    `through` are the other joints of the loop, from the parent of the cut joint to its child, each with the reason why it was not cut
-    (empty if the loop is closed rigidly).
+    `through` are the other joints of the loop, from the parent of the cut joint to its child, each with the reason why it was not cut. The
+    reasons are empty if the loop is closed rigidly.
     """
 
     cut: str
@@ -113,7 +114,7 @@ class Loop(FrozenStruct):
 
 
 def loops_of(robot: Robot) -> tuple[Loop, ...]:
-    """Return the loops that a mode cuts at joints, through two links or more: the fundamental cycles of its tree."""
+    """Return the loops that a mode cuts at joints and that pass through at least two links: the fundamental cycles of its tree."""
     assembly = robot.assembly
     cuts = {closure.path for closure in robot.closures if not closure.hold}
     graph = link_graph(assembly)

@@ -1,4 +1,4 @@
-"""The table of targets, which declare themselves. Their emitters are imported on demand.
+"""The table of targets. Targets declare themselves, and their emitters are imported on demand.
 
 A folder beside this module is a target if its `__init__.py` has a `TARGET`. Other packages can add targets through the entry-point group
 `thingc.emitters`, with the same function signature.
@@ -34,7 +34,7 @@ GROUP = "thingc.emitters"
 
 
 def _declared() -> dict[str, Target]:
-    """Return the targets of thingc: the folders here whose package has a `TARGET`, which imports no emitter."""
+    """Return the targets of thingc: the folders here whose package has a `TARGET`. No emitter is imported for this."""
     folders = (entry.name for entry in os.scandir(os.path.dirname(__file__)) if "." not in entry.name)
     packages = {name: import_module(f"{__package__}.{name}") for name in folders if not name.startswith("_")}
     declared: dict[str, Target] = {name: package.TARGET for name, package in packages.items() if hasattr(package, "TARGET")}
@@ -42,14 +42,14 @@ def _declared() -> dict[str, Target]:
 
 
 TARGETS = _declared()
-"""The targets of thingc, in the order in which a build writes them. Other packages list their files in `WRITES` of the module."""
+"""The targets of thingc, in the order in which a build writes them. Targets of other packages list their files in their `WRITES`."""
 
 ALL = "all"
-"""Selects every target."""
+"""The argument that selects all targets."""
 
 
 def written() -> re.Pattern[str]:
-    """Return a pattern for all paths in a build folder that targets, including those of installed packages, may write."""
+    """Return a pattern for all paths in a build folder that targets, including installed ones, may write."""
     patterns = [pattern for target in TARGETS.values() for pattern in target.writes]
     for name in targets():
         if name not in TARGETS:
@@ -59,7 +59,7 @@ def written() -> re.Pattern[str]:
 
 
 def _unstated(target: str, paths: Iterable[str]) -> list[str]:
-    """Return the paths not matched by the `WRITES` of an installed target, which the next build would not recognise."""
+    """Return the paths that the `WRITES` of an installed target does not match. The next build would not recognise these files."""
     if target in TARGETS:
         return []
     own = _fitting(_stated(target))
@@ -103,13 +103,13 @@ def chosen(words: Sequence[str]) -> tuple[str, ...]:
 
 
 def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
-    """Return the modules of thingc's own targets, and the libraries that they need, so that they can be imported early."""
+    """Return the modules of thingc's own targets and of the libraries that they need, so that they can be imported early."""
     ours = {function.partition(":")[0]: None for target in wanted if target in TARGETS for function in TARGETS[target].emitters}
     return (*ours, *dict.fromkeys(library for target in wanted if target in TARGETS for library in TARGETS[target].libraries))
 
 
 def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
-    """Return the artifacts of each target in the given order. A loss is only included with the first target that has it."""
+    """Return the artifacts of each target in the given order. A loss of several targets is included only with the first one."""
     from thingc.targets.custom_names import called
 
     artifacts: dict[str, Artifacts] = {}
@@ -151,8 +151,8 @@ def _function(name: str) -> Emitter:
 def _installed() -> Mapping[str, str]:
     """Return the entry points of the group, read from the packages' metadata files.
 
-    `importlib.metadata` gives the same result but takes 40 ms, a third of a build without changes. As there, the first package on the path
-    has precedence if two packages use the same name. The cache is valid until a folder on the path changes.
+    `importlib.metadata` gives the same result but takes 40 ms, a third of a build without changes. As in `importlib.metadata`, the first
+    package on the path has precedence if two packages use the same name. The cache is valid until a folder on the path changes.
     """
     return _entry_points(tuple((folder, _changed(folder)) for folder in sys.path))
 

@@ -23,8 +23,8 @@ class EmitRequest(FrozenStruct, eq=False):
 
     `assembly` is the robot without a root, and `robots` has it once per chosen mode, in document order. `store` has the meshes, `geometry`
     makes STEP files, and `report` receives diagnostics. `verify` is the interval at which MuJoCo compiles models that differ only in
-    numbers (1: all, 0: none). `compat` names other programs that will read the MuJoCo models. `folder` is the absolute path of the build
-    folder (None if unknown). `repeated` marks one of many requests in a process, whose results are not worth caching individually.
+    numbers (1: all, 0: none). `compat` names additional programs that will read the MuJoCo models. `folder` is the absolute path of the
+    build folder (None if unknown). `repeated` marks one of many requests in a process, whose results are not worth caching individually.
     """
 
     assembly: Assembly
@@ -38,6 +38,6 @@ class EmitRequest(FrozenStruct, eq=False):
     folder: str | None = None
     repeated: bool = False
     memo: Memo = field(default_factory=Memo)
-    """Results computed once for all modes, and in a session for all requests."""
+    """Results that are computed once for all modes and, in a session, once for all requests."""
     made: dict[str, Any] = {}
     """Results of targets that other targets use, by name."""

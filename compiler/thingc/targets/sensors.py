@@ -1,4 +1,4 @@
-"""Where sensors are in a robot, and what simulators measure there, for any target."""
+"""Places of sensors in a robot, and what simulators measure there, for any target."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ def on_free_root(robot: Robot, sensor: LinkedSensor) -> bool:
 
 
 def elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
-    """Return where a force is measured instead of at the mount, as text; None if it is measured at the mount.
+    """Return a text that describes where a force is measured instead of at the mount. Return None if it is measured at the mount.
 
-    Simulators measure the force between a body and its parent in the tree. This is equal to the force through the mount if the mount
-    belongs to the root or to the joint to the parent, or if the body has no other joints, so that only external forces act on it.
+    Simulators measure the force between a body and its parent in the tree. This is equal to the force through the mount in two cases: the
+    mount belongs to the root or to the joint to the parent, or the body has no other joints, so that only external forces act on it.
     """
     index = body_of(robot, sensor)
     body = robot.bodies[index]

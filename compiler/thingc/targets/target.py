@@ -1,4 +1,4 @@
-"""The declaration of a target, which each folder of a target has in its `__init__.py`."""
+"""The declaration of a target, which the `__init__.py` of each target's folder contains."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ class Target(FrozenStruct):
     """A target of thingc.
 
     `position` is its place in the order in which a build writes targets. `says` is a short description, `emitters` are references of the
-    form `module:function`, and `writes` are patterns for its files. `files` describes them for the picture of the build folder in the
-    documentation, by path; a path that ends with `/` stands for all files below it, NAME, MODE and DEFINITION for names.
+    form `module:function`, and `writes` are patterns for its files. `files` describes them, by path, for the picture of the build folder in
+    the documentation. A path that ends with `/` stands for all files below it; NAME, MODE and DEFINITION stand for names.
 
-    With `unasked`, the target is written by builds without `--emit`. `capabilities` is the module with the `CAPABILITIES` of a format for
-    whole robots. With `by_name`, custom names are applied, because readers of the files use names. `libraries` are modules of other
-    packages that its functions import, and that can be imported early.
+    With `unasked`, builds without `--emit` write the target. `capabilities` is the module with the `CAPABILITIES` of a format for whole
+    robots. With `by_name`, custom names are applied, because readers of the files use names. `libraries` are modules of other packages
+    that its functions import; they can be imported early.
     """
 
     position: int

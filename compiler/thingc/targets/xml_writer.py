@@ -1,6 +1,6 @@
-"""XML elements with their origin in the documents. They are written at full precision with an indent of two spaces.
+"""XML elements with their origin in the documents. They are written at full precision, with two spaces of indentation per level.
 
-Simulators' own writers use fewer digits (MuJoCo's `to_xml`: six), and do not know the documents.
+The simulators' own writers use fewer digits (MuJoCo's `to_xml`: six) and do not track the origin of elements.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from thingc.base.source import Origin
 from thingc.model.resolve.types import RawAttribute
 
 XmlValue = str | float | tuple[float, ...]
-"""The value of an attribute or an element: text, or numbers, which are formatted when the document is written."""
+"""The value of an attribute or an element: text, or numbers that are formatted when the document is written."""
 
 
 class RawValue(FrozenStruct):
@@ -30,11 +30,10 @@ class RawValue(FrozenStruct):
 class Element:
     """An XML element.
 
-    `text` is its content instead of children, `origin` its place in the documents, and `raw` its raw attributes. Each is empty if there is
-    none.
+    `text` is its content instead of children, `origin` its place in the documents, and `raw` its raw attributes. All are empty by default.
 
     The class is not frozen, because trees are built from the top and raw attributes are applied later. An element shared by several trees
-    is never changed: a tree that needs a different element makes a `copy`.
+    is never changed; a tree that needs a different element makes a `copy`.
     """
 
     tag: str
@@ -62,7 +61,7 @@ class Element:
         return {name: format_value(value) for name, value in self.attributes.items()}
 
     def copy(self) -> Element:
-        """Return a copy of the tree that can be changed."""
+        """Return a copy of the tree whose elements can be changed."""
         top = self._alone()
         waiting = [(self, top)]
         while waiting:
@@ -89,7 +88,7 @@ class Element:
         return next((child for child in self.children if child.tag == tag), None)
 
     def walk(self) -> Iterator[Element]:
-        """Yield this element and its descendants in the order written. This is not recursive, because a chain of links may be long."""
+        """Yield this element and its descendants in the order written. The method is not recursive, because chains of links may be long."""
         waiting = [self]
         while waiting:
             element = waiting.pop()
@@ -102,14 +101,14 @@ class Element:
         return f"{self.tag} `{self.get('name')}`" if "name" in self.attributes else f"`{self.tag}`"
 
     def lay(self, name: str, attribute: RawAttribute) -> None:
-        """Set a raw attribute; `lift` undoes it."""
+        """Set a raw attribute. `lift` undoes this."""
         before = self.raw[name].before if name in self.raw else self.attributes.get(name)
         self.raw[name] = RawValue(attribute=attribute, before=before)
         self.attributes[name] = attribute.value
         self._opening = None
 
     def lift(self, name: str) -> RawValue:
-        """Undo `lay`: restore the attribute as the compiler wrote it."""
+        """Undo `lay` by restoring the attribute as the compiler wrote it. Return the raw value."""
         value = self.raw.pop(name)
         if value.before is None:
             del self.attributes[name]
@@ -126,7 +125,7 @@ class XmlText(FrozenStruct):
     lines: tuple[Element | None, ...]
 
     def element_at(self, line: int) -> Element | None:
-        """Return the element that opens on a line (counted from 1) or, if none does, on the nearest line above."""
+        """Return the element that opens on a line (counted from 1), or else on the nearest line above."""
         for index in range(min(line, len(self.lines)) - 1, -1, -1):
             if self.lines[index] is not None:
                 return self.lines[index]
@@ -135,13 +134,13 @@ class XmlText(FrozenStruct):
 
 @formatter("xml")
 def number(value: float) -> str:
-    """Return `repr` of a number, but -0.0 as `0` and whole numbers without a decimal point."""
+    """Return `repr` of a number, except that -0.0 becomes `0` and whole numbers have no decimal point."""
     whole = int(value) if abs(value) < 1e16 else None
     return str(whole) if whole is not None and whole == value else repr(float(value))
 
 
 def format_value(value: XmlValue) -> str:
-    """Return a value as text. Several numbers are separated by spaces."""
+    """Return a value as text. Numbers are separated by spaces."""
     if isinstance(value, str):
         return value
     return " ".join(map(number, value)) if isinstance(value, tuple) else number(value)
@@ -178,17 +177,17 @@ def write(root: Element, heading: str, *, sections: bool = True) -> XmlText:
 
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*(?::[A-Za-z_][A-Za-z0-9_.-]*)?")
-"""Valid names of elements and attributes, optionally with a prefix and `:`."""
+"""Pattern of valid names of elements and attributes, optionally with a prefix and `:`."""
 
 NAMESPACES = {"drake": "http://drake.mit.edu", "gz": "http://gazebosim.org/schema"}
-"""Namespaces of the prefixes that readers of URDF and SDF know, declared as `xmlns:drake` in a file that uses them."""
+"""Namespaces of the prefixes that readers of URDF and SDF use. They are declared as `xmlns:drake` in files that use them."""
 
 NO_CHARACTER = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML cannot contain, escaped or not (XML 1.0, `Char`)."""
 
 
 def unwritable(name: str, value: str) -> str | None:
-    """Return why an element or attribute with this name and value is not allowed in XML, or None if it is."""
+    """Return why XML does not allow an element or attribute with this name and value. Return None if it is allowed."""
     if NAME.fullmatch(name) is None:
         return f"`{name}` is not a valid name in XML"
     strange = NO_CHARACTER.search(value)
@@ -196,4 +195,4 @@ def unwritable(name: str, value: str) -> str | None:
 
 
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
-_DASHES = re.compile("-{2,}")  # which XML forbids in comments
+_DASHES = re.compile("-{2,}")  # XML forbids these in comments

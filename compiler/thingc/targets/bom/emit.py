@@ -17,7 +17,7 @@ from thingc.targets.artifact import Artifacts
 from thingc.targets.request import EmitRequest
 
 MACHINED = frozenset({"cnc", "machine", "machined", "mill", "milled", "milling", "lathe", "turning", "laser", "waterjet"})
-"""Kinds of subtractive processes; a part of any other kind is printed."""
+"""Kinds of subtractive processes. A part with any other kind of process is printed."""
 
 _ORDER = {"print": 0, "machine": 1, "buy": 2}
 
@@ -42,10 +42,11 @@ COLUMNS = BomRow.__struct_fields__
 
 
 def make_of(occurrence: Occurrence) -> str:
-    """Return `buy | print | machine` from the document, else from the Thing, else derived from the process.
+    """Return `buy | print | machine` from the document, else from the Thing, else depending on the process.
 
-    Without a value, an occurrence without geometry (a frame with a mass, such as a circuit board) is bought, because there is nothing to
-    make it from. An occurrence with geometry is bought, machined (for subtractive processes) or printed, depending on its process.
+    Without a value, an occurrence without geometry (a frame with a mass, such as a circuit board) counts as bought, because there is
+    nothing to make it from. An occurrence with geometry is bought, machined (for subtractive processes) or printed, depending on its
+    process.
     """
     record = occurrence.record
     stated = occurrence.bom.make or (record.bom.get("make") if record is not None else None)
@@ -81,7 +82,7 @@ def items(assembly: Assembly) -> tuple[BomRow, ...]:
 
 
 def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...]], ...]:
-    """Return each row with its occurrences: first printed, then machined, then bought items, each in document order.
+    """Return each row with its occurrences. Printed items come first, then machined, then bought items, each in document order.
 
     Occurrences with equal values share a row. The part number comes from the document, else from the Thing. Rows without a number are
     numbered 1, 2, 3 in order, skipping numbers already in use.
@@ -119,8 +120,8 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
 def csv_text(rows: tuple[BomRow, ...]) -> str:
     """Return RFC 4180 text with a header and `\\n` line ends. The mass is per piece [kg]; unknown values are empty.
 
-    Text that a spreadsheet would evaluate begins with `'` (see `format_cell`). There is no row of totals, so that a spreadsheet can sum a
-    column.
+    Text that a spreadsheet would evaluate begins with `'` (see `format_cell`). There is no row of totals, because spreadsheets can then sum
+    the columns.
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -131,7 +132,7 @@ def csv_text(rows: tuple[BomRow, ...]) -> str:
 
 
 def json_text(rows: tuple[BomRow, ...]) -> bytes:
-    """Return a list of objects as JSON; unknown values are null."""
+    """Return the rows as a JSON list of objects. Unknown values are null."""
     return json_writer.encode([asdict(row) for row in rows])
 
 

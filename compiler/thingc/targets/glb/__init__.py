@@ -1,4 +1,4 @@
-"""GLB: each mode for viewers of glTF. `emit.py` is the target."""
+"""GLB files of each mode for viewers of glTF. `emit.py` is the target."""
 
 from thingc.targets.target import Target
 

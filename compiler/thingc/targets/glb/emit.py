@@ -4,8 +4,8 @@
                                     ->  yaw:joint  ->  bracket  ->  ...
 
 A link's node has the frame of the link in MJCF and `modes.json`. The node of a coordinate has its z axis along the axis of motion: to
-change q, rotate or move the node about or along z. Lengths are in metres; glTF has y up, and linear colours (glTF 2.0, sections 3.4 and
-3.9.2).
+change q, rotate or move the node about or along z. Lengths are in metres. glTF has y up and uses linear colours (glTF 2.0, sections 3.4
+and 3.9.2).
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from thingc.targets.geometry import ENDLESS, channels, linear, material_name, nu
 from thingc.targets.request import EmitRequest
 
 Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
-"""The world frame, with z up, in glTF, which has y up."""
+"""Pose of the world frame (z up) in glTF (y up)."""
 
 ROUND = (16, 16)
 """Number of segments of round shapes, from pole to pole and half around."""
 
 JointForm = Literal["nodes", "node"]
-"""How a joint is written: a node for each coordinate, or one for all of them."""
+"""How a joint is written: a node for each coordinate, or one node for all of them."""
 
 _OPENS = Omitted(": rotating joints opens it")
 _NODE: Supported[JointForm] = Supported("nodes")
@@ -73,10 +73,10 @@ CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "sensors": all_sensors(BESIDE),
     "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},
 }
-"""What glTF can express of a robot. Masses, drives and the like are not expected in it."""
+"""The features of a robot that glTF can express. Users do not expect masses, drives and the like in glTF files."""
 
 ROUGHNESS = 0.6
-"""Roughness of all surfaces: documents specify colours, but not gloss."""
+"""Roughness of all surfaces, because documents specify colours but no gloss."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -132,7 +132,7 @@ def _nodes(robot: Robot) -> Iterator[_Node]:
 
 
 def _called(surface: Surface) -> str:
-    """Return a name for the mesh of a listed shape, derived from its content."""
+    """Return a name for the mesh of a listed shape. It depends on the content of the mesh."""
     solid = surface.solid
     if isinstance(solid, Primitive):
         return f"{solid.shape} {' '.join(f'{number:.9g}' for number in solid.size)}"
@@ -140,7 +140,7 @@ def _called(surface: Surface) -> str:
 
 
 def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, float]) -> Iterator[_Node]:
-    """Yield the nodes of a body's coordinates, each the parent of the next (a ball has one node). `pose` is the body's pose at 0."""
+    """Yield the nodes of a body's coordinates, each as the parent of the next (a ball has one node). `pose` is the body's pose at 0."""
     if body.parent is None or not body.joints:
         return
     first = body.joints[0]
@@ -163,7 +163,7 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
 
 
 def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
-    """Return a frame on the axis of a twist, with z along it. For a ball, the origin is its centre and the axes are unchanged."""
+    """Return a frame on the axis of a twist with its z along the axis. For a ball, the origin is its centre; the axes are unchanged."""
     return shifted(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
 
 
@@ -175,7 +175,7 @@ class _Drawn:
         self._known: dict[str, Any] = {}
 
     def __call__(self, mesh: Mesh | Primitive) -> Any:
-        """Return a mesh of the store (OBJ, metres) unchanged as a trimesh object. A primitive is approximated by a mesh."""
+        """Return a mesh of the store (OBJ, metres) as a trimesh object. A primitive is approximated by a mesh."""
         if isinstance(mesh, Primitive):
             return _tessellated(mesh)
         if mesh.sha256 not in self._known:
@@ -225,13 +225,13 @@ def _glb_bytes(robot: Robot, drawn: _Drawn) -> bytes:
         scene.graph.update(**place, geometry=key)
 
     def finish(tree: dict[str, Any]) -> None:
-        """Set what trimesh does not write: the generator, exact colours and mesh names."""
+        """Set the values that trimesh does not write: the generator, exact colours and mesh names."""
         tree["asset"]["generator"] = "thingc"
         tree["materials"] = list(materials.values())
         numbers = {name: number for number, name in enumerate(materials)}
         for mesh in tree["meshes"]:
             mesh["name"], material = of_mesh[mesh["name"]]
-            del mesh["extras"]  # those of the file that it was read from
+            del mesh["extras"]  # left from the file from which the mesh was read
             mesh["primitives"][0]["material"] = numbers[material]
 
     written: bytes = scene.export(file_type="glb", include_normals=False, tree_postprocessor=finish)
@@ -239,7 +239,7 @@ def _glb_bytes(robot: Robot, drawn: _Drawn) -> bytes:
 
 
 def _material(surface: Surface) -> dict[str, object]:
-    """Return the material of a surface, named as in MJCF; the default colour is light grey. Open surfaces are double-sided."""
+    """Return the material of a surface, named as in MJCF. The default colour is light grey. Open surfaces are double-sided."""
     red, green, blue, alpha = channels(surface.color or "#bfbfbf")
     name = material_name(surface.material, surface.color) or "color"
     open_ = not surface.solid.closed if isinstance(surface.solid, Mesh) else surface.solid.shape == "plane"

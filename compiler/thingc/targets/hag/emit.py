@@ -1,4 +1,4 @@
-"""The hierarchical assembly graph as text: an indented tree for the terminal, DOT, Mermaid; `svg.py` draws it."""
+"""The hierarchical assembly graph as text: an indented tree for the terminal, DOT and Mermaid. `svg.py` draws it as a picture."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def text(hag: Hag) -> str:
     return "\n".join(lines) + "\n"
 
 def _remark(definition: Definition) -> str:
-    """Return the kind of a definition (empty for a part), and the original of a mirror image."""
+    """Return the kind of a definition ("" for a part) and, for a mirror image, its original."""
     kind = f" ({definition.kind})" if definition.kind != "part" else ""
     return kind if definition.plain is None else f"{kind} mirrors {escape_control(definition.plain.label)}"
 
@@ -131,10 +131,10 @@ def _names(hag: Hag) -> dict[str, str]:
     return {definition.text: f"n{index}" for index, definition in enumerate(hag.definitions)}
 
 def _dot_quoted(*lines: str) -> str:
-    """Return a DOT string: `"` and, in labels, `\\` and `&` (HTML entities) are escaped; lines end with `\\n`."""
+    """Return a quoted DOT string. `"` and, in labels, `\\` and `&` (HTML entities) are escaped; lines end with `\\n`."""
     escaped = (escape_control(line).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"') for line in lines)
     return '"' + "\\n".join(escaped) + '"'
 
 def _mermaid_escaped(text: str) -> str:
-    """Escape text for a quoted Mermaid label: characters that end it or begin an entity, HTML or Markdown become entity codes."""
+    """Escape text for a quoted Mermaid label. Characters that end the label or begin an entity, HTML or Markdown become entity codes."""
     return "".join(f"#{ord(character)};" if character in "\"#&<`\\" else character for character in escape_control(text))

@@ -1,4 +1,4 @@
-"""Texts for the hierarchical assembly graph: bundled edges, quantities of definitions, placements of components."""
+"""Texts for the hierarchical assembly graph: grouped edges, quantities of definitions, and placements of components."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def bundles(hag: Hag) -> tuple[EdgeBundle, ...]:
     return tuple(EdgeBundle(parent=parent, child=child, edges=tuple(edges)) for (parent, child), edges in grouped.items())
 
 def quantities(hag: Hag) -> dict[str, int]:
-    """Return a mapping of definition text to its quantity in the robot, which is the number of paths from the root to it."""
+    """Return the quantity of each definition in the robot, by its text. It is the number of paths from the root to the definition."""
     waiting = {definition.text: 0 for definition in hag.definitions}
     for edge in hag.edges:
         waiting[edge.child] += 1
@@ -47,7 +47,7 @@ def quantities(hag: Hag) -> dict[str, int]:
     return counted
 
 def how(edge: DefinitionEdge) -> str:
-    """Return the placement of a component as one line, `joint yaw: yaw_seat -> yaw_servo.rotor`. Empty for a base."""
+    """Return the placement of a component as one line: `joint yaw: yaw_seat -> yaw_servo.rotor`. Return "" for a base."""
     parts = [f"joint {edge.joint}"] if edge.joint is not None else []
     if edge.mounts:
         parts.append(edge.mounts)
@@ -66,8 +66,8 @@ def total(hag: Hag) -> str:
 def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
     """Return the edges of one bundle as `(component, placement)`.
 
-    Three or more components of a `repeat` (`leg_0`, `leg_1`, ...) are one entry: `leg_0 ... leg_5`, with the placement of the first, in
-    which `*` replaces the number.
+    Three or more components of a `repeat` (`leg_0`, `leg_1`, ...) are one entry: `leg_0 ... leg_5`. The entry has the placement of the
+    first one, with `*` in place of the number.
     """
     placements: list[tuple[str, str]] = []
     position = 0
@@ -87,7 +87,7 @@ def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
     return placements
 
 def short(definition: Definition) -> tuple[str, str, str]:
-    """Return `(name, where, parameters)` of a definition, for a box: `("RotorBrace", "arm", "length=100 mm")`."""
+    """Return `(name, where, parameters)` of a definition for a box: `("RotorBrace", "arm", "length=100 mm")`."""
     text = escape_control(definition.label).removesuffix(f" [{escape_control(definition.reference)}]")
     head, opening, rest = text.partition("(") if definition.kind != "file" else (text, "", "")
     parameters = rest[:-1] if opening and rest.endswith(")") else rest

@@ -1,10 +1,10 @@
 """A layered layout of an acyclic graph: the positions of boxes, labels and lines.
 
-The method follows Sugiyama, Tagawa and Toda, "Methods for visual understanding of hierarchical system structures", 1981: layers by longest
-path, dummy items where a line crosses a layer, and fewer crossings by barycentres. Labels have their own layers between the layers of
-boxes, so that nothing overlaps. The heights in a layer are a least-squares fit to the heights of the neighbours that respects order and
-separation (pool adjacent violators: Barlow et al., "Statistical Inference under Order Restrictions", 1972). Layers are columns from left to
-right, because graphs of assemblies are wide and shallow and a list of components is read downwards.
+The method follows Sugiyama, Tagawa and Toda, "Methods for visual understanding of hierarchical system structures", 1981. Layers are given
+by the longest path, a line has a dummy item in each layer that it crosses, and barycentres reduce the number of crossings. Labels have
+their own layers between the layers of boxes, so nothing overlaps. The heights in a layer are a least-squares fit to the heights of the
+neighbours that respects order and separation (pool adjacent violators: Barlow et al., "Statistical Inference under Order Restrictions",
+1972). Layers are columns from left to right, because graphs of assemblies are wide and shallow, and lists of components are read downwards.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import sum_of
 
 GAP = 40.0
-"""Smallest gap between two columns, for the lines."""
+"""Smallest gap between two columns, which the lines need."""
 STEEP = 0.14
-"""Fraction of the largest rise of a line between two columns that is added to their gap, up to `WIDEST`."""
+"""Fraction of the largest rise of a line between two columns that is added to their gap. The gap is at most `WIDEST`."""
 WIDEST = 110.0
 ROW = 14.0
 """Gap between two boxes of a column."""
@@ -27,7 +27,7 @@ LINE_ROW = 10.0
 """Gap between a line and its neighbour in a column."""
 SWEEPS = 12
 PORT = 9.0
-"""Distance of two lines at the side of a box."""
+"""Distance between two lines at the side of a box."""
 
 
 class Size(FrozenStruct):
@@ -46,7 +46,7 @@ class Line(FrozenStruct):
 
 
 class Rectangle(FrozenStruct):
-    """`x`, `y` are the upper left corner; y grows downwards."""
+    """A rectangle with the upper left corner `x`, `y`; y grows downwards."""
 
     x: float
     y: float
@@ -57,7 +57,7 @@ class Rectangle(FrozenStruct):
 class Route(FrozenStruct):
     """The path of a line.
 
-    `stretches` are horizontal pieces `(x0, x1, y)` from left to right, joined by curves; `label` is on one of them.
+    `stretches` are horizontal pieces `(x0, x1, y)` from left to right, which curves connect. `label` is on one of them.
     """
 
     stretches: tuple[tuple[float, float, float], ...]
@@ -65,7 +65,7 @@ class Route(FrozenStruct):
 
 
 class Drawing(FrozenStruct):
-    """The boxes in the given order, the routes in the order of the lines, and the size of the drawing, which starts at (0, 0)."""
+    """The boxes in the given order, the routes in the order of the lines, and the size of the drawing, whose origin is (0, 0)."""
 
     width: float
     height: float
@@ -75,18 +75,18 @@ class Drawing(FrozenStruct):
 
 @dataclass(slots=True)
 class _Item:
-    """An item in a column: a box, a label, or a line passing through (neither field set)."""
+    """An item in a column: a box, a label, or a line that passes through (then neither field is set)."""
 
     column: int
     size: Size
     box: int | None = None
-    y: float = 0.0  # of its middle
+    y: float = 0.0  # of the middle of the item
     before: list[int] = field(default_factory=list)
     after: list[int] = field(default_factory=list)
 
 
 def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
-    """Return the layout of an acyclic graph; deterministic. Raises `ValueError` for a cycle."""
+    """Return the layout of an acyclic graph. It is deterministic. Raises `ValueError` for a cycle."""
     ranks = _ranks(len(boxes), lines)
     items = [_Item(column=2 * ranks[k], size=size, box=k) for k, size in enumerate(boxes)]
     chains = [_chain(items, line, ranks) for line in lines]
@@ -116,7 +116,7 @@ def _ranks(count: int, lines: Sequence[Line]) -> list[int]:
 
 
 def _chain(items: list[_Item], line: Line, ranks: Sequence[int]) -> list[int]:
-    """Return the items along a line: source, label, dummy items in the crossed columns, and target."""
+    """Return the items along a line: source, label, dummy items in the columns that it crosses, and target."""
     chain = [line.source]
     for column in range(2 * ranks[line.source] + 1, 2 * ranks[line.target]):
         size = line.label if len(chain) == 1 else Size(width=0.0, height=0.0)
@@ -151,7 +151,7 @@ def _first_order(items: Sequence[_Item], lines: Sequence[Line], chains: Sequence
 
 
 def _crossings(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> int:
-    """Return the number of crossings of lines between neighbouring columns (inversions of the ends, counted by insertion)."""
+    """Return the number of crossings of lines between neighbouring columns. They are inversions of the ends, counted by insertion."""
     crossings = 0
     for left, right in zip(columns, columns[1:]):
         place = {k: position for position, k in enumerate(right)}
@@ -164,7 +164,7 @@ def _crossings(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> int:
 
 
 def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
-    """Sweep back and forth, sort each column by the mean position of its neighbours in the previous one, and keep the best order."""
+    """Sweep back and forth, sorting each column by the mean position of its neighbours in the previous one. Keep the best order."""
     best, fewest = [list(column) for column in columns], _crossings(items, columns)
     for sweep in range(SWEEPS):
         if fewest == 0:
@@ -184,7 +184,7 @@ def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
 
 
 def _separation(a: _Item, b: _Item) -> float:
-    """Return the minimum distance between the centres of two items, one above the other."""
+    """Return the minimum distance between the centres of two items that are one above the other."""
     gap = ROW if a.box is not None and b.box is not None else LINE_ROW
     return (a.size.height + b.size.height) / 2.0 + gap
 
@@ -229,7 +229,7 @@ def _nearest(wanted: Sequence[float], weights: Sequence[float], separations: Seq
 
 
 def _ports(items: Sequence[_Item], k: int, neighbours: Sequence[int]) -> dict[int, float]:
-    """Return where lines meet the side of a box: side by side, in the order of their other ends."""
+    """Return the positions at which lines meet the side of a box: side by side, in the order of their other ends."""
     ordered = sorted(neighbours, key=lambda n: (items[n].y, n))
     room = max(items[k].size.height - 14.0, 0.0)
     step = min(PORT, room / max(1, len(ordered) - 1))
@@ -237,7 +237,7 @@ def _ports(items: Sequence[_Item], k: int, neighbours: Sequence[int]) -> dict[in
 
 
 def _finish(items: Sequence[_Item], columns: Sequence[Sequence[int]], chains: Sequence[Sequence[int]]) -> Drawing:
-    """Arrange the columns side by side, move everything to begin at (0, 0), and compute the routes of the lines."""
+    """Arrange the columns side by side, shift the drawing to (0, 0), and compute the routes of the lines."""
     top = min((item.y - item.size.height / 2.0 for item in items), default=0.0)
     for item in items:
         item.y = round(item.y - top, 1)

@@ -15,14 +15,14 @@ from thingc.targets.hag.layered_layout import Drawing, Line, Rectangle, Route, S
 MARGIN = 28.0
 HEAD = 62.0
 LEAD = 15.0
-"""Distance of two lines of text."""
+"""Line spacing of text."""
 PADDING = 12.0
 ADVANCE = 0.61
-"""Width of a character of a monospaced font, relative to its size: DejaVu Sans Mono and Menlo 0.602, Courier 0.600."""
+"""Width of a character of a monospaced font relative to its size: 0.602 for DejaVu Sans Mono and Menlo, 0.600 for Courier."""
 LONGEST = 46
-"""Characters in a line; longer text is broken or cut (the tooltip has all of it)."""
+"""Maximum number of characters in a line. Longer text is wrapped or cut; the tooltip has the full text."""
 MOST = 6
-"""Number of entries in a label, and of lines of parameters in a box; the tooltip has the rest."""
+"""Maximum number of entries in a label, and of lines of parameters in a box. The tooltip has the rest."""
 
 FONT = "ui-monospace, 'SF Mono', Menlo, Consolas, 'DejaVu Sans Mono', 'Liberation Mono', monospace"
 INK, MUTED, LINE, JOINT = "#1f2937", "#6b7280", "#a3acba", "#c2410c"
@@ -95,7 +95,7 @@ def _canvas(hag: Hag, drawing: Drawing) -> ET.Element:
 
 
 def _box_texts(definition: Definition) -> list[str]:
-    """Return the name, then its module or file and its parameters."""
+    """Return the lines of a box: the name, then the module or file and the parameters."""
     name, where, parameters = short(definition)
     lines = [_cut(name)]
     if where:
@@ -105,7 +105,7 @@ def _box_texts(definition: Definition) -> list[str]:
 
 
 def _broken(words: Sequence[str]) -> list[str]:
-    """Join words with commas into lines of at most `LONGEST` characters."""
+    """Join words by commas and wrap them to lines of at most `LONGEST` characters."""
     lines: list[str] = []
     for position, word in enumerate(words):
         piece = word + ("," if position < len(words) - 1 else "")
@@ -123,7 +123,7 @@ def _box_size(lines: Sequence[str], count: int) -> Size:
 
 
 class _Words(FrozenStruct):
-    """A line of a label: `baseline` is below the label's upper edge, `kind` is `name | place | joint`."""
+    """A line of a label. `baseline` is measured from the label's upper edge, `kind` is `name | place | joint`."""
 
     text: str
     kind: str
@@ -131,7 +131,7 @@ class _Words(FrozenStruct):
 
 
 def _label_words(strand: EdgeBundle) -> list[_Words]:
-    """Return the label of a line: components, each followed by its placement."""
+    """Return the label of a line: components, each with its placement."""
     words: list[_Words] = []
     baseline = 11.0
     placements = entries(strand.edges)
@@ -208,7 +208,7 @@ def _add_text(parent: ET.Element, x: float, y: float, text: str, style: dict[str
 
 
 def _width(text: str, size: float) -> float:
-    """Return the width of a text in a monospaced font; East Asian wide characters count as two."""
+    """Return the width of a text in a monospaced font. East Asian wide characters count twice."""
     return sum(2.0 if unicodedata.east_asian_width(c) in "WF" else 1.0 for c in text) * ADVANCE * size
 
 

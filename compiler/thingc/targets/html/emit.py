@@ -1,4 +1,4 @@
-"""`html/<name>.html`: the viewer with its style sheet, script, data and meshes in one page."""
+"""`html/<name>.html`: a page that contains the viewer with its style sheet, script, data and meshes."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Page(FrozenStruct):
     def html(self, *, live: str | None = None, editor: str | None = None, against: Page | None = None) -> bytes:
         """Return the page.
 
-        `live` identifies a version: the page asks its server for changes since that version. `editor` is a URL template for opening a file
-        in an editor, with `{file}` (the path in the workspace) and `{line}`. `against` is the page of a robot to compare with.
+        `live` identifies a version; the page then asks its server for changes since that version. `editor` is a URL template for opening a
+        file in an editor, with `{file}` (the path in the workspace) and `{line}`. `against` is the page of a robot to compare with.
         """
         return _framed(self.name, self.data, self.glb, live=live, editor=editor, against=against)
 
@@ -67,5 +67,5 @@ def page_of(request: EmitRequest) -> Page:
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return the page. There are no losses, because the page shows everything in the assembly."""
+    """Return the page. There are no losses, because the page shows the whole assembly."""
     return Artifacts(files={f"html/{request.assembly.name}.html": page_of(request).html()})

@@ -1,4 +1,4 @@
-"""Pack meshes for a page: one glTF 2.0 binary file, with positions as 16-bit numbers in the box around each mesh (KHR_mesh_quantization).
+"""Pack meshes for a page into one glTF 2.0 binary file. Positions are 16-bit numbers in each mesh's box (KHR_mesh_quantization).
 
 The error for a part of 200 mm is at most 3 um. Each mesh is in the file once, in a node whose transform undoes the packing. The poses of
 the meshes are in the data of the page. The module does not use numpy, because importing it takes longer than packing.
@@ -14,10 +14,10 @@ from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
 
 POSITIONS, CORNERS = 34962, 34963
-"""glTF's targets of buffer views: vertices and indices."""
+"""glTF's buffer view targets: vertices and indices."""
 
 SHORT, UNSIGNED_SHORT, UNSIGNED_INT = 5122, 5123, 5125
-"""glTF's types of numbers."""
+"""glTF's component types: signed and unsigned 16-bit, unsigned 32-bit."""
 
 PACKING = "KHR_mesh_quantization"
 """The extension for 16-bit positions."""
@@ -57,7 +57,7 @@ def _add(sha256: str, obj: bytes, tree: dict[str, list[dict[str, object]]], data
     axes = [numbers[k::3] for k in range(3)]
     low, high = [min(axis) for axis in axes], [max(axis) for axis in axes]
     centre, half = [(a + b) / 2.0 for a, b in zip(low, high)], max((b - a) / 2.0 for a, b in zip(low, high)) or 1.0
-    packed = array("h", bytes(8 * len(axes[0])))  # four 16-bit numbers each: a vertex begins at a multiple of four bytes
+    packed = array("h", bytes(8 * len(axes[0])))  # four 16-bit numbers each, because vertices must begin at multiples of four bytes
     for k, axis in enumerate(axes):
         packed[k::4] = array("h", [round((x - centre[k]) / half * MOST) for x in axis])
     wide = len(axes[0]) > 65536
@@ -81,7 +81,7 @@ def _add(sha256: str, obj: bytes, tree: dict[str, list[dict[str, object]]], data
 
 
 def _little(numbers: array[int]) -> bytes:
-    """Return the bytes of numbers in little-endian order on any machine."""
+    """Return the bytes of numbers in little-endian order, on any machine."""
     if struct.pack("=H", 1) != struct.pack("<H", 1):
         numbers.byteswap()
     return numbers.tobytes()

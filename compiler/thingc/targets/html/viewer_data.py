@@ -1,11 +1,11 @@
-"""The data for the page of a robot: JSON values in SI units, from which the page computes all poses.
+"""The data for the page of a robot, from which the page computes all poses. They are JSON values in SI units.
 
-In a mode's `bodies` (parents before children), the pose of a link, for q of the coordinates that move it, is
+A mode's `bodies` have parents before children. For q of the coordinates that move it, the pose of a link is
 
     X_W,link(q) = X_W,parent @ X @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...
 
-or `exp(twist_0 q_0 + ...)` for a ball. Its `loops` are closed if `X_W,parent @ X_PA @ exp(...) == X_W,child @ X_CB` over their own
-coordinates. Poses are 12 numbers, the first three rows of the matrix; a twist is `[angular, linear, anchor]`.
+or uses `exp(twist_0 q_0 + ...)` for a ball. The mode's `loops` are closed if `X_W,parent @ X_PA @ exp(...) == X_W,child @ X_CB` over their
+own coordinates. A pose is 12 numbers, the first three rows of its matrix; a twist is `[angular, linear, anchor]`.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from thingc.targets.bom.emit import listed, make_of, with_pieces
 from thingc.targets.html.mesh_packing import PackedMeshes
 
 VERSION = 1
-"""Version of the form of the data: the page rejects any other."""
+"""Version of the data format. The page rejects any other version."""
 
 SLACK = 1e-6
-"""Largest unbalanced gravity load of the joints, relative to the total, that counts as a rounding error."""
+"""Largest unbalanced gravity load of the joints, relative to the total, that is treated as a rounding error."""
 
 Data = dict[str, object]
 
@@ -72,14 +72,14 @@ def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, 
 
 
 class _Places:
-    """Look up source locations in files of the workspace. Absolute paths are not written, because they differ between machines."""
+    """Looks up source locations in files of the workspace. Absolute paths are not written, because they differ between machines."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
         self._texts: dict[str, str] = {}
 
     def of(self, origin: Origin) -> Data:
-        """Return `file` and `line` of the first place in an origin, or null if there is none."""
+        """Return `file` and `line` of the first place in an origin, or null if it is empty."""
         span = next(iter(origin), None)
         if span is None or span.option is not None:
             return {"file": None, "line": None}
@@ -145,13 +145,13 @@ def _shape(surface: Surface, packed: PackedMeshes) -> Data:
 
 
 def _mass(own: MassProperties) -> Data:
-    """Return mass [kg], centre of mass [m], principal moments about it [kg m^2], and `axes`, whose columns are the principal axes."""
+    """Return mass [kg], centre of mass [m], principal moments about it [kg m^2], and `axes` with the principal axes as columns."""
     moments, axes = principal_axes(own.inertia)
     return {"mass": own.mass, "centre": own.centre, "moments": moments, "axes": [x for row in axes for x in row]}
 
 
 def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) -> Data:
-    """Return a coordinate, which is the same in all modes. `parent` and `child` are the document's links, as numbers."""
+    """Return a coordinate, which is the same in all modes. `parent` and `child` are the numbers of the document's links."""
     drive = joint.actuator
     return {
         "path": joint.path, "joint": mate.name, "kind": joint.kind.name, "turns": joint.twist.turns,
@@ -211,8 +211,8 @@ def _loop(closure: Closure) -> Data:
 def _pose(robot: Robot, frame: Keyframe) -> Data:
     """Return a pose of a mode.
 
-    It has q keyed by path, the pose of the base if it differs, and the factor by which the drives can hold the pose (`margins`). `falls`
-    tells whether the robot falls whatever the drives do, and `unheld` is the joint that the drives do not hold (empty for the base, null if
+    It has q by path, the pose of the base if it differs, and the factor by which the drives can hold the pose (`margins`). `falls` is
+    True if the robot falls whatever the drives do. `unheld` is the joint that the drives do not hold ("" for the base, null if there is
     none).
     """
     q = coordinates(joints_of(robot.assembly), frame.q)

@@ -1,8 +1,8 @@
-"""Geometry that MuJoCo does not support or treats differently, and a cache of accepted geometry that need not be checked again.
+"""Geometry that MuJoCo does not support or handles differently, and a cache of geometry that MuJoCo has accepted.
 
-Reading meshes takes most of MuJoCo's time with a model (200 of 220 ms for twelve parts). Whether MuJoCo accepts a mesh depends only on its
-bytes and on whether it is read as a surface. So after an edit of limits, masses or poses, the model is compiled with a tetrahedron in place
-of every known mesh.
+Reading meshes takes most of MuJoCo's time for a model (200 of 220 ms for twelve parts). Whether MuJoCo accepts a mesh depends only on its
+bytes and on whether it is read as a surface. Therefore, after an edit of limits, masses or poses, the model is compiled with a tetrahedron
+in place of every known mesh.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from thingc.targets.xml_writer import Element
 LEAST_VOLUME = 1e-14
 """Smallest volume of a part [m^3] whose mesh MuJoCo accepts as a solid.
 
-MuJoCo refuses solid meshes of up to 1e-15 (mjMINVAL), and the volume of a mesh is slightly smaller than that of its part.
+MuJoCo rejects solid meshes of up to 1e-15 (mjMINVAL), and the volume of a mesh is slightly smaller than the volume of its part.
 """
 
 FOLDER = "mjcf/assets"
@@ -39,7 +39,7 @@ FOLDER = "mjcf/assets"
 MODEL, MESH, START = "mujoco-model", "mujoco-mesh", "mujoco-start"
 """Kinds of documents in the store: accepted models, accepted meshes, and accepted initial states.
 
-Accepted is a mesh that a version of MuJoCo compiled without messages, and an initial state without errors (`initial_state_checks.py`).
+A mesh is accepted if a version of MuJoCo compiled it without messages, an initial state if it has no errors (`initial_state_checks.py`).
 """
 
 HARMLESS = frozenset({"condim", "friction", "gap", "group", "margin", "priority", "rgba", "solimp", "solmix", "solref"})
@@ -54,7 +54,7 @@ _BOX_SIDES = (
 
 
 class AcceptedModels:
-    """A cache in a store of what one version of MuJoCo has accepted, for models with these `meshes`."""
+    """A cache, in a store, of the models with these `meshes` that one version of MuJoCo has accepted."""
 
     def __init__(self, store: Store, version: str, meshes: Sequence[MeshAsset]) -> None:
         self.store = store
@@ -69,7 +69,7 @@ class AcceptedModels:
         return {file: key for file, key in keys.items() if self.store.get_json(MESH, key) is None}
 
     def model(self, texts: Sequence[str], *, started: bool) -> bool:
-        """Whether exactly these files were accepted together. With `started`, their initial state must have been checked, too."""
+        """Whether exactly these files were accepted together. With `started`, their initial state must also have been checked."""
         answers = (True,) if started else (True, False)
         return any(self.store.get_json(MODEL, self._key((*texts, str(one)))) is not None for one in answers)
 
@@ -89,7 +89,7 @@ class AcceptedModels:
             self.store.note_json(MESH, key, True)
 
     def unread(self, true: Collection[str]) -> list[MeshAsset]:
-        """Return the meshes that MuJoCo must read: unknown meshes, and those named in `true`."""
+        """Return the meshes that MuJoCo must read: unknown meshes, and the meshes named in `true`."""
         return [mesh for mesh in self._meshes if mesh.name in true or mesh.file in self._new]
 
     def start(self, key: str) -> bool:
@@ -105,7 +105,7 @@ class AcceptedModels:
     ) -> dict[str, bytes]:
         """Return the bytes that MuJoCo reads as each file.
 
-        For a mesh that is unknown or named in `true`, these are the bytes in `instead`, or else its own. For any other mesh, it is a
+        A mesh that is unknown or named in `true` has the bytes in `instead`, or else its own bytes. Any other mesh is replaced by a
         tetrahedron. If raw attributes may affect meshes, all meshes count as unknown.
         """
         whole = any(about_meshes(model) for model in models)
@@ -135,7 +135,7 @@ def mujoco_version() -> str:
 
 
 def about_meshes(model: Element) -> bool:
-    """Whether raw attributes affect meshes (or how they are read or used), or an added element pairs geoms for contacts."""
+    """Whether raw attributes affect meshes (or how they are read or used), or added elements pair geoms for contacts."""
     sections: Mapping[str, Element] = {child.tag: child for child in model.children}
     if "contact" in sections and any(child.tag == "pair" for child in sections["contact"].children):
         return True
@@ -148,18 +148,18 @@ def about_meshes(model: Element) -> bool:
 
 
 def tetrahedron(file: str) -> bytes:
-    """Return the bytes of a small mesh that MuJoCo accepts as a file of this name."""
+    """Return the bytes of a small mesh that MuJoCo accepts in place of a file with this name."""
     return mesh_bytes(file, _CORNERS, _SIDES)
 
 
 def box_bytes(file: str, points: Sequence[Sequence[float]]) -> bytes:
-    """Return the bytes of a file of this name with the bounding box of points [n x 3]."""
+    """Return the bytes of a mesh file with this name that contains the bounding box of points [n x 3]."""
     low, high = (tuple(map(side, zip(*points, strict=True))) for side in (min, max))
     return mesh_bytes(file, [*itertools.product(*zip(low, high, strict=True))], _BOX_SIDES)
 
 
 def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Sequence[int]]) -> bytes:
-    """Return the bytes of a file of this name, OBJ or binary STL, with these corners [n x 3] and triangles [n x 3]."""
+    """Return the bytes of a mesh file with this name (OBJ or binary STL), with these corners [n x 3] and triangles [n x 3]."""
     if file.endswith(".obj"):
         lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in sides]
         return "\n".join(lines).encode() + b"\n"
@@ -192,7 +192,7 @@ class _Limits:
         self.losses: list[Loss] = []
 
     def takes(self, occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
-        """Whether MuJoCo supports contacts of a shape; if not, the loss is recorded."""
+        """Whether MuJoCo supports contacts of a shape. If not, the loss is recorded."""
         choice = occurrence.overrides.collision
         if has_inside(piece):
             return True

@@ -1,9 +1,9 @@
-"""Contact parameters for adhesion: with MuJoCo's defaults, a robot held by magnets would creep down a wall by millimetres per second.
+"""Contact parameters for adhesion. With MuJoCo's defaults, a robot held by magnets creeps down a wall by millimetres per second.
 
 `solimp` and `solref` determine how far a contact yields and how fast it creeps under friction; `impratio` reduces the creep. The values
-were measured on MInchW at its wall and under its ceiling, and on feet of 0.1 to 0.5 kg that carry up to five times their weight, with
-magnets of 30 to 1000 N per kg: with softer contacts the robot creeps, and with harder contacts a slightly tilted foot detaches. Friction is
-unchanged: a robot without enough friction slides.
+were determined with MInchW on its wall and under its ceiling, and with feet of 0.1 to 0.5 kg that carry up to five times their weight, with
+magnets of 30 to 1000 N per kg. With softer contacts the robot creeps; with harder contacts a slightly tilted foot detaches. Friction is
+not changed, so a robot without enough friction slides.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from thingc.model.assembly.types import Assembly
 from thingc.model.robot.types import Robot
 
 CLASS = "adhesive"
-"""The class, within `collision`, of every geom of a link with adhesion: in MuJoCo, an adhesion acts at all contacts of its link."""
+"""The class, within `collision`, of every geom of a link with adhesion. In MuJoCo, adhesion acts at all contacts of its link."""
 
 CONTACT = {"margin": "1e-05", "solmix": "1000", "solref": "0.004 1", "solimp": "0.99 0.999 0.001 0.5 2"}
 """Attributes of these geoms.
 
-`margin` [m] includes contacts at distance 0 with rounding errors. `solmix` gives them precedence over the floor's, unless the floor has a
-priority.
+`margin` [m] includes contacts whose distance is 0 except for rounding errors. `solmix` gives these values precedence over the floor's,
+unless the floor has a priority.
 """
 
 OPTION = {"cone": "elliptic", "impratio": "100"}
-"""Options of the model. They belong together: with pyramidal cones, this `impratio` throws feet off the floor."""
+"""Options of the model, which must be used together: with pyramidal cones, this `impratio` throws feet off the floor."""
 
 
 def contact(assembly: Assembly) -> dict[str, str]:
@@ -34,7 +34,7 @@ def contact(assembly: Assembly) -> dict[str, str]:
 
 
 def option(robot: Robot, stated: Mapping[str, object]) -> dict[str, str]:
-    """Return the options of a mode with adhesion, except those that the document has `stated` or set by raw attributes."""
+    """Return the options of a mode with adhesion, except options that the document specifies (`stated`) or sets by raw attributes."""
     if not adhering(robot):
         return {}
     options = {path[1] for path in _raw(robot.assembly) if len(path) == 2 and path[0] == "option"} | stated.keys()

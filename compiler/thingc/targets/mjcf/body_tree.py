@@ -23,7 +23,7 @@ from thingc.targets.mjcf.lowering import base_positions, in_body, is_ball, lower
 from thingc.targets.xml_writer import Element, XmlValue
 
 FREE_JOINT = BASE
-"""The name of the joint of a base that rotates as a ball; a planar one has `root_0`, `root_1` and `root_2`."""
+"""The name of the joint of a ball base. A planar base has the joints `root_0`, `root_1` and `root_2`."""
 
 INTEGRATORS = {"euler": "Euler", "rk4": "RK4", "implicit": "implicit", "implicitfast": "implicitfast"}
 RESERVED_CLASSES = frozenset({"main", "visual", "collision", adhesion_contacts.CLASS})
@@ -31,7 +31,7 @@ RESERVED_CLASSES = frozenset({"main", "visual", "collision", adhesion_contacts.C
 STIFF = "0.9999 0.9999 0.001 0.5 2"
 """`solimp` of a mimic joint, as stiff as MuJoCo allows.
 
-MuJoCo regularizes the constraint by the plain sum of both joints' inverse inertias, whatever the multiplier; with its default, a slide that
+MuJoCo regularizes the constraint by the plain sum of both joints' inverse inertias, whatever the multiplier. With its default, a slide that
 mimics a light hinge lags by seconds instead of 20 ms.
 """
 
@@ -86,7 +86,7 @@ class _Builder:
         self.root = Element(tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin)
 
     def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
-        """Add the elements that `make(*inputs)` returns. Models share them: they are only copied if raw attributes name them."""
+        """Add the elements that `make(*inputs)` returns. Models share them; an element is copied only if raw attributes name it."""
         grown, names = self.memo(place, elements.made, make, *inputs)
         if self.raw.isdisjoint(names):
             parent.children.extend(grown)
@@ -94,7 +94,7 @@ class _Builder:
             parent.children.extend(element.copy() for element in grown)
 
     def build(self) -> Element:
-        """Return the element, with the sections in the order of the Menagerie."""
+        """Return the element with its sections in the order of the Menagerie."""
         self.root.add("compiler", {"angle": "radian", "meshdir": "assets", "autolimits": "true"})
         self.option()
         self.default()
@@ -115,7 +115,7 @@ class _Builder:
         return self.root
 
     def option(self) -> None:
-        """Add gravity [m/s^2] and solver options: the document's `simulation`, overridden by the mode's."""
+        """Add gravity [m/s^2] and solver options. The mode's `simulation` overrides the document's."""
         mode = self.robot.mode
         attributes: dict[str, XmlValue] = {**self.assembly.definition.simulation, **mode.simulation}
         if "integrator" in attributes:
@@ -203,7 +203,7 @@ class _Builder:
         section = self.root.add("equality")
         for joint in self.joints.values():
             for slide in lowered(joint)[1:]:
-                # The turn depends on the slide: the other way round, the slide's share of the constraint is so small that loads slip.
+                # The rotation depends on the slide. Otherwise the slide's share of the constraint would be so small that loads slip.
                 polynomial: tuple[float, ...] = (0.0, 1.0 / slide.ratio, 0.0, 0.0, 0.0)
                 names = {"name": f"{joint.path}:screw", "joint1": joint.path, "joint2": slide.name}
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.origin)
@@ -214,7 +214,7 @@ class _Builder:
         closures.equalities(self.robot, section, [link.name for link in self.links])
 
     def actuator(self) -> None:
-        """Add drives in joint order, then those of tendons, then magnets."""
+        """Add drives in joint order, then drives of tendons, then magnets."""
         section = self.root.add("actuator")
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
@@ -240,7 +240,7 @@ class _Builder:
             section.add("adhesion", {**names, "ctrlrange": bounds, "gain": "1"}, self.assembly.occurrences[magnet.occurrence].origin)
 
     def keyframe(self) -> None:
-        """Add the poses of the mode (q and controls). The mode determines the pose of the base; for a free base, the holds do."""
+        """Add the poses of the mode (q and controls). The pose of the base comes from the mode or, for a free base, from the holds."""
         section = self.root.add("keyframe")
         for frame in self.robot.keyframes:
             base = frame.base or self.robot.bodies[0].X_PL
@@ -258,13 +258,13 @@ class _Builder:
             self.grow(section, ("key", self.robot.mode.name, frame.name), elements.key, tuple(values), frame.origin)
 
     def name_of(self, joint: TreeJoint) -> str:
-        """Return the name of the whole joint of a coordinate."""
+        """Return the name of the whole joint to which a coordinate belongs."""
         return FREE_JOINT if joint.mate < 0 else self.assembly.mates[joint.mate].name or joint.path
 
     def position(self, path: str, q: Mapping[str, float]) -> float:
-        """Return the control [rad or m] that keeps a position drive at `q`, or 0 for other drives.
+        """Return the control [rad or m] that keeps a position drive at `q`. Return 0 for other drives.
 
-        For the drive of a ball it is the component of the rotation vector along its axis.
+        For the drive of a ball it is the component of the rotation vector along the drive's axis.
         """
         joint = self.joints[path]
         drive = joint.actuator

@@ -1,4 +1,4 @@
-"""Which features of a robot MJCF and MuJoCo can express."""
+"""The features of a robot that MJCF and MuJoCo can express."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Literal
 from thingc.targets.capabilities import SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["each", "threaded", "ball"]
-"""How a joint is written: a hinge or a slide for each coordinate, a coupled hinge and slide, or a ball."""
+"""How a joint is written: as a hinge or a slide for each coordinate, as a coupled hinge and slide, or as a ball."""
 
 DriveForm = Literal["joint", "ball"]
-"""What an actuator drives: a joint, or a ball about an axis."""
+"""The element that an actuator drives: a joint, or a ball about an axis."""
 
 LoopForm = Literal["weld", "connect", "two connects", "connect and tendon", "weld or connect"]
 """The equalities that close a loop."""
 
 SensorForm = Literal["elements", "camera"]
-"""How a sensor is written: an element for each of its readings, or a camera."""
+"""How a sensor is written: as an element for each reading, or as a camera."""
 
 _EACH: Supported[JointForm] = Supported("each")
 _EACH_OF_SEVERAL: Supported[JointForm] = Supported("each", "hinges and slides of one body")

@@ -1,11 +1,11 @@
-"""Loops in MJCF: a held mount is welded to an anchor, or connected at its point; a joint outside the tree becomes an equality.
+"""Loops in MJCF. A held mount is welded to an anchor or connected to it at a point; a joint outside the tree becomes an equality.
 
-An anchor is a mocap body. Its pose is part of `MjData`, so that switching modes can move it without changing the model, and
+An anchor is a mocap body. Its pose is part of `MjData`. Switching modes can therefore move it without changing the model, and
 `mj_resetDataKeyframe` resets it.
 
-MuJoCo has no equality for a hinge, which is written as two `connect` at different points of its axis. Nor has it one for a universal, which
-is written as a `connect` at the intersection of the axes and a tendon of constant length between a point on each axis, which keeps the axes
-at right angles. Both ends of every equality are written explicitly, so that none depends on poses at qpos0.
+MuJoCo has no equality for a hinge, which is written as two `connect` at different points of its axis. It also has none for a universal,
+which is written as a `connect` at the intersection of the axes and a tendon of constant length between a point on each axis, which keeps
+the axes at right angles. Both ends of every equality are written explicitly, so that none depends on poses at qpos0.
 """
 
 from __future__ import annotations
@@ -32,8 +32,7 @@ TIMESTEP = 0.002
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
     """Add the equalities of a mode's closures, as stiff as the time step allows.
 
-    They are a `weld` for each clamp or rigid loop, a `connect` for each point or ball, two for each hinge, and a `connect` and a `tendon`
-    for each universal.
+    A clamp or rigid loop has a `weld`, a point or ball has a `connect`, a hinge has two, and a universal has a `connect` and a `tendon`.
     """
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
     stiff: dict[str, XmlValue] = {"solref": (2.0 * cast("float", stepped), 1.0), "solimp": STIFFNESS}
@@ -64,13 +63,13 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
                     "polycoef": (longer, 0.0, 0.0, 0.0, 0.0), **stiff,
                 }, closure.origin)
             case None:
-                pass  # the loop stays open: see `losses`
+                pass  # the loop stays open (see `losses`)
             case _:
                 assert_never(form)
 
 
 def tendons(robot: Robot, section: Element) -> None:
-    """Add a tendon for each universal, between a point on one axis and a point on the other."""
+    """Add a tendon for each universal, from a point on one axis to a point on the other axis."""
     for closure in robot.closures:
         if equality(closure) == "connect and tendon":
             spatial = section.add("spatial", {"name": equality_name(closure), "group": "3"}, closure.origin)
@@ -87,7 +86,7 @@ def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "co
 
 
 def equality_name(closure: Closure) -> str:
-    """Return `rear_foot/sole:hold` or `rod:loop`, or the custom name."""
+    """Return the name of an equality: `rear_foot/sole:hold` or `rod:loop`, or the custom name."""
     return closure.name or f"{closure.path}:{'hold' if closure.hold else 'loop'}"
 
 
@@ -97,7 +96,7 @@ def anchor_name(closure: Closure) -> str:
 
 
 def anchors(robot: Robot) -> dict[str, Pose]:
-    """Return a mapping of anchor names to poses in the world: that of the held link, or of the mount's origin if it can rotate."""
+    """Return the poses of anchors in the world by name. An anchor is at the held link, or at the mount's origin if it can rotate."""
     return {
         anchor_name(one): Pose(translation=one.X_PA.translation) if one.turns else one.X_PA @ one.X_CB.inverse()
         for one in robot.closures if one.hold
@@ -105,7 +104,7 @@ def anchors(robot: Robot) -> dict[str, Pose]:
 
 
 def _ends(closure: Closure) -> tuple[str, str]:
-    """Return the two sites that a `connect` joins: of a held mount and its anchor, or of the two sides of a cut ball."""
+    """Return the two sites that a `connect` joins: a held mount and its anchor, or the two sides of a cut ball."""
     return (anchor_name(closure), closure.path) if closure.hold else (f"{closure.path}:parent", f"{closure.path}:child")
 
 
@@ -131,7 +130,7 @@ def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
 def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tuple[str, Pose]]]:
     """Return two pairs of sites, each with one on the parent and one on the child.
 
-    The first pair is at the origin. The second is on the axis of a hinge; for a universal, one on the parent's axis and one on the child's.
+    The first pair is at the origin. For a hinge, the second pair is on its axis. For a universal, it has one site on each axis.
     """
     lever = _lever(robot, closure)
     ends = shifted(0.0, 0.0, lever), shifted(0.0, 0.0, lever)
@@ -145,7 +144,7 @@ def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tupl
 
 
 def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tuple[str, Pose]]) -> float:
-    """Return the distance [m] between a point of the parent and one of the child at q = 0, MuJoCo's reference for tendon lengths."""
+    """Return the distance [m] at q = 0 between a point of the parent and a point of the child, which is MuJoCo's reference length."""
     assert closure.parent is not None
     X_WL: list[Pose] = []
     for body in robot.bodies:
@@ -155,7 +154,7 @@ def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tup
 
 
 def _lever(robot: Robot, closure: Closure) -> float:
-    """Return the distance [m] between the two points: from the axis to the child's centre of mass, to one digit, at least 1e-3.
+    """Return the distance [m] between the two points: from the axis to the child's centre of mass, rounded to one digit, at least 1e-3.
 
     With this distance, translation and rotation have similar weights in the constraint.
     """
@@ -165,7 +164,7 @@ def _lever(robot: Robot, closure: Closure) -> float:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield losses for poses that do not close the loops or were moved, and for the properties of cut joints."""
+    """Yield losses for poses that do not close the loops or were changed, and for properties of cut joints."""
     mode = robot.mode.name
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
@@ -196,7 +195,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
 
 
 def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
-    """Return `` `knee` and 2 more moved, by 12 deg at most``: it names the joint that moved most (a radian counts as a metre)."""
+    """Return `` `knee` and 2 more moved, by 12 deg at most``. It names the joint that moved most (a radian counts as a metre)."""
     path = max(moved, key=lambda joint: abs(moved[joint]))
     others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
     return f"`{path}`{others} changed by at most {_format_value(moved[path], turn=path in turns)}"

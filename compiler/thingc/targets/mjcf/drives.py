@@ -9,23 +9,24 @@ from thingc.model.robot.types import TreeJoint
 from thingc.targets.xml_writer import XmlValue
 
 UNBOUNDED = 1e6
-"""The other bound of the `range` [rad or m] of a joint with only one limit, because MuJoCo requires both."""
+"""Second bound of the `range` [rad or m] of a joint with only one limit, because MuJoCo requires both."""
 
 NOTHING = 1e-12
-"""Written in place of a bound of 0 [N, N m, rad/s or m/s]."""
+"""Bound [N, N m, rad/s or m/s] that is written in place of 0."""
 
 
 def joint_range(limit: Limit) -> tuple[float, float] | None:
-    """Return the lower and upper limit [rad or m], or None without limits."""
+    """Return the lower and upper limit [rad or m], or None if there are no limits."""
     if limit.lower is None and limit.upper is None:
         return None
     return (-UNBOUNDED if limit.lower is None else limit.lower, UNBOUNDED if limit.upper is None else limit.upper)
 
 
 def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> dict[str, XmlValue]:
-    """Return the gains and the range: the joint's range, velocity limit or effort for a position drive, velocity drive or motor.
+    """Return the gains and the range of a drive.
 
-    The joint's effort limit takes precedence over the drive's.
+    The range is the joint's range for a position drive, the velocity limit for a velocity drive, and the effort for a motor. The joint's
+    effort limit takes precedence over the drive's.
     """
     effort = joint.limit.effort if joint.limit.effort is not None else drive.effort
     velocity = joint.limit.velocity if joint.limit.velocity is not None else drive.velocity
@@ -50,6 +51,6 @@ def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> d
 
 
 def both_ways(bound: float) -> tuple[float, float]:
-    """Return a range around 0. MuJoCo reads `0 0` as no limit, so a bound of 0 becomes almost 0."""
+    """Return a range around 0. A bound of 0 becomes a tiny bound, because MuJoCo interprets `0 0` as no limit."""
     wide = numeric.maximum(bound, NOTHING)
     return (-wide, wide)

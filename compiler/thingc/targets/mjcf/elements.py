@@ -22,11 +22,11 @@ from thingc.targets.mjcf.lowering import MujocoJoint, lowered
 from thingc.targets.xml_writer import Element, XmlValue
 
 GRID = 0.1
-"""Spacing [m] of the grid lines that MuJoCo may draw on a plane; the attribute is required."""
+"""Spacing [m] of the grid lines that MuJoCo may draw on a plane. MuJoCo requires the attribute."""
 
 
 def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
-    """Return the elements with their names in raw attributes."""
+    """Return the elements made by `make(*inputs)`, and their names in raw attributes."""
     elements = make(*inputs)
     return elements, frozenset(element.get("name").replace(".", "/") for element in elements)
 
@@ -76,7 +76,7 @@ def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
 
 
 def ball(name: str, joint: TreeJoint) -> tuple[Element, ...]:
-    """Return a ball joint, given any of its coordinates, which differ only in their axes."""
+    """Return a ball joint from any of its coordinates, which differ only in their axes."""
     attributes: dict[str, XmlValue] = {"name": name, "type": "ball"}
     if any(joint.twist.anchor):
         attributes["pos"] = joint.twist.anchor
@@ -96,7 +96,7 @@ def dynamics_attributes(dynamics: Dynamics) -> dict[str, XmlValue]:
 
 
 def _axis(one: MujocoJoint, twist: Twist) -> dict[str, XmlValue]:
-    """Return the attributes that every joint has."""
+    """Return the attributes that all types of joints have."""
     pos = {"pos": twist.anchor} if any(twist.anchor) else {}
     return {"name": one.name, "type": one.type, **pos, "axis": one.axis}
 
@@ -105,7 +105,7 @@ def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, ta
     """Return the visual geoms of a link, and the collision geoms of class `touching`.
 
     `poses` are the poses of the occurrences in the link, and `taken` are the custom names of shapes. If a visual and a collision shape have
-    the same name, only the collision geom gets it.
+    the same name, only the collision geom gets the name.
     """
     elements: list[Element] = []
     for pose, one in zip(poses, shapes, strict=True):
@@ -113,7 +113,7 @@ def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, ta
         for index, shape in enumerate(one.visual):
             name = shape.name or one.path
             if index and not shape.name or name in (used if shape.name else taken):
-                name = numbered(f"{name}:visual", index)  # `cap_1` may be another component
+                name = numbered(f"{name}:visual", index)  # avoids `cap_1`, which may be another component
             used.add(shape.name)
             attributes = {"name": name, "class": "visual", **_shape(shape, pose)}
             material = material_name(shape.material, shape.color)
@@ -155,7 +155,7 @@ def _shape(shape: Shape, pose: Pose) -> dict[str, XmlValue]:
 
 
 def _friction(material: Material | None) -> dict[str, XmlValue]:
-    """Return `friction` if the material specifies any, with MuJoCo's defaults for the rest.
+    """Return `friction` if the material specifies any friction, with MuJoCo's defaults for the other values.
 
     MuJoCo uses the larger friction of two geoms, so a floor could override the document's value. A priority prevents this (for two geoms of
     the robot, MuJoCo still uses the larger value). Torsional and rolling friction require `condim` 4 and 6.
@@ -176,8 +176,8 @@ def _friction(material: Material | None) -> dict[str, XmlValue]:
 def inertial(properties: MassProperties) -> dict[str, XmlValue]:
     """Return the mass [kg], the centre of mass [m] and the inertia about it [kg m^2], in the link's frame, as `<inertial>` attributes.
 
-    A link that never moves may have an inertia near 0, or one that no solid can have (a point mass). MuJoCo cannot compute the principal
-    axes of such an inertia. It has no effect and is written as 0.
+    A link that never moves may have an inertia near 0, or an inertia that no solid can have (a point mass). MuJoCo cannot compute the
+    principal axes of such an inertia. As it has no effect, it is written as 0.
     """
     inertia = properties.inertia
     attributes: dict[str, XmlValue] = {"pos": properties.centre, "mass": properties.mass}

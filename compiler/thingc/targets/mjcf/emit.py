@@ -1,4 +1,4 @@
-"""MJCF: a MuJoCo model and a scene for each mode, and their shared meshes."""
+"""MJCF: a MuJoCo model and a scene for each mode, and the meshes that they share."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from thingc.targets.xml_writer import Element, write
 
 
 class Models(FrozenStruct):
-    """The models of all modes before they are split into files. `assets` are the meshes, keyed by file name in `assets/`."""
+    """The models of all modes before they are split into files. `assets` are the meshes by file name in `assets/`."""
 
     candidates: tuple[verify.Candidate, ...]
     assets: dict[str, StoredArtifact]
@@ -85,7 +85,7 @@ def models(request: EmitRequest) -> Models:
 
 
 def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, StoredArtifact]]:
-    """Return a mapping of modes to model texts, and one of file names to their meshes. MuJoCo does not check them.
+    """Return the model texts by mode, and the meshes by file name. MuJoCo does not check them.
 
     With `floor`, a model contains the floor of its scene.
     """
@@ -112,10 +112,10 @@ def _heading(robot: Robot) -> str:
 
 
 def emit_archives(request: EmitRequest) -> Artifacts:
-    """Return `mjcf/<name>_<mode>.mjz` of each chosen mode: a model and its meshes in one zip file that MuJoCo opens. Reproducible.
+    """Return `mjcf/<name>_<mode>.mjz` of each chosen mode: a reproducible zip file of a model and its meshes that MuJoCo can open.
 
-    This module writes the zip files itself. `MjSpec.encode` writes the time, and numbers with only six digits. Python's `zipfile` would
-    compress the meshes again for every mode and every edit. Here each mesh is compressed once and cached in the store.
+    This module writes the zip files itself. `MjSpec.encode` stores the time, and writes numbers with only six digits. Python's `zipfile`
+    would compress the meshes again for every mode and every edit. Here each mesh is compressed once and cached in the store.
     """
     made = models(request)
     if request.report.failed:
@@ -130,7 +130,7 @@ def emit_archives(request: EmitRequest) -> Artifacts:
 
 
 def _archive(model: bytes, assets: Mapping[str, StoredArtifact], store: Store) -> bytes:
-    """Return the zip file: the model, and each asset as `assets/<file>`."""
+    """Return the zip file with the model, and with each asset as `assets/<file>`."""
     return zipped({MODEL: model, **{f"assets/{file}": _asset(stored, store) for file, stored in assets.items()}})
 
 

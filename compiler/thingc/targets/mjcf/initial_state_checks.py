@@ -1,7 +1,7 @@
-"""Check the initial state of a mode with MuJoCo: find overlapping links and oscillating drives.
+"""Check the initial state of a mode with MuJoCo for overlapping links and oscillating drives.
 
-A simulation with either fails at once, although the model compiles. Both are checked when a model is compiled anyway with its true meshes.
-A state without faults is cached with everything it depends on as the key (see `key`).
+A simulation with either fault fails at once, although the model compiles. Both are checked when a model is compiled anyway with its true
+meshes. A state without faults is cached; the key is a digest of everything that it depends on (see `key`).
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
 
 DEEP = 0.5e-3
-"""Tolerated overlap of two links [m]: tight fits are in contact, and meshes are slightly inaccurate."""
+"""Tolerated overlap of two links [m]. Tight fits are in contact, and meshes are slightly inaccurate."""
 SHOWN = 3
-"""Number of further pairs that a message names."""
+"""Number of additional pairs that a message names."""
 
 _INDIFFERENT = re.compile(r' (?:range|ctrlrange|rgba|gravity)="[^"]*"')
 
@@ -34,15 +34,15 @@ _INDIFFERENT = re.compile(r' (?:range|ctrlrange|rgba|gravity)="[^"]*"')
 def key(text: str, robot: Robot) -> str:
     """Return a digest of everything that the initial state of a robot depends on.
 
-    It covers the start keyframe and the model's `text`, except names, colours, joint limits and gravity. So a robot on a wall has the same
-    state as on the floor.
+    It covers the start keyframe and the model's `text`, except names, colours, joint limits and gravity. A robot on a wall therefore has
+    the same state as on the floor.
     """
     model = _INDIFFERENT.sub("", text.partition("<mujoco ")[2].partition(">")[2])
     return hashlib.sha256(f"{robot.mode.pose}\n{model}".encode()).hexdigest()
 
 
 def apart(text: str) -> tuple[str, ...]:
-    """Return the parts of a model's text that `key` leaves out."""
+    """Return the parts of a model's text that `key` omits."""
     head, _, rest = text.partition("<mujoco ")
     return (head, rest.partition(">")[0], *_INDIFFERENT.findall(rest))
 
@@ -59,7 +59,7 @@ class Gains(FrozenStruct):
     """A drive in one step of a simulation.
 
     Units are [N m/rad or N/m] for `stiffness` (kp and a spring), [N m s/rad or N s/m] for `kv` and `damping`, and [s] for the time step
-    `dt`. `inertia` [kg m^2 or kg] is what the drive moves if all joints can move.
+    `dt`. `inertia` [kg m^2 or kg] is the inertia that the drive moves if all joints can move.
     """
 
     stiffness: float
@@ -74,11 +74,11 @@ class Gains(FrozenStruct):
     def stiffest(self) -> float:
         """The stiffness k above which a step increases the error.
 
-        With the velocity after a step used for the position, v' = a v - b q and q' = q + dt v', a step has the determinant a and the trace
-        1 + a - dt b; it is stable (Jury) while 2 + 2 a > dt b. An implicit integrator divides by I + dt d, d = kv + damping: a = I / (I +
-        dt d), b = dt k / (I + dt d), which gives dt^2 k < 4 I + 2 dt d. Euler is implicit in the damping c of joints, and explicit in kv:
-        dt^2 k < 4 I + 2 dt c - 2 dt kv. Runge-Kutta of order 4 is stable for dt^2 k < 8 I (its region cuts the imaginary axis at 2
-        sqrt(2)).
+        MuJoCo uses the velocity after a step for the position: v' = a v - b q and q' = q + dt v'. A step has the determinant a and the
+        trace 1 + a - dt b; it is stable (Jury) while 2 + 2 a > dt b. An implicit integrator divides by I + dt d with d = kv + damping: a =
+        I / (I + dt d) and b = dt k / (I + dt d), which gives dt^2 k < 4 I + 2 dt d. Euler is implicit in the damping c of joints and
+        explicit in kv: dt^2 k < 4 I + 2 dt c - 2 dt kv. Runge-Kutta of order 4 is stable for dt^2 k < 8 I (its region cuts the imaginary
+        axis at 2 sqrt(2)).
         """
         if self.integrator == "RK4":
             return 8.0 * self.inertia / self.dt**2
@@ -105,9 +105,9 @@ class Gains(FrozenStruct):
     def jumps(self) -> bool:
         """Whether the force can keep jumping from one limit F to the other, although the integrator is implicit in kv.
 
-        At its limit a force does not depend on the velocity, and MuJoCo leaves it out of the derivative. From rest at an error of J / 2, J
-        = dt^2 F / I, a step at the limit leads to -J / 2, where dt kv > I makes the force stop it in one step, at rest again. This repeats
-        for ever if the force is at its limit there, kp J / 2 > F, which is dt^2 kp > 2 I.
+        At its limit a force does not depend on the velocity, and MuJoCo omits it from the derivative. Let J = dt^2 F / I. From rest at an
+        error of J / 2, a step at the limit leads to -J / 2. If dt kv > I, the force stops it there in one step, and it is at rest again.
+        This repeats indefinitely if the force is at its limit there, kp J / 2 > F, which is dt^2 kp > 2 I.
         """
         return self.saturates and self.dt * self.kv > self.inertia and self.dt**2 * self.stiffness > 2.0 * self.inertia
 
@@ -129,7 +129,7 @@ class Gains(FrozenStruct):
 
 
 class InitialState(FrozenStruct):
-    """The faults of one mode: overlapping parts, deepest first, and the gains of oscillating drives, keyed by joint."""
+    """The faults of a mode: overlapping parts, deepest first, and the gains of oscillating drives by joint."""
 
     robot: Robot
     inside: tuple[Penetration, ...]
@@ -179,7 +179,7 @@ def look(model: Any, robot: Robot) -> InitialState:
 
 
 def _pose(model: Any, data: Any, number: int | None) -> None:
-    """Set the keyframe with this number, or without one set every joint to 0."""
+    """Set the keyframe with this number or, if it is None, set every joint to 0."""
     import mujoco
 
     if number is None:
@@ -206,9 +206,9 @@ def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Penetration]:
 def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
     """Yield each joint drive with its name at the positions of the last `mj_fwdPosition`. Requires dense equality constraints.
 
-    A drive acts along g, its row of the transmission's Jacobian: the joint's own dof for a hinge, an axis in its three for a ball. The
-    inertia is 1 / (g M^-1 g'), with coupled parts (loops, mimic joints) moving together: with the rows T of the equality constraints and W
-    = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g'). The rules need the square of the time step: nothing is yielded if it is 0 or
+    A drive acts along g, its row of the transmission's Jacobian: the joint's own dof for a hinge, an axis in its three dofs for a ball. The
+    inertia is 1 / (g M^-1 g'), with coupled parts (loops, mimic joints) moving together. With the rows T of the equality constraints and W
+    = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g'). The rules need the square of the time step; nothing is yielded if it is 0 or
     infinite.
     """
     import mujoco
@@ -218,7 +218,7 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
     driven = [k for k in range(model.nu) if int(model.actuator_trntype[k]) in of_joints]
     if not driven or not 0.0 < model.opt.timestep * model.opt.timestep < math.inf:
         return
-    # MuJoCo allocates rows for constraints that it then leaves out because nothing in them can move.
+    # MuJoCo also allocates rows for constraints that it then omits because nothing in them can move.
     rows = np.asarray(data.efc_J, dtype=float)[: data.nefc * model.nv].reshape(-1, model.nv)
     tied = np.ascontiguousarray(rows[np.asarray(data.efc_type) == mujoco.mjtConstraint.mjCNSTR_EQUALITY])
     across = np.zeros_like(tied)
@@ -236,7 +236,7 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
         if len(tied):
             tying = across @ along[0]
             inverse -= float(tying @ holding @ tying)
-        if inverse <= 1e-9 * alone:  # coupled to something that cannot move
+        if inverse <= 1e-9 * alone:  # the drive is coupled to a part that cannot move
             continue
         bias, gear = model.actuator_biasprm[actuator], float(along[0] @ along[0])
         yield model.actuator(actuator).name, Gains(
@@ -255,7 +255,7 @@ def _path(name: str) -> str:
 
 
 def say(starts: Sequence[InitialState], report: Report) -> None:
-    """Warn about overlaps in each mode (equal ones share a warning), and about each oscillating drive in its worst mode."""
+    """Warn about overlaps in each mode (equal overlaps share a warning), and about each oscillating drive in its worst mode."""
     alike: dict[tuple[tuple[str, str, float], ...], list[InitialState]] = {}
     for start in starts:
         if start.inside and not report.allows(Code.START_CONTACT, start.robot.mode.origin):
@@ -269,7 +269,7 @@ def say(starts: Sequence[InitialState], report: Report) -> None:
             if path in joints and (path not in worst or gains.inertia < worst[path][0].inertia):  # elements added by `raw` are not checked
                 worst[path] = gains, joints[path], start.robot
     written: dict[object, list[str]] = {}
-    for path, (_, joint, _) in worst.items():  # one drive is written for every joint of a repeat
+    for path, (_, joint, _) in worst.items():  # a drive in a repeat is written once for all of its joints
         if report.allows(Code.CHATTER, (*_written_at(joint), *joint.origin[:1])):
             continue
         written.setdefault(_written_at(joint), []).append(path)

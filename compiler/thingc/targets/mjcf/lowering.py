@@ -1,4 +1,4 @@
-"""Convert joints to MuJoCo joints. Hinges, slides and balls exist in MuJoCo, and a screw becomes a coupled hinge and slide."""
+"""Convert joints to MuJoCo joints. MuJoCo has hinges, slides and balls; a screw becomes a coupled hinge and slide."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class MujocoJoint(FrozenStruct, kw_only=False):
 
 
 def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
-    """Return the MuJoCo joints of a coordinate; the first one has its name and values.
+    """Return the MuJoCo joints of a coordinate. The first joint has the name and the values of the coordinate.
 
-    The result is None for the coordinates of a ball, which is a single joint.
+    The result is empty for the coordinates of a ball, which is a single joint.
     """
     path, twist = joint.path, joint.twist
     form = CAPABILITIES["joints"][joint_cell(joint.kind)].by
@@ -48,7 +48,7 @@ def is_ball(joints: Sequence[TreeJoint]) -> bool:
 
 
 def positions(body: Body, q: Mapping[str, float]) -> tuple[float, ...]:
-    """Return the `qpos` of the joints of a body at `q`, a mapping of joint paths to values [rad or m]."""
+    """Return the `qpos` of the joints of a body at `q`, which has values [rad or m] by joint path."""
     if is_ball(body.joints):
         return quaternion_of(rotation_vector(body.twists, tuple(q[joint.path] for joint in body.joints)))
     return tuple(one.ratio * q[joint.path] for joint in body.joints for one in lowered(joint))
@@ -57,7 +57,7 @@ def positions(body: Body, q: Mapping[str, float]) -> tuple[float, ...]:
 def in_body(body: Body, axis: Vector) -> Vector:
     """Transform the axis of a ball's drive from the document's axes to the axes of the body.
 
-    The sign changes if the joint is reversed in the tree, because the drive then moves the document's parent relative to its child.
+    The sign changes if the joint is reversed in the tree, because the drive then moves the document's parent relative to the child.
     """
     joints = body.joints[::-1] if body.joints[0].reversed else body.joints
     return rotation_vector(tuple(joint.twist for joint in joints), axis)

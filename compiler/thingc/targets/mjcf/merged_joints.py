@@ -1,7 +1,7 @@
-"""Several joints on one body.
+"""Merge the joints of massless links into the next body.
 
-MuJoCo does not accept a moving body without mass, but a body may have any number of joints: a massless link between two joints is not
-written as a body, and its joint is added to the next body.
+MuJoCo does not accept a moving body without mass, but a body may have any number of joints. A massless link between two joints is therefore
+not written as a body, and its joint is added to the next body.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from thingc.targets.artifact import Loss
 
 
 def model_bodies(robot: Robot) -> Mapping[int, Body]:
-    """Return a mapping of body indices in the robot to the bodies of the model. Their parents are also bodies of the model.
+    """Return the bodies of the model by the index of the body in the robot. Their parents are also bodies of the model.
 
     The joints before an omitted link come first in the next body: they act first, and are expressed in the frame of that body with its own
     joints at 0.
@@ -37,7 +37,7 @@ def joins(robot: Robot, index: int) -> bool:
 
 
 def sites(robot: Robot) -> Mapping[str, Site]:
-    """Return a mapping of paths to the frames on bodies of the model."""
+    """Return the frames on bodies of the model by path."""
     return {site.path: site for site in robot.sites if not joins(robot, site.body)}
 
 

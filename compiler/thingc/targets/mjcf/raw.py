@@ -1,4 +1,4 @@
-"""Apply the raw attributes of `raw: {mjcf: ...}` to the model one by one.
+"""Apply the raw attributes in `raw: {mjcf: ...}` to the model.
 
     joint: {yaw: {solreflimit: 0.01 1}}                       a kind of element, its name, an attribute
     option: {iterations: 20, flag: {contact: disable}}        a section that exists once, and elements in it
@@ -23,7 +23,7 @@ from thingc.targets.xml_writer import Element, unwritable
 TARGET = "mjcf"
 
 SINGLE = ("compiler", "option", "size", "statistic", "visual")
-"""Sections that a model has once. Missing ones are added at the top, in this order."""
+"""Sections that exist once in a model. Missing ones are added at the top, in this order."""
 
 NAMED: dict[str, tuple[str | None, tuple[str, ...] | None]] = {
     "actuator": ("actuator", None), "body": (None, ("body",)), "camera": (None, ("camera",)), "equality": ("equality", None),
@@ -38,7 +38,7 @@ KINDS = (*NAMED, *SINGLE, "default")
 
 
 def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
-    """Apply the raw attributes to the model of each mode. Report kinds or names that no mode has.
+    """Apply the raw attributes to the model of each mode. Report kinds and names that no mode has.
 
     An element that only some modes have (the drive of a joint, a keyframe) gets its attributes in these modes. Elements listed in `order`
     come first in every mode, in that order.
@@ -73,7 +73,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
 
 def _sort(model: Element, ranks: Mapping[int, int]) -> None:
-    """Sort the elements of a model by rank; elements without rank come last. Keyframe controls are in the order of the actuators."""
+    """Sort the elements of a model by rank. Elements without a rank come last. Keyframe controls are in the order of the actuators."""
     for section in (section for kind in ORDERED if (section := model.find(kind)) is not None):
         children = section.children
         places = sorted(range(len(children)), key=lambda place: ranks.get(id(children[place]), len(ranks)))
@@ -125,15 +125,15 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
 
 
 def _slashed(name: str) -> str:
-    """Return a name with `/` as in linked raw attributes: a document may write `hand.cap` for `hand/cap`."""
+    """Return a name with `/`, as in linked raw attributes. A document may write `hand.cap` for `hand/cap`."""
     return name.replace(".", "/")
 
 
 def _names(attribute: RawAttribute) -> tuple[str, ...]:
     """Return the possible meanings of an attribute's name.
 
-    Names in a nested document are prefixed with its path. Assets, classes and sections do not belong to an occurrence, so their names may
-    also lack the prefix.
+    Names in a nested document are prefixed with its path. Assets, classes and sections do not belong to an occurrence, so names without the
+    prefix are also possible.
     """
     name = _slashed(attribute.path[1])
     if attribute.path[0] not in (*SINGLE, "default", "mesh", "material", "key"):
@@ -143,7 +143,7 @@ def _names(attribute: RawAttribute) -> tuple[str, ...]:
 
 
 def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
-    """Return the child with a tag. If there is none, add it before the children with the tag `before`."""
+    """Return the child with a tag. If it does not exist, add it before the children with the tag `before`."""
     child = owner.find(tag)
     if child is None:
         child = Element(tag=tag)
@@ -153,7 +153,7 @@ def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
 
 
 def _classes(robot: Robot, model: Element) -> dict[str, Element]:
-    """Return a mapping of names to default classes. The document's own name maps to the robot's class."""
+    """Return the default classes by name. The document's own name refers to the robot's class."""
     section = model.find("default")
     elements = section.walk() if section is not None else iter(())
     classes = {element.get("class"): element for element in elements if "class" in element.attributes}
@@ -177,7 +177,7 @@ def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
     owner, _, mount = _slashed(name).rpartition("/")
     magnet = kind == "actuator" and any(one.path == owner and mount in one.mounts for one in assembly.occurrences)
     if len(attribute.origin) > 1 and (kind == "key" or magnet or attribute.path[-1] == IN_ORDER):
-        return True  # of a nested document, whose poses and modes are not used
+        return True  # belongs to a nested document, whose poses and modes are not used
     if kind == "joint":
         return name == assembly.free_joint
     if kind == "actuator":

@@ -1,8 +1,8 @@
-"""Elements that documents add to models by `raw: {mjcf: {add: ...}}`.
+"""Elements that documents add to models with `raw: {mjcf: {add: ...}}`.
 
 They can refer to the document's joints and components by path, to its mounts (which then get sites), to elements of the model, and to
-elements that were added earlier. If an element refers to something that is missing in a mode (an omitted drive, a joint that cuts a loop),
-it is omitted in that mode.
+elements that were added earlier. If an element refers to something that does not exist in a mode (an omitted drive, a joint that cuts a
+loop), the element is omitted in that mode.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
 
 def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
-    """Yield invalid elements and attributes, which must not be passed to MuJoCo, because they could change other elements."""
+    """Yield invalid elements and attributes. They must not be passed to MuJoCo, because they could change other elements."""
     for name, value in ((element.tag, ""), *element.attributes.items()):
         why = unwritable(name, value)
         if why is not None:
@@ -67,7 +67,7 @@ def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
 
 
 def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
-    """Whether a mode that is not built may have a missing reference, or it is an added element that is already reported."""
+    """Whether the missing reference may exist in a mode that is not built, or is an added element that is already reported."""
     kind, name = missing
     if any((one.section, one.attributes.get("name", "").replace(".", "/")) == (kind, name.replace(".", "/")) for one in assembly.added):
         return True
@@ -91,7 +91,7 @@ class _Target:
             self.names[kind] = {one.get("name") for one in section.children} if section is not None else set()
 
     def add(self, wanted: RawElement) -> tuple[str, str] | None:
-        """Add an element. Return the kind and name of a reference that is missing in this model, else None."""
+        """Add an element. Return the kind and name of a reference that is missing in this model, or None."""
         made = self.made(wanted)
         if isinstance(made, tuple):
             return made
@@ -125,7 +125,7 @@ class _Target:
         return made
 
     def found(self, kind: str, path: str) -> str | None:
-        """Return the name in the model for a kind and path, or None. Add a site for a mount without one."""
+        """Return the name in the model for a kind and path, or None. Add a site for a mount without a site."""
         plain = kind != "joint" or path in self.names.get(kind, ())
         name = path if plain else CoordinateName(path.replace("/", ".")).path
         if name in self.names.get(kind, ()) or kind not in KINDS:

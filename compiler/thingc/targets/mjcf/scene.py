@@ -1,4 +1,4 @@
-"""`scene_<mode>.xml`: the robot on a floor under a light, like the scenes of the MuJoCo Menagerie."""
+"""`scene_<mode>.xml`: the robot on a floor under a light, as in the scenes of the MuJoCo Menagerie."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def scene(robot: Robot, file: str, heading: str, model: XmlText, memo: Memo | No
 
 
 def floored(robot: Robot, model: XmlText, separator: str) -> str:
-    """Return the text of a model with the floor of its scene but without purely visual elements. `separator` is used in paths."""
+    """Return the text of a model with the floor of its scene but without purely visual elements. Paths have the separator `separator`."""
     root = Element(tag="mujoco")
     _lay_floor(root, root.add("worldbody"), floor_name(model), _held(robot, separator), {})
     sections = write(root, "").text.partition("<mujoco>\n")[2]
@@ -44,7 +44,7 @@ def _scene(title: str, box: Box | None, file: str, floor: str, held: Sequence[tu
 
     Raw attributes can override the elements before the `include`. The floor is the plane z = 0 of the world, to which the root of a mode is
     mated. For a mode on a wall or ceiling, this plane is the wall or ceiling. Contacts of held links with the floor are excluded, as MuJoCo
-    does for a fixed root. The floor is then a body, because not every reader finds the world by its name.
+    does for a fixed root; in this case the floor is a body, because not every reader can refer to the world by name.
     """
     root = Element(tag="mujoco", attributes={"model": title}, origin=origin)
     if box is not None:
@@ -78,6 +78,6 @@ def _lay_floor(root: Element, world: Element, floor: str, held: Sequence[tuple[s
 
 
 def floor_name(model: XmlText) -> str:
-    """Return `floor`, or `scene:floor`, which is not a valid component name, if a component has that name."""
-    taken = any(f'<{kind} name="{FLOOR}"' in model.text for kind in ("body", "geom"))  # the name is their first attribute
+    """Return the name of the floor. If a component is named `floor`, it is `scene:floor`, which is not a valid component name."""
+    taken = any(f'<{kind} name="{FLOOR}"' in model.text for kind in ("body", "geom"))  # the name is the first attribute
     return f"scene:{FLOOR}" if taken else FLOOR

@@ -23,7 +23,7 @@ from thingc.targets.sensors import body_of, elsewhere, on_free_root
 from thingc.targets.xml_writer import Element, XmlValue
 
 LOOKING = turned_y(numeric.pi)
-"""A camera of MuJoCo looks along its -z with y up; one of a document looks along the mount's z, with the mount's y up."""
+"""Rotation from a document's camera, which looks along the mount's z with y up, to MuJoCo's, which looks along its -z with y up."""
 
 ELEMENTS: Mapping[SensorType, Mapping[ReadingName, str]] = {
     "imu": {"accelerometer": "accelerometer", "gyro": "gyro", "quat": "framequat"},
@@ -45,16 +45,16 @@ ELEMENTS: Mapping[SensorType, Mapping[ReadingName, str]] = {
     "clock": {"time": "clock"},
     "energy": {"potential": "e_potential", "kinetic": "e_kinetic"},
 }
-"""The element for each kind and reading."""
+"""The MJCF element for each kind of sensor and reading."""
 
 
 def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
-    """Add a camera at each mount that has one. `fovy` is the vertical field of view, in degrees whatever the unit of the file's angles."""
+    """Add a camera at each mount that has one. `fovy` is the vertical field of view, always in degrees."""
     sites = merged_joints.sites(robot)
     for sensor in robot.assembly.sensors:
         if written(CAPABILITIES["sensors"][sensor.kind]) == "camera" and (sensor.site or "") in sites and sensor.fovy is not None:
             site = sites[sensor.site or ""]
-            # rounded, so that 60 deg does not become 59.99999999999999
+            # rounded, because 60 deg would become 59.99999999999999
             degrees = numeric.rounded(numeric.degrees(sensor.fovy), 12)
             attributes = {"name": sensor.path, **pose_attributes(site.pose @ LOOKING), "fovy": degrees}
             bodies[site.body].add("camera", attributes, sensor.origin)
@@ -83,7 +83,7 @@ def sensors(robot: Robot, section: Element) -> None:
                 if not _missing(robot, sensor):
                     _elements(robot, sensor, section)
             case "camera" | None:
-                pass  # a camera is in its body
+                pass  # cameras are in bodies
             case _:
                 assert_never(form)
 
@@ -128,7 +128,7 @@ def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[s
 
 
 def _missing(robot: Robot, sensor: LinkedSensor) -> str:
-    """Return the reason why a mode does not support a sensor, as text for its loss, or an empty string."""
+    """Return the reason why a mode does not support a sensor, as text for its loss, or "" if it does."""
     sites = merged_joints.sites(robot)
     if any(mount.path not in sites for mount in sensor.mounts):
         return "MuJoCo has no frame between two joints of a body for it"
@@ -152,8 +152,8 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
 def losses(robot: Robot) -> Iterator[Loss]:
     """Yield the losses of a mode's sensors.
 
-    These are unsupported sensors, forces that are not measured at the mount, and accelerations of a fixed base. On a fixed body, MuJoCo's
-    accelerometer reads 0, and on any other body at rest 9.81 m/s^2.
+    These are unsupported sensors, forces that are not measured at the mount, and accelerations of a fixed base. (MuJoCo's accelerometer
+    reads 0 on a fixed body, and 9.81 m/s^2 on any other body at rest.)
     """
     for sensor in robot.assembly.sensors:
         missing = _missing(robot, sensor)

@@ -1,4 +1,4 @@
-"""Tendons of documents in MJCF: `fixed` and `spatial` ones, and their drives.
+"""Tendons of documents as `fixed` and `spatial` tendons of MJCF, and their drives.
 
 A tendon over a joint that cuts a loop is omitted in that mode. The drive of a tendon is in every mode that does not select its actuators.
 """
@@ -30,7 +30,7 @@ def pulled(robot: Robot) -> tuple[LinkedTendon, ...]:
 
 
 def tendons(robot: Robot, section: Element) -> None:
-    """Add a `fixed` tendon for each one over joints, a `spatial` tendon for each one along a path."""
+    """Add a `fixed` tendon for each tendon over joints, and a `spatial` tendon for each tendon along a path."""
     for one in present(robot):
         attributes: dict[str, XmlValue] = {"name": one.path}
         bounds = joint_range(one.limit)
@@ -41,7 +41,7 @@ def tendons(robot: Robot, section: Element) -> None:
         if one.dynamics.stiffness is not None:
             attributes["springlength"] = one.dynamics.rest or 0.0
         if one.width is not None:
-            attributes["width"] = one.width / 2.0  # a radius, in spite of its name
+            attributes["width"] = one.width / 2.0  # MuJoCo's width is a radius
         element = section.add("spatial" if one.steps else "fixed", attributes, one.origin)
         for path, factor in one.moves.items():
             element.add("joint", {"joint": path, "coef": factor}, one.origin)
@@ -60,13 +60,13 @@ def _shape(tendon: LinkedTendon, place: int) -> str:
 
 
 def shapes(robot: Robot, bodies: Mapping[int, Element]) -> None:
-    """Add the spheres and cylinders around which tendons wrap: geoms without contacts and mass, drawn with the collision geoms."""
+    """Add the spheres and cylinders around which tendons wrap. They have no contacts and no mass, and are drawn as collision geoms."""
     sites = merged_joints.sites(robot)
     for one in present(robot):
         for place, step in enumerate(one.steps):
             if step.mount is not None and step.radius is not None and step.shape is not None:
                 site = sites[step.mount.path]
-                # MuJoCo's cylinder is infinite for a tendon; its length is only visual
+                # MuJoCo's cylinder is infinite for a tendon, and its length is only visual
                 size = (step.radius,) if step.shape == "sphere" else (step.radius, step.radius)
                 attributes = {"name": _shape(one, place), "type": step.shape, "size": size, **pose_attributes(site.pose)}
                 attributes |= {"contype": "0", "conaffinity": "0", "group": "3", "mass": "0"}
@@ -82,7 +82,7 @@ def drives(robot: Robot, section: Element) -> None:
 
 
 def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
-    """Yield the controls that keep the tendons' drives at `q` [rad or m]: a length, or 0."""
+    """Yield the controls that keep the tendons' drives at `q` [rad or m]: a length for position drives, else 0."""
     for one in pulled(robot):
         if one.actuator is None or one.actuator.kind != "position":
             yield 0.0

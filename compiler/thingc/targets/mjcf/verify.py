@@ -1,4 +1,4 @@
-"""Compile every model with MuJoCo, and report its messages at their cause in the documents.
+"""Compile every model with MuJoCo, and report its messages at their causes in the documents.
 
 MuJoCo is only imported for models that it has not accepted before.
 """
@@ -25,11 +25,11 @@ from thingc.targets.mjcf.accepted_models import AcceptedModels, about_meshes, bo
 from thingc.targets.xml_writer import Element, RawValue, XmlText, write
 
 MANY = 20_000_000
-"""Limit of bytes of meshes that MuJoCo gets at once; it needs about fifteen times as much memory for them."""
+"""Limit of bytes of meshes for one compilation. MuJoCo needs about fifteen times as much memory for them."""
 
 
 class Candidate(FrozenStruct):
-    """The files of a mode: `model`, which is written from `root` with `heading`, and the scene, which includes it as `file`."""
+    """The files of a mode: `model`, which is written from `root` with `heading`, and the scene, which includes the model as `file`."""
 
     mode: str
     file: str
@@ -57,15 +57,15 @@ class CompileResult(FrozenStruct):
 def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, report: Report, memo: Memo, *, starts: bool = True) -> None:
     """Compile the scene of every candidate, which includes its model, and report errors and warnings at their origin.
 
-    With `starts`, each distinct initial state is checked, too (see `initial_state_checks.py`).
+    With `starts`, each distinct initial state is also checked (see `initial_state_checks.py`).
 
-    Models that MuJoCo has accepted before are not compiled again (`accepted_models.py`). This includes a model with the initial state of an
-    accepted one, if its other contents (names, limits, colours, gravity) were accepted earlier in this process.
+    Models that MuJoCo has accepted before are not compiled again (`accepted_models.py`). The same applies to a model with the initial state
+    of an accepted one, if its other contents (names, limits, colours, gravity) were accepted earlier in this process.
     """
     known = AcceptedModels(store, mujoco_version(), geometry.meshes)
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, started=starts)]
     alike: dict[str, Candidate] = {}
-    leaders: dict[str, Candidate] = {}  # the candidate whose initial state is checked, by mode; other modes have been accepted before
+    leaders: dict[str, Candidate] = {}  # by mode: the candidate whose initial state is checked; other modes were accepted before
     for one in waiting if starts else ():
         key = initial_state_checks.key(one.model.text, one.robot)
         if key in alike or not known.start(key):
@@ -105,9 +105,9 @@ def _verdicts(
 
     Modes in `looked` come first, and need the true meshes of the names in `touching`. Other modes are omitted if they are in `settled` by
     then. The meshes in `instead` are used as long as there are no messages (see `_one_by_one`). Scenes are compiled one after the other,
-    because MuJoCo caches what it reads by file: in parallel, a scene could get another's model, or the process could crash. MuJoCo caches
-    the meshes of the first scene, too, so only this one needs threads, and textures are the same in all scenes, so later ones need not
-    render them.
+    because MuJoCo caches what it reads by file name: in parallel, a scene could get another scene's model, or the process could crash.
+    MuJoCo also caches the meshes of the first scene, so only the first one needs threads. Textures are the same in all scenes, so later
+    scenes do not render them.
     """
     first, standing = True, [*instead, {}]
     for true in (touching, ()):
@@ -134,10 +134,10 @@ def _will_do(verdict: CompileResult, robot: Robot, *, boxes: bool) -> bool:
 
 
 def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mapping[str, bytes]]:
-    """If there are too many meshes for one compilation, let MuJoCo read each one separately, else return [].
+    """If there are too many meshes for one compilation, let MuJoCo read each one separately; otherwise return [].
 
-    Return two replacements for the meshes in `touching` (names of meshes), by file: boxes around them, which overlap if the meshes do, then
-    the convex hulls that MuJoCo uses for contacts. Meshes that cause messages are not replaced.
+    Return two replacements for the meshes in `touching` (names of meshes), by file. The first are boxes around them, which overlap if the
+    meshes do; the second are the convex hulls that MuJoCo uses for contacts. Meshes that cause messages are not replaced.
     """
     waiting = known.unread(touching)
     if sum(mesh.stored.size for mesh in waiting) <= MANY:
@@ -208,15 +208,15 @@ def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
 
 
 def _kind(candidate: Candidate) -> tuple[str, str, str]:
-    """Return a key that models share if they differ only in numbers: the text without numbers."""
+    """Return a key that is equal for models that differ only in numbers: the text without numbers."""
     return ("mujoco takes", candidate.mode, hashlib.sha256(_NUMBERS.sub("", candidate.model.text).encode()).hexdigest())
 
 
 def doubtful(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, memo: Memo, *, starts: bool) -> list[Candidate]:
-    """Return the models that `check` has to compile, after a faster check of many models has accepted the others.
+    """Return the models that `check` must compile, after a faster check of many models has accepted the others.
 
-    The faster check applies if MuJoCo has accepted a scene that differs only in numbers and, with `starts`, the same initial state. The
-    model is compiled without its scene, with tetrahedra in place of the meshes that MuJoCo has accepted. If there are messages, the model
+    The faster check is used if MuJoCo has accepted a scene that differs only in numbers and, with `starts`, the same initial state. It
+    compiles the model without its scene, with tetrahedra in place of the meshes that MuJoCo has accepted. If there are messages, the model
     is returned, so that `check` finds their cause.
     """
     known = [one for one in candidates if memo.last(*_scene(one)) is not None]
@@ -267,12 +267,12 @@ def in_memory(data: Mapping[str, bytes]) -> Any:
 
 
 def _without_threads(text: str) -> str:
-    """Return a model whose meshes are read without threads, which is faster for cached meshes and for tetrahedra."""
+    """Return a model text that makes MuJoCo read meshes without threads, which is faster for cached meshes and for tetrahedra."""
     return text if " usethread=" in text else text.replace("<compiler ", '<compiler usethread="false" ', 1)
 
 
 def _unpainted(scene: str) -> str:
-    """Return a scene with the smallest possible textures. The texture of a sky is six squares, one above the other."""
+    """Return a scene with textures of the smallest size. The texture of a sky is six squares, one above the other."""
     return re.sub(r'(<texture [^>]*) width="\d+" height="\d+"', r'\1 width="1" height="6"', scene)
 
 
@@ -303,9 +303,9 @@ def heard() -> Iterator[list[str]]:
 
 
 def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: str) -> None:
-    """Report why MuJoCo refuses a model: every raw attribute that causes an error, and one other cause.
+    """Report why MuJoCo rejects a model: every raw attribute that causes an error, and one other cause.
 
-    MuJoCo stops at its first error, so the raw attribute that causes it is removed, and the rest is tried again.
+    MuJoCo stops at its first error. The raw attribute that causes it is therefore removed, and the model is compiled again.
     """
     written = candidate.model
     while True:
@@ -386,7 +386,7 @@ def _element_at(text: str, written: XmlText) -> Element | None:
 
 
 def _words(text: str) -> str:
-    """Return a MuJoCo message without the parts that only make sense next to the XML."""
+    """Return a MuJoCo message without parts that only make sense together with the XML file."""
     parser = re.search(r"Error=(XML_\w+)", text)
     if parser is not None:
         deep = " (it supports 500 levels: a chain of links is too long)" if parser[1] == "XML_ELEMENT_DEPTH_EXCEEDED" else ""

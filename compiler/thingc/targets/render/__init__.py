@@ -1,4 +1,4 @@
-"""Render pictures of robots: a MuJoCo model in one of its keyframes, in bright studio light, without a display.
+"""Render pictures of robots without a display: a MuJoCo model in one of its keyframes, in bright studio light.
 
     png = picture(xml, assets, pose="home", gravity=(0.0, 0.0, -9.81), shot=Shot())
 

@@ -1,6 +1,6 @@
-"""Draw frames and joint axes over a picture: arrows with names, projected by the picture's camera.
+"""Draw frames and joint axes over a picture, as arrows with names, projected by the picture's camera.
 
-They are drawn over the robot, so that frames inside parts are visible.
+They are drawn on top of the robot, so that frames inside parts are visible.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from thingc.targets.render.studio import Array, Camera
 Colour = tuple[int, int, int]
 
 RED, GREEN, BLUE = (206, 32, 41), (22, 138, 52), (28, 84, 214)
-"""Colours of x, y and z."""
+"""Colours of the axes x, y and z."""
 JOINT, INK = (214, 98, 0), (24, 28, 36)
 
 LENGTH = 0.075
@@ -32,7 +32,7 @@ ARC = math.radians(280.0)
 
 
 class Stroke(FrozenStruct):
-    """An arrow along points `(n, 3)` in its frame, in units of the length of an axis."""
+    """An arrow along points `(n, 3)` in its frame. The unit is the length of an axis."""
 
     colour: Colour
     points: Array
@@ -59,7 +59,7 @@ class Frame(FrozenStruct):
 
 
 class JointAxis(FrozenStruct):
-    """The axis of a joint, which is the z axis of `pose`, relative to the MuJoCo body `body`.
+    """The axis of a joint: the z axis of `pose`, which is relative to the MuJoCo body `body`.
 
     The arrow shows the direction of motion when the coordinate increases.
     """
@@ -71,7 +71,7 @@ class JointAxis(FrozenStruct):
 
     @property
     def strokes(self) -> tuple[Stroke, ...]:
-        """The line of the axis, and for a rotating joint an arrow around it."""
+        """The line of the axis and, for a rotating joint, an arrow around it."""
         line = Stroke(colour=JOINT, points=np.array([[0.0, 0.0, -1.2], [0.0, 0.0, 1.6]]))
         if self.slides:
             return (line,)
@@ -104,7 +104,7 @@ def placed(mark: Mark, data: Any, length: float) -> list[Array]:
 
 
 def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: float) -> Any:
-    """Return the image (height, width, 3) of bytes with the marks drawn over it in order."""
+    """Return the image (height, width, 3) of bytes with the marks drawn on it in order."""
     height, width = image.shape[:2]
     scale = FINER * max(1.0, height / 720.0)
     sheet = Image.new("RGBA", (width * FINER, height * FINER), (255, 255, 255, 0))
@@ -158,7 +158,7 @@ Box = tuple[float, float, float, float]
 
 
 def _pieces(points: Array) -> Iterator[Array]:
-    """Yield short pieces of a line, so that their bounding boxes contain little besides the line."""
+    """Yield short pieces of a line, whose bounding boxes contain little besides the line."""
     for start, end in zip(points, points[1:]):
         steps = np.linspace(0.0, 1.0, 7 if len(points) == 2 else 2)[:, None]
         whole = start + steps * (end - start)
@@ -171,7 +171,7 @@ def _box(points: Array, margin: float) -> Box:
 
 
 def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet: tuple[int, int], scale: float) -> Box:
-    """Return the position of a name: the nearest free box around the origin within the picture, else the box that covers least."""
+    """Return the position of a name: the nearest free box around the origin in the picture, else the box that covers the least."""
     best: tuple[float, Box] | None = None
     others = np.array(taken)
     for ring in range(1, 12):

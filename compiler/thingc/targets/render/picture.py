@@ -1,4 +1,4 @@
-"""Render a model in a pose to a picture file, or render small pictures of a series with the same camera."""
+"""Render a model in a pose to a picture file, or render a series of small pictures with the same camera."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ if TYPE_CHECKING:
     from thingc.targets.render.studio import Array
 
 ANGLE = 18.0
-"""Vertical field of view [deg]: a long lens, so that parallel edges look parallel."""
+"""Vertical field of view [deg]. It is small, so that parallel edges look parallel."""
 
 MARGIN = 0.12
-"""Fraction of the half picture that stays free around the robot."""
+"""Free border around the robot, as a fraction of half the picture."""
 
 AZIMUTH, ELEVATION = 140.0, -22.0
 """Default direction of the camera [deg], for a robot on a floor or without gravity."""
 
 WALL_AZIMUTH, CEILING_ELEVATION = 40.0, 16.0
-"""The same if the world's floor is a wall, along which the camera looks, or a ceiling, at which it looks up."""
+"""Direction of the camera [deg] if the world's floor is a wall (the camera looks along it) or a ceiling (the camera looks up at it)."""
 
 
 class NoGraphics(Exception):
-    """This machine cannot draw: `message` is the reason, `hint` the help."""
+    """This machine cannot render. `message` is the reason, `hint` the help text."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -38,8 +38,8 @@ class NoGraphics(Exception):
 class Shot(FrozenStruct):
     """The view of a picture.
 
-    `size` is (width, height) in pixels. `azimuth` and `elevation` [deg] are the viewing direction of the camera (None selects a suitable
-    one). With azimuth 90 the camera looks along y, and with elevation -90 straight down.
+    `size` is (width, height) in pixels. `azimuth` and `elevation` [deg] are the viewing direction of the camera; None selects a suitable
+    direction. With azimuth 90 the camera looks along y, and with elevation -90 straight down.
     """
 
     size: tuple[int, int] = (1280, 960)
@@ -55,7 +55,7 @@ def ready() -> None:
     backend = os.environ.setdefault("MUJOCO_GL", "egl")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # GLFW only warns if there is no screen
+            warnings.simplefilter("ignore")  # GLFW warns if there is no screen
             import mujoco
 
             with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8):
@@ -133,9 +133,9 @@ def posed(model: Any, pose: str | None) -> Any:
 
 
 def points_of(model: Any, data: Any) -> Array:
-    """Return points `(n, 3)` [m] in the world with the same hull as all visible geoms.
+    """Return points `(n, 3)` [m] in the world that have the same hull as all visible geoms.
 
-    They are the vertices of meshes and the corners of bounding boxes of other shapes.
+    They are the vertices of meshes and the corners of the bounding boxes of other shapes.
     """
     import numpy as np
 
@@ -164,18 +164,18 @@ def encoded(image: Any) -> bytes:
 
 
 SIZE = (240, 180)
-"""Width and height [px]."""
+"""Default width and height of a small picture [px]."""
 LAMPS = (8, 8)
-"""Numbers of lamps of the soft box and of the dome, which suffice for a small picture."""
+"""Numbers of lamps in the soft box and in the dome. They suffice for a small picture."""
 SHADOW = 1024
-"""Size of a shadow map [px]."""
+"""Size of a shadow map of a small picture [px]."""
 
 Point = Sequence[float]
-"""x, y and z [m] in the world."""
+"""Coordinates x, y and z [m] in the world."""
 
 
 def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[list[float]], tuple[float, float, float]]:
-    """Return the corner points [m] of the MuJoCo model `xml` (none if nothing is visible) and its gravity [m/s^2].
+    """Return the corner points [m] of the MuJoCo model `xml` (empty if nothing is visible) and its gravity [m/s^2].
 
     The model is in the keyframe `pose` if it exists, else in its first keyframe. Raises `ValueError` if `xml` is not a model.
     """
@@ -188,7 +188,7 @@ def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[l
 
 
 def body_poses(xml: str, assets: dict[str, bytes], pose: str | None) -> dict[str, tuple[list[float], list[float]]]:
-    """Return a mapping of body names to their position [m] and quaternion (w, x, y, z) in the world, in the pose of `extent`."""
+    """Return the position [m] and quaternion (w, x, y, z) of each body in the world, by name, in the pose of `extent`."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(xml, assets)
@@ -215,7 +215,7 @@ def small_picture(
 
 
 def _pose_of(model: Any, pose: str | None) -> str | None:
-    """Return the keyframe to show: `pose` if the model has it, else its first; None if it has none."""
+    """Return the keyframe to show: `pose` if the model has it, else its first keyframe, or None if it has no keyframes."""
     names = [model.key(k).name for k in range(model.nkey)]
     return pose if pose in names else next(iter(names), None)
 
@@ -223,7 +223,7 @@ def _pose_of(model: Any, pose: str | None) -> str | None:
 def _corners(points: Array, gravity: tuple[float, float, float]) -> list[list[float]]:
     """Return the subset of points `(n, 3)` that determines the position of a camera with all points in view.
 
-    These are the points at the edges of the picture, the nearest point, the lowest point, and the two extreme points along each axis of the
+    They are the points at the edges of the picture, the nearest point, the lowest point, and the two extreme points along each axis of the
     world.
     """
     import numpy as np

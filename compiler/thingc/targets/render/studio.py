@@ -1,8 +1,8 @@
-"""Studio light: the average of many pictures, each lit by one distant lamp.
+"""Studio light, computed as the average of many pictures, each lit by one distant lamp.
 
 MuJoCo's renderer has lamps with hard shadows. A picture lit by a large soft box and a bright dome is the mean of pictures lit by single
-lamps distributed over them. A shift by a fraction of a pixel between pictures smooths the edges as well. The mean requires linear light, so
-colours are converted to linear values first and encoded for screens at the end.
+lamps distributed over them. A shift by a fraction of a pixel between the pictures also smooths the edges. The mean requires linear light.
+Therefore colours are converted to linear values first and encoded for screens at the end.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from thingc.base.numeric import sum_of
 Array = NDArray[np.float64]
 
 NEAR = 0.3
-"""Distance of the near plane, relative to that of the nearest point."""
+"""Distance of the near plane, relative to the distance of the nearest point."""
 
 
 class Camera(FrozenStruct, eq=False):
@@ -37,7 +37,7 @@ class Camera(FrozenStruct, eq=False):
     near: float
 
     def project(self, points: Array) -> Array:
-        """Project points `(n, 3)` [m] into the picture `(n, 2)`: x to the right and y up, both from -1 to 1 within it."""
+        """Project points `(n, 3)` [m] to the picture `(n, 2)`: x to the right and y up, both from -1 to 1 inside the picture."""
         x, y, back = self.axes @ (points - self.position).T
         return np.stack([x / (-back * self.tangent * self.aspect), y / (-back * self.tangent)], axis=1)
 
@@ -55,9 +55,9 @@ def directions(azimuth: float, elevation: float, upright: Array) -> Array:
 
 
 def upright(gravity: Array) -> Array:
-    """Return the reference directions (3, 3) of azimuths, by rows, from gravity (3,) in the world, whose floor is z = 0.
+    """Return the reference directions (3, 3) of azimuths as rows, given gravity (3,) in the world, whose floor is z = 0.
 
-    On a floor they are x, y and z. If z = 0 is a wall, azimuth 0 looks straight at it; without gravity z is up.
+    On a floor they are x, y and z. If z = 0 is a wall, azimuth 0 looks straight at it. Without gravity z is up.
     """
     size = float(np.linalg.norm(gravity))
     up = -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
@@ -70,12 +70,12 @@ def upright(gravity: Array) -> Array:
 def fitted(points: Array, axes: Array, angle: float, aspect: float, margin: float) -> Camera:
     """Return the nearest camera with these axes and this vertical field of view [rad] that sees all points `(n, 3)`.
 
-    `margin` is the free border as a fraction of half the picture. In one direction the points reach both borders, and in the other they are
+    `margin` is the free border as a fraction of half the picture. In one direction the points reach both borders, in the other they are
     centred.
 
-    With (x, y, z) of a point along the axes and (X, Y, Z) of the camera, the point is right of the left edge where x - X >= -t (Z - z) and
-    left of the right one where x - X <= t (Z - z). So t Z + X >= max(x + t z) = A and t Z - X >= max(t z - x) = B, and the smallest Z is (A
-    + B) / 2t; up and down likewise.
+    Let (x, y, z) be a point along the axes, (X, Y, Z) the camera and t the tangent of half the angle. The point is right of the left edge
+    if x - X >= -t (Z - z), and left of the right edge if x - X <= t (Z - z). Thus t Z + X >= max(x + t z) = A and t Z - X >= max(t z - x) =
+    B, and the smallest Z is (A + B) / 2t. The same applies to the upper and lower edge.
     """
     tangent = math.tan(angle / 2.0) * (1.0 - margin)
     x, y, z = axes @ points.T
@@ -90,7 +90,7 @@ def fitted(points: Array, axes: Array, angle: float, aspect: float, margin: floa
 
 
 KEY, DOME = 32, 36
-"""Numbers of lamps of the soft box and of the dome. One takes about 50 ms at 1280 x 960 without a graphics card."""
+"""Numbers of lamps in the soft box and in the dome. Each takes about 50 ms at 1280 x 960 without a graphics card."""
 
 SHADOW = 2048
 """Size of a lamp's shadow map [px]."""
@@ -99,10 +99,10 @@ KEY_ANGLE = math.radians(9.0)
 """Angular radius of the soft box."""
 
 KEY_AZIMUTH, KEY_ELEVATION = math.radians(-48.0), math.radians(50.0)
-"""Place of the soft box, seen from the camera: behind it to the left, and above the floor."""
+"""Direction of the soft box as seen from the camera: behind the camera to the left, and above the floor."""
 
 KEY_SHARE = 0.52
-"""Fraction of the light on the floor from the soft box."""
+"""Fraction of the light on the floor that comes from the soft box."""
 
 BOUNCE = 0.2
 """Brightness of the light that the floor reflects, relative to a lamp."""
@@ -111,10 +111,10 @@ FLOOR = 0.78
 """Brightness of the lit floor in the picture (linear, white is 1)."""
 
 VIGNETTE = 0.16
-"""Darkening of the corners."""
+"""Darkening of the corners of the picture."""
 
 HORIZON = 0.15
-"""Height of the lower edge of the dome (the sine of the angle)."""
+"""Height of the lower edge of the dome, as the sine of its elevation."""
 
 GLOSS = 0.4
 """Fraction of a lamp's light that a material's `specular` reflects."""
@@ -123,11 +123,11 @@ GAMMA = 2.2
 """Gamma of the colours in models."""
 
 BEYOND = 0.5
-"""Brightness beyond the end of the floor, in the light of one lamp."""
+"""Brightness beyond the edge of the floor, in the light of one lamp."""
 
 BACKDROP = "backdrop"
 UNDER, GLASS = 0.5e-3, 0.4
-"""Depth [m] of a robot below the floor from which the floor is transparent, and its opacity then."""
+"""Depth [m] of a robot below the floor from which the floor is drawn transparent, and its opacity in this case."""
 
 
 def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: float, *, shadow: int = SHADOW) -> Any:
@@ -185,7 +185,7 @@ def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) 
 
 
 def _golden(number: int) -> float:
-    """Return the angle [rad] of a seed in a sunflower (Vogel, 1979)."""
+    """Return the angle [rad] of a seed in a sunflower head (Vogel, 1979)."""
     return number * math.pi * (3.0 - math.sqrt(5.0))
 
 
@@ -201,7 +201,7 @@ def photographed(
     normal = np.array([0.0, 0.0, 1.0])
     model.stat.extent, model.stat.center[:] = extent, centre
     model.mat_rgba[:, :3] **= GAMMA
-    plain = model.geom_matid < 0  # for other geoms MuJoCo uses the material's colour unless their own is changed
+    plain = model.geom_matid < 0  # for other geoms MuJoCo uses the material's colour, unless the geom's colour is changed
     model.geom_rgba[plain, :3] **= GAMMA
     options = mujoco.MjvOption()
     options.sitegroup[:] = 0
@@ -220,12 +220,12 @@ def photographed(
 
 
 def developed(light: Array) -> NDArray[np.uint8]:
-    """Convert light (height, width, 3; the lit floor is 1) to a picture for screens: darker corners, soft highlights, sRGB."""
+    """Convert light (height, width, 3; the lit floor is 1) to an sRGB picture with darker corners and soft highlights."""
     height, width = light.shape[:2]
     y, x = np.mgrid[0:height, 0:width]
     corner = ((2.0 * (x + 0.5) / width - 1.0) ** 2 + (2.0 * (y + 0.5) / height - 1.0) ** 2) / 2.0
     shown = light * FLOOR * (1.0 - VIGNETTE * corner)[..., None]
-    knee = 0.8  # above this, brightness approaches white smoothly
+    knee = 0.8  # above this, the brightness approaches white smoothly
     over = np.maximum(shown - knee, 0.0)
     shown = np.minimum(shown, knee) + (1.0 - knee) * (1.0 - np.exp(-over / (1.0 - knee)))
     encoded = np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * np.maximum(shown, 0.0031308) ** (1.0 / 2.4) - 0.055)

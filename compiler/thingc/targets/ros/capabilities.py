@@ -1,4 +1,4 @@
-"""Which features of a robot a ROS 2 package can express, in its URDF or in its other files."""
+"""The features of a robot that a ROS 2 package can express, in its URDF or in its other files."""
 
 from __future__ import annotations
 

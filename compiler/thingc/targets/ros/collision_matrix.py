@@ -1,7 +1,7 @@
-"""Find the links that collide as the joints move.
+"""Find the pairs of links that collide when the joints move.
 
-MuJoCo looks for contacts in the mode's own URDF, at a fixed set of random configurations. Meshes collide as convex hulls, so links that do
-not collide are always detected. If a mesh is not convex, a reported collision may not exist.
+MuJoCo searches for contacts in the mode's own URDF, at a fixed set of random configurations. Meshes collide as convex hulls. Therefore
+links that are reported as not colliding do not collide, while a reported collision may not exist if a mesh is not convex.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MEETING = "links-meeting"
 """Kind of the documents in the store."""
 
 MEMORY = 1 << 26
-"""Size of MuJoCo's arena [bytes], enough for the contacts of any robot that is not folded into itself."""
+"""Size of MuJoCo's arena [bytes], enough for the contacts of any robot that does not overlap itself heavily."""
 
 Pair = tuple[str, str]
 
@@ -66,7 +66,7 @@ def meetings(
 ) -> CollisionMatrix:
     """Return the collision matrix of a mode's URDF, cached in the store.
 
-    `meshes` is the URI of the folder of its `assets`. `starts` are additional configurations, q by joint. `neighbours` are pairs to ignore.
+    `meshes` is the URI of the folder of its `assets`. `starts` are additional configurations: q by joint. `neighbours` are pairs to ignore.
     Raises `ValueError` if MuJoCo does not accept the links' shapes.
     """
     bare, needed = _collisions_only(tree, meshes)
@@ -96,7 +96,7 @@ def meetings(
 
 
 def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
-    """Return a URDF with collision shapes, arbitrary masses and joints only, and the mesh files that it uses."""
+    """Return a URDF with only collision shapes, arbitrary masses and joints, and the mesh files that it uses."""
     bare = Element(tag="robot", attributes=tree.attributes)
     compiler = {"fusestatic": "false", "strippath": "false", "meshdir": "", "boundmass": "1", "boundinertia": "1", "balanceinertia": "true"}
     bare.add("mujoco").add("compiler", compiler)
@@ -129,7 +129,7 @@ def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
 
 
 class _Sampler:
-    """A MuJoCo model, and the addresses of its independent and mimic joints."""
+    """A MuJoCo model, with the addresses of its independent and mimic joints."""
 
     def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:
         import mujoco
@@ -164,7 +164,7 @@ class _Sampler:
         return self._meeting(ends[:, 0] + drawn * (ends[:, 1] - ends[:, 0]))
 
     def at(self, q: Mapping[str, float]) -> Collection[Pair]:
-        """Return the pairs of links that collide at `q`, a mapping of joints to values."""
+        """Return the pairs of links that collide at `q`, which has values by joint."""
         import numpy as np
 
         return self._meeting(np.array([[q[name] for name in self.free]])).keys()
@@ -190,7 +190,7 @@ class _Sampler:
         return {pair: int(count) for pair, count in zip(named, counts, strict=True)}
 
     def _ends(self, joint: Element) -> tuple[float, float]:
-        """Return the range [rad or m] of a joint. Without limits it is a full turn, or the robot's size in both directions."""
+        """Return the range [rad or m] of a joint. Without limits, it is one turn, or the robot's size in both directions."""
         limit = joint.find("limit")
         assert limit is not None
         lower, upper = (float(limit.get(name, str(end))) for name, end in (("lower", -UNBOUNDED), ("upper", UNBOUNDED)))

@@ -1,4 +1,4 @@
-"""ros2_control: the drives of a mode as command interfaces of mock hardware, and controllers for them."""
+"""ros2_control: command interfaces of mock hardware for the drives of a mode, and controllers for them."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ CONTROLLERS = {
     "velocity": ("velocity_controller", "forward_command_controller/ForwardCommandController"),
     "effort": ("effort_controller", "forward_command_controller/ForwardCommandController"),
 }
-"""The controller's name and type for each interface."""
+"""The name and type of the controller for each interface."""
 
 RATE = 100
 """Update rate of controllers [Hz]."""
 
 
 class Controller(FrozenStruct):
-    """A controller for joints that share an `interface`. `drives` is keyed by joint name."""
+    """A controller for joints with the same `interface`. `drives` is by joint name."""
 
     name: str
     type: str
@@ -38,7 +38,7 @@ class Controller(FrozenStruct):
 def ros2_control(robot: Robot) -> Element | None:
     """Return the `<ros2_control>` block of a mode's URDF, or None for a robot without moving joints.
 
-    Every joint has state interfaces; those with a drive have a command interface with its limits. The gains of a drive are parameters, for
+    Every joint has state interfaces. A joint with a drive has a command interface with its limits. The gains of a drive are parameters, for
     hardware that closes its own control loop.
     """
     moving, at = joints(robot), values(robot, start(robot))
@@ -67,10 +67,10 @@ def ros2_control(robot: Robot) -> Element | None:
 
 
 def controllers(robots: Sequence[Robot]) -> dict[str, tuple[Controller, ...]]:
-    """Return a mapping of mode names to controllers.
+    """Return the controllers by mode name.
 
-    Modes with the same drives share a controller. For each further set of drives, the name of the controller has the name of its first mode
-    as suffix.
+    Modes with the same drives share a controller. For each additional set of drives, the name of the first mode is appended to the name of
+    the controller.
     """
     known: dict[str, list[Controller]] = {}
     of_mode: dict[str, tuple[Controller, ...]] = {}
@@ -92,7 +92,7 @@ def controllers(robots: Sequence[Robot]) -> dict[str, tuple[Controller, ...]]:
 
 
 def controllers_yaml(of_mode: Mapping[str, Sequence[Controller]]) -> str:
-    """Return the parameters of the controller manager and of all controllers as YAML. ROS requires a decimal point in floats."""
+    """Return the parameters of the controller manager and of all controllers as YAML. Floats have a decimal point, which ROS requires."""
     every = {one.name: one for own in of_mode.values() for one in own}
     lines = ["controller_manager:", "  ros__parameters:", f"    update_rate: {RATE}", f"    {BROADCASTER}:"]
     lines.append("      type: joint_state_broadcaster/JointStateBroadcaster")
@@ -131,7 +131,7 @@ def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | N
 
 
 def _quoted(name: str) -> str:
-    """Return a name as quoted YAML text, so that `y` or `null` is read as a name."""
+    """Return a name as quoted YAML text, so that `y` or `null` is not read as another type."""
     return f'"{name}"'
 
 

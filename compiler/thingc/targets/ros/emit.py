@@ -1,4 +1,4 @@
-"""`ros/<name>_description/`: a ROS 2 package of the chosen modes, built by ament_cmake."""
+"""`ros/<name>_description/`: a ROS 2 package with the chosen modes, built by ament_cmake."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RUN = (
     "joint_state_publisher", "joint_state_publisher_gui", "joint_trajectory_controller", "launch", "launch_ros", "robot_state_publisher",
     "rviz2",
 )
-"""Packages that its launch file and its controllers require."""
+"""Packages that the package's launch file and controllers require."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -95,7 +95,7 @@ def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri:
 
 
 def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -> str:
-    """Return the manifest of a robot's package. `description` is the text in its document."""
+    """Return the manifest of a robot's package. `description` is the description in its document."""
     root = Element(tag="package", attributes={"format": "3"})
     root.say("name", package_name(robot))
     root.say("version", said.version)
@@ -112,7 +112,7 @@ def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -
 
 
 def cmake_lists(robot: str, folders: Iterable[str], heading: str) -> str:
-    """Return `CMakeLists.txt`, which only installs the folders, because there is nothing to compile."""
+    """Return `CMakeLists.txt`, which only installs the folders, because nothing needs to be compiled."""
     return f"""\
 # {heading}
 cmake_minimum_required(VERSION 3.8)

@@ -23,8 +23,8 @@ INTERFACES: Mapping[DriveType, str] = {"position": "position", "velocity": "velo
 class MovingJoint(FrozenStruct):
     """A moving joint of the URDF.
 
-    `name` is its name in the URDF, `body` the index of its child, `move` its motion, and `drive` its drive in this mode. `follows` tells
-    whether it mimics another joint. The three rotations of a ball have no drive, because the drives of a ball have different axes.
+    `name` is its name in the URDF, `body` the index of its child, `move` its motion, and `drive` its drive in this mode. `follows` is True
+    if it mimics another joint. The three rotations of a ball have no drive, because the drives of a ball have different axes.
     """
 
     name: str
@@ -35,12 +35,12 @@ class MovingJoint(FrozenStruct):
 
     @property
     def interface(self) -> str | None:
-        """The command interface, `position`, `velocity` or `effort`, or None."""
+        """The command interface: `position`, `velocity` or `effort`, or None."""
         return None if self.drive is None else INTERFACES[self.drive.kind]
 
 
 def joints(robot: Robot) -> tuple[MovingJoint, ...]:
-    """Return the moving joints of a mode, parents before children; those of a moving base come first."""
+    """Return the moving joints of a mode, parents before children. Joints of a moving base come first."""
     in_tree = {joint.path for body in robot.bodies for joint in body.joints}
     follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in in_tree)
     moving: list[MovingJoint] = []
@@ -56,7 +56,7 @@ def joints(robot: Robot) -> tuple[MovingJoint, ...]:
 
 
 def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
-    """Return a mapping of joint names to values [rad or m] at `q`, which is keyed by path. A moving base is in its start pose."""
+    """Return the values [rad or m] of joints by name at `q`, which is by path. A moving base is in its start pose."""
     at: dict[str, float] = {}
     for body in robot.bodies:
         lead = _lead(robot, body)
@@ -70,7 +70,7 @@ def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
 
 
 def start(robot: Robot) -> Mapping[str, float]:
-    """Return a mapping of paths to q of the document's joints at the start of the mode. Omitted joints are at 0."""
+    """Return q of the document's joints at the start of the mode, by path. Omitted joints are at 0."""
     return robot.start.q if robot.start is not None else {}
 
 
@@ -83,7 +83,7 @@ def _turns(ball: tuple[TreeJoint, ...], q: tuple[float, ...]) -> Vector:
     """Return the angles [rad] of three successive rotations about a ball's axes that are equal to the rotation vector `q`.
 
     In the frame U of the axes, R = U Rx(a) Ry(b) Rz(c) U', so that U' R' U = Rz(-c) Ry(-b) Rx(-a), whose roll, pitch and yaw are -a, -b and
-    -c. The axes of a reversed ball are a left-handed frame: about their opposites the angles have the opposite sign.
+    -c. The axes of a reversed ball are a left-handed frame; about the opposite axes the angles have the opposite sign.
     """
     x, y, z = (joint.twist.axis for joint in ball)
     hand = 1.0 if dot(cross(x, y), z) > 0.0 else -1.0

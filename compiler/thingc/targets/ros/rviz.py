@@ -13,7 +13,7 @@ from thingc.targets.urdf.links import WORLD
 
 
 def frame_of(robot: Robot) -> str:
-    """Return the fixed frame for showing a mode: the root of its URDF."""
+    """Return the fixed frame for displaying a mode, which is the root of its URDF."""
     return safe(robot.assembly.links[robot.bodies[0].link].name) if robot.base == "free" else WORLD
 
 

@@ -17,7 +17,7 @@ from thingc.targets.urdf.links import WORLD
 from thingc.targets.xml_writer import Element
 
 ALWAYS = 0.95
-"""Fraction of configurations from which links count as always colliding, as in MoveIt's setup assistant."""
+"""Fraction of configurations from which a pair counts as always colliding, as in MoveIt's setup assistant."""
 
 
 class Group(FrozenStruct):
@@ -64,10 +64,10 @@ def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | Non
 
 
 def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> list[Group]:
-    """Return a group of all joints, named like the robot, then a chain to every exported mount that moves relative to the root.
+    """Return a group of all joints, named like the robot, followed by a chain to every exported mount that moves relative to the root.
 
     The group of all joints comes first, because some readers only use the first of several states with the same name. If several mounts
-    have the same frame, only the first has a group. The joints of a moving base are in no group.
+    have the same frame, only the first one has a group. The joints of a moving base are in no group.
     """
     names = MangledNames("be the group", "SRDF", report)
     of_body: dict[int, tuple[MovingJoint, ...]] = {}
@@ -96,7 +96,7 @@ def _exported(robot: Robot) -> Iterator[Site]:
 
 
 def _unchecked(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None) -> Iterator[tuple[str, str, str]]:
-    """Yield pairs of links that MoveIt need not check, in robot order, with the reason as in its setup assistant."""
+    """Yield pairs of links that MoveIt need not check, in robot order, each with a reason as in MoveIt's setup assistant."""
     names, mode = [safe(link.name) for link in robot.assembly.links], robot.mode
     neighbours, own = adjacent(robot.assembly), {pair_of(names[one], names[other]) for one, other in mode.exclude}
     for one, other in combinations([names[body.link] for body in robot.bodies if names[body.link] in touching], 2):

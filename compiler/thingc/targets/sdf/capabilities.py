@@ -1,4 +1,4 @@
-"""Which features of a robot SDFormat can express."""
+"""The features of a robot that SDFormat can express."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Literal
 from thingc.targets.capabilities import OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["each", "universal", "ball"]
-"""How a joint is written: an SDF joint for each coordinate, one with two axes, or one without axes."""
+"""How a joint is written: as an SDF joint for each coordinate, as one with two axes, or as one without axes."""
 
 DriveForm = Literal["position controller", "velocity controller", "force"]
 """The system of Gazebo that drives a joint."""
@@ -15,7 +15,7 @@ DriveForm = Literal["position controller", "velocity controller", "force"]
 LoopForm = Literal["joint"]
 
 SensorForm = Literal["imu", "force_torque", "camera", "magnetometer", "gpu_lidar", "contact"]
-"""The type of a sensor."""
+"""The type of a sensor in SDF."""
 
 _EACH: Supported[JointForm] = Supported("each")
 _CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": its coordinates are separate joints, with links of 1e-9 kg between")

@@ -1,4 +1,4 @@
-"""Joints of SDF. Each rotates about or slides along axes through a point fixed in its child, and is at 0 in the file's pose.
+"""Joints of SDF. Each rotates about or slides along axes through a point fixed in its child. Joints are at 0 in the file's pose.
 
 SDF has rotations, slides, screws, balls, and two rotations about intersecting axes (`universal`). Any other joint with several coordinates
 becomes a chain of joints with almost massless links between them. In the pose of the file all joints are at 0, and loops and holds are
@@ -25,7 +25,7 @@ from thingc.targets.sdf.capabilities import CAPABILITIES
 SdfType = Literal["fixed", "continuous", "revolute", "prismatic", "screw", "universal", "ball"]
 
 LINK = "_link"
-"""Suffix of a link between the joints of a chain, after the name of the joint before, because components have the same names as joints."""
+"""Suffix of a link in a chain of joints, appended to the name of the joint before it. (Components can have the same names as joints.)"""
 
 
 class SdfAxis(FrozenStruct):
@@ -48,9 +48,9 @@ class SdfJoint(FrozenStruct):
 
 
 def chain(connection: Connection, q: Mapping[str, float]) -> tuple[SdfJoint, ...]:
-    """Return the successive joints of SDF that connect two bodies.
+    """Return the SDF joints that connect two bodies, in order.
 
-    In the pose of the file the coordinates are at `q` [rad or m]; those of a base are at 0.
+    In the pose of the file the coordinates are at `q` [rad or m]; coordinates of a base are at 0.
     """
     path, joints = connection.path, connection.coordinates
     if not joints:
@@ -82,9 +82,9 @@ def _type(axis: SdfAxis) -> SdfType:
 
 
 class ZeroState(FrozenStruct):
-    """The zero position of the file: a mapping `q` of paths to joint values [rad or m], and the root link's pose in the world.
+    """The zero state of the file: values `q` of joints [rad or m] by path, and the root link's pose in the world.
 
-    `pose` is the name of the pose in the document (None for all joints at 0). `closed` tells whether loops and holds are closed.
+    `pose` is the name of the pose in the document (None for all joints at 0). `closed` is True if loops and holds are closed.
     """
 
     q: dict[str, float]
@@ -94,7 +94,7 @@ class ZeroState(FrozenStruct):
 
 
 def zero_state(robot: Robot) -> ZeroState:
-    """Return the pose with all joints at 0 if it closes all loops and holds, else the first pose that does."""
+    """Return the pose with all joints at 0 if it closes all loops and holds, else the first pose of the document that does."""
     q = {joint.path: 0.0 for joint in joints_of(robot.assembly)}
     if not robot.closures:
         return ZeroState(q=q, base=robot.bodies[0].X_PL)

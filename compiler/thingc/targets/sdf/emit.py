@@ -1,4 +1,4 @@
-"""`sdf/<name>_<mode>/`: each chosen mode as a model folder for Gazebo, and `sdf/world_<mode>.sdf`, a world with it."""
+"""`sdf/<name>_<mode>/`: each chosen mode as a model folder for Gazebo, and `sdf/world_<mode>.sdf`, a world with that model."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from thingc.targets.xml_writer import write
 def emit(request: EmitRequest) -> Artifacts:
     """Return a folder and a world for each chosen mode.
 
-    A folder contains its own meshes, as usual in Gazebo, so that it can be copied alone.
+    A folder contains its own meshes, as usual for Gazebo, so that it can be copied alone.
     """
     assembly = request.assembly
     shapes, flat = solid_geometry(assembly, "sdf", f"sdf/{assembly.name}_MODE/{MESHES}", request.report)
@@ -48,7 +48,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
-    """Yield the losses of one mode, whose zero position in the file is `zero`. Losses common to all modes have no mode."""
+    """Yield the losses of one mode, whose zero state in the file is `zero`. Losses common to all modes have no mode."""
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"], closed=zero.closed):
         yield from _of_joint(connection, len(chain(connection, zero.q)))

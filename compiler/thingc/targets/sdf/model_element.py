@@ -1,8 +1,8 @@
 """A robot in one mode as an SDF model.
 
 Links have the same frames as in MJCF and `modes.json`. The frame of a joint is at its own position, with the axes of its child. Mounts,
-`frame` components and roots of modes are frames. Loops and holds are joints as well, because SDF allows any graph. Drives are systems of
-Gazebo, because SDF itself only has effort and velocity limits.
+`frame` components and roots of modes are frames. Loops and holds are also joints, because SDF allows any graph. Drives are Gazebo systems,
+because SDF itself only has effort and velocity limits.
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ from thingc.targets.sdf.sensors import sensors_of_joint, sensors_of_link
 from thingc.targets.xml_writer import NAMESPACES, Element
 
 UNBOUNDED = 1e9
-"""The limit of an effort [N m or N] if the drive has none, because the default of Gazebo's controllers is 1000."""
+"""Effort limit [N m or N] of a drive without a limit, because the default of Gazebo's controllers is 1000."""
 
 SYSTEMS: dict[DriveForm, tuple[str, str]] = {
     "position controller": ("joint-position-controller", "JointPositionController"),
     "velocity controller": ("joint-controller", "JointController"), "force": ("apply-joint-force", "ApplyJointForce"),
 }
-"""The file and the class of each system of Gazebo."""
+"""The file and the class of each Gazebo system."""
 
 Kind = Literal["link", "joint", "frame"]
-"""Kinds of named elements in a model, which share one namespace."""
+"""Kinds of named elements in a model. They share one namespace."""
 
 WORLD = "world"
-"""The name of the world in SDF, which no link, joint or robot may have."""
+"""The name of the world in SDF. Links, joints and robots must not have it."""
 
 PLAIN, NEWER = "1.9", "1.11"
-"""The version of a file, and the version for a mimic or a screw, which older versions lack."""
+"""The usual version of a file, and the version of a file with a mimic joint or a screw, which older versions do not support."""
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
-"""Mass [kg] and moments of inertia [kg m^2] of a link without mass, because SDF requires them."""
+"""Mass [kg] and moments of inertia [kg m^2] of a link without mass, because SDF requires positive values."""
 
 AXES = ("axis", "axis2")
 """The tags of the axes of a joint."""
@@ -145,7 +145,7 @@ class _Builder:
             sensors_of_joint(self.robot, connection.child, last.at, element, self.parts)
 
     def _joint(self, model: Element, step: SdfJoint, parent: str, child: str, origin: Origin) -> Element:
-        """Add a joint. A joint that mimics a mimic joint follows the independent one, as in URDF."""
+        """Add a joint. A joint that mimics a mimic joint follows the independent joint, as in URDF."""
         element = model.add("joint", {"name": self.joints[step.path], "type": step.type}, origin)
         _set_pose(element, shifted(*step.at))
         element.say("parent", parent)
@@ -246,7 +246,7 @@ def _shape(element: Element, shape: Shape, at: Pose) -> None:
 
 
 def _paint(visual: Element, color: str) -> None:
-    """Set the colour of a visual."""
+    """Set the colour of a visual element."""
     *_, opacity = channels(color)
     if opacity < 1.0:
         visual.say("transparency", 1.0 - opacity)
@@ -256,7 +256,7 @@ def _paint(visual: Element, color: str) -> None:
 
 
 def _rub(collision: Element, material: Material | None) -> None:
-    """Set the friction of a collision if its material specifies friction."""
+    """Set the friction of a collision element if its material specifies friction."""
     if material is None or (material.slide is None and material.torsion is None):
         return
     friction = collision.add("surface").add("friction")
@@ -272,7 +272,7 @@ def _rub(collision: Element, material: Material | None) -> None:
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
-    """Set mass [kg], centre of mass [m] and inertia about it [kg m^2], in the link's axes, at least the minimum that SDF accepts."""
+    """Set mass [kg], centre of mass [m] and inertia about it [kg m^2] in the link's axes, with at least the minimum that SDF accepts."""
     least = LEAST_INERTIA
     fault = physical_fault(properties.inertia) is not None
     i = ((least, 0.0, 0.0), (0.0, least, 0.0), (0.0, 0.0, least)) if fault else within_triangle(properties.inertia)

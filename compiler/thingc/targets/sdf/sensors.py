@@ -1,4 +1,4 @@
-"""Sensors that SDF supports. They are on links, except that a `force` becomes a `force_torque` sensor on the joint of its link."""
+"""Sensors that SDF supports. They are on links, but a `force` becomes a `force_torque` sensor on the joint of its link."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from thingc.targets.sensors import body_of, on_free_root
 from thingc.targets.xml_writer import Element
 
 LOOKING = Pose(rotation=((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
-"""A camera of SDF looks along its x with z up; one of a document looks along the mount's z, with the mount's y up."""
+"""Rotation from a document's camera, which looks along the mount's z with y up, to SDF's, which looks along its x with z up."""
 
 WIDTH, HEIGHT = 640, 480
-"""Size of a camera's picture [pixels], which documents do not specify."""
+"""Size of a camera's picture [pixels]. Documents do not specify it."""
 
 NEAR, FAR = 0.01, 100.0
 """Near and far plane of a camera [m]."""
@@ -41,7 +41,7 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames)
             case "gpu_lidar":
                 _ray(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.cutoff.get("distance", numeric.inf))
             case "force_torque" | "contact" | None:
-                pass  # in the joint of the link; not on a mount
+                pass  # on the joint of the link, or not on a mount
             case _:
                 assert_never(form)
     collisions = [child.get("name") for child in link.children if child.tag == "collision"]

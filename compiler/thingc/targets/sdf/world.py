@@ -1,4 +1,4 @@
-"""Files for a model: `model.config`, by which Gazebo finds it, and a world with a floor."""
+"""Files that accompany a model: `model.config`, by which Gazebo finds it, and a world with a floor."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from thingc.targets.sdf.model_element import PLAIN
 from thingc.targets.xml_writer import Element
 
 GRIP = 100.0
-"""Friction of the floor: Gazebo uses the smaller of two, so that the robot's counts, as in MuJoCo."""
+"""Friction of the floor. Gazebo uses the smaller friction of two surfaces; with this value it is the robot's, as in MuJoCo."""
 
 RENDERING = ("gz-sim-sensors-system", "gz::sim::systems::Sensors")
-"""The system of Gazebo that all cameras and rays need in the world."""
+"""The Gazebo system that all cameras and rays need in the world."""
 
 SYSTEMS: dict[SensorForm, tuple[str, str]] = {
     "imu": ("gz-sim-imu-system", "gz::sim::systems::Imu"), "force_torque": ("gz-sim-forcetorque-system", "gz::sim::systems::ForceTorque"),
     "magnetometer": ("gz-sim-magnetometer-system", "gz::sim::systems::Magnetometer"),
     "contact": ("gz-sim-contact-system", "gz::sim::systems::Contact"), "camera": RENDERING, "gpu_lidar": RENDERING,
 }
-"""The system of Gazebo that a type of sensor needs in the world."""
+"""The Gazebo system that each type of sensor needs in the world."""
 
 
 def config(name: str, version: str, description: str) -> Element:
-    """Return `model.config` of the model in a folder of that name."""
+    """Return `model.config` of the model in a folder with this name."""
     root = Element(tag="model")
     root.say("name", name)
     root.say("version", "1.0")

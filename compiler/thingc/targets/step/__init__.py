@@ -1,4 +1,4 @@
-"""STEP: the whole robot for CAD programs. `emit.py` is the target."""
+"""STEP files of the whole robot for CAD programs. `emit.py` is the target."""
 
 from thingc.targets.target import Target
 

@@ -89,7 +89,7 @@ def _begun(request: EmitRequest) -> _Begun:
         instances.append(
             Placed(
                 path=occurrence.path,
-                # the kernel's own reader fails at a quotation mark in a product's name (OCCT 8.0: "Incorrect Syntax")
+                # the kernel's own reader fails on a quotation mark in a product's name (OCCT 8.0: "Incorrect Syntax")
                 definition=occurrence.definition.text.replace("'", ""),
                 brep=record.brep,
                 pose=assembly.rest[occurrence.index],

@@ -1,4 +1,4 @@
-"""STL: print files. `emit.py` is the target."""
+"""STL files for printing. `emit.py` is the target."""
 
 from thingc.targets.target import Target
 

@@ -15,8 +15,8 @@ from thingc.targets.request import EmitRequest
 def emit(request: EmitRequest) -> Artifacts:
     """Return the print mesh of each definition with geometry, in print orientation, unless all its occurrences are bought.
 
-    A mesh that is not closed is written with a loss: a slicer may repair it or refuse it. Two definitions with the same file name
-    (`a/b.step` and `a.b.step`) are reported at the second.
+    A mesh that is not closed is written with a loss: a slicer may repair or reject it. If two definitions have the same file name
+    (`a/b.step` and `a.b.step`), this is reported at the second one.
     """
     files: dict[str, Content] = {}
     losses: list[Loss] = []
@@ -58,7 +58,7 @@ def _turned(stl: bytes, up: Vector) -> bytes:
     import numpy as np
 
     x, y, z = up
-    # Rodrigues' formula with the axis up x z; if upside down, about x
+    # Rodrigues' formula with the axis up x z or, if upside down, about x
     rotation = np.diag([1.0, -1.0, -1.0]) if z < -1.0 + 1e-12 else np.array([
         [1.0 - x * x / (1.0 + z), -x * y / (1.0 + z), -x], [-x * y / (1.0 + z), 1.0 - y * y / (1.0 + z), -y], [x, y, z],
     ])

@@ -1,4 +1,4 @@
-"""URDF 1.0: one file for each mode, for ROS and other readers."""
+"""URDF 1.0 files for ROS and other readers, one for each mode."""
 
 from thingc.targets.target import Target
 

@@ -1,4 +1,4 @@
-"""Which features of a robot URDF 1.0 can express."""
+"""The features of a robot that URDF 1.0 can express."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Literal, Never
 from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["each", "threaded"]
-"""How a joint is written: a rotation or a slide for each coordinate, or a rotation and a slide that mimics it."""
+"""How a joint is written: as a rotation or a slide for each coordinate, or as a rotation and a slide that mimics it."""
 
 DriveForm = Literal["transmission"]
 

@@ -1,4 +1,4 @@
-"""Joints of URDF: each rotates about, or slides along, an axis through the origin of its child.
+"""Joints of URDF. Each rotates about or slides along an axis through the origin of its child.
 
 A joint with several coordinates becomes a chain of such joints with almost massless links between them. A screw becomes a rotation and a
 slide that mimics it, and a ball becomes three rotations.
@@ -23,7 +23,7 @@ class Move(FrozenStruct):
     """A joint of URDF.
 
     `path` is its name, and `type` its motion about or along the unit vector `axis`. `origin` is the frame of the joint and its child,
-    relative to the previous joint or link, at q = 0. `follows` is the joint that the slide of a screw mimics, and the ratio [m/rad].
+    relative to the previous joint or link, at q = 0. `follows` is the joint that the slide of a screw mimics, with the ratio [m/rad].
     """
 
     path: str
@@ -35,7 +35,7 @@ class Move(FrozenStruct):
 
 
 def own_frame(joints: Sequence[TreeJoint]) -> Pose:
-    """Return the URDF frame of a link, which is on the last of the `joints` that lead to it, relative to the link's own frame."""
+    """Return the URDF frame of a link relative to the link's own frame. It is on the last of the `joints` that lead to the link."""
     return shifted(*joints[-1].twist.anchor) if joints else NO_POSE
 
 

@@ -1,4 +1,4 @@
-"""`urdf/<name>_<mode>.urdf`: URDF 1.0 of each chosen mode, and their shared `urdf/meshes/`."""
+"""`urdf/<name>_<mode>.urdf`: a URDF 1.0 file for each chosen mode, with meshes in the shared folder `urdf/meshes/`."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """A robot in one mode as a URDF tree.
 
-A link's frame is on the joint that leads to it. The link's frame in MJCF and `modes.json` is the same in every mode. If it is elsewhere, it
-becomes the massless link `<link>_frame`. Exported mounts, `frame` components and roots of modes are massless links, too. All frames have
-the link's own axes, so that no frame of an inertia or a joint is rotated.
+A link's URDF frame is on the joint that leads to it. The link's own frame, as in MJCF and `modes.json`, is the same in every mode. If the
+two differ, the own frame becomes the massless link `<link>_frame`. Exported mounts, `frame` components and roots of modes are also massless
+links. All frames have the link's own axes, so that no frame of an inertia or a joint is rotated.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from thingc.targets.urdf.chain import Move, moves, own_frame
 from thingc.targets.xml_writer import Element, XmlValue
 
 WORLD = "world"
-"""The root link of a base that does not float."""
+"""The root link for a base that does not float."""
 
 UNBOUNDED = 1e9
-"""A limit [rad, m, N m, N, rad/s or m/s] in place of a missing one, because URDF requires it."""
+"""Limit [rad, m, N m, N, rad/s or m/s] that is written if there is none, because URDF requires a limit."""
 
 BETWEEN = MassProperties(mass=1e-9, centre=(0.0, 0.0, 0.0), inertia=((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
-"""Mass properties of a moving link without mass, because MuJoCo refuses zero."""
+"""Mass properties of a moving link without mass, because MuJoCo rejects zero."""
 
 MASSLESS = MassProperties(mass=0.0)
 """Mass properties of a fixed link without mass. Without `<inertial>`, PyBullet gives it 1 kg, unless it is `world`."""
 
 LINK = "_link"
-"""Suffix of a link between the joints of a chain, after the name of the joint before, because components have the same names as joints."""
+"""Suffix of a link in a chain of joints, appended to the name of the joint before it. (Components can have the same names as joints.)"""
 
 MESHES = "meshes"
 """The folder of meshes beside the files."""
@@ -52,12 +52,12 @@ INTERFACES: Mapping[DriveType, str] = {
 
 
 def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES) -> Element:
-    """Return the `<robot>` element of a mode; `meshes` is the URI of their folder. Duplicate names are reported."""
+    """Return the `<robot>` element of a mode. `meshes` is the URI of the mesh folder. Duplicate names are reported."""
     return _Builder(robot, geometry, report, meshes).build()
 
 
 def mujoco_extension(robot: Robot) -> Element:
-    """Return the options for MuJoCo, which by default drops fixed links and visual shapes."""
+    """Return the options for MuJoCo, which otherwise drops fixed links and visual shapes."""
     section = Element(tag="mujoco", attributes={}, origin=robot.mode.origin)
     section.add("compiler", {"fusestatic": "false", "discardvisual": "false", "strippath": "false", "meshdir": ""})
     section.add("option", {"gravity": robot.gravity}, robot.mode.origin)
@@ -174,7 +174,7 @@ class _Builder:
         return (-UNBOUNDED if lower is None else lower), (UNBOUNDED if upper is None else upper)
 
     def _strength(self, move: Move) -> dict[str, XmlValue]:
-        """Return the effort and velocity limits. Those of a screw's slide follow from its rotation, which has the drive."""
+        """Return the effort and velocity limits. The limits of a screw's slide follow from its rotation, which has the drive."""
         joint = move.joint
         if joint.kind.at_once and joint.mate >= 0:
             effort, velocity = self._strength_of_turn(joint)
@@ -192,7 +192,7 @@ class _Builder:
         """Return the limits of one of the three rotations of a ball, at q = 0.
 
         The effort is the largest total torque of the drives about the axis of the rotation, because drives have their own axes. The
-        velocity is that of the slowest drive.
+        velocity is the velocity limit of the slowest drive.
         """
         joints = self.assembly.mates[joint.mate].joints
         about = next(index for index, one in enumerate(joints) if one.path == joint.path)
@@ -253,7 +253,7 @@ class _Builder:
 
 
 def _transmission(joint: str, drive: ActuatorModel) -> Element:
-    """Return a transmission with ratio 1 for a drive, named like the joint."""
+    """Return a transmission with ratio 1 for a drive. It is named like the joint."""
     element = Element(tag="transmission", attributes={"name": f"{joint}_transmission"}, origin=drive.origin)
     element.say("type", "transmission_interface/SimpleTransmission")
     element.add("joint", {"name": joint}).say("hardwareInterface", f"hardware_interface/{INTERFACES[drive.kind]}")
@@ -262,7 +262,7 @@ def _transmission(joint: str, drive: ActuatorModel) -> Element:
 
 
 def parts(shape: Shape) -> tuple[Shape, ...]:
-    """Return the URDF 1.0 shapes that together equal a shape, because URDF has no capsules."""
+    """Return the URDF 1.0 shapes that together equal a shape. URDF has no capsules."""
     form = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
     match form:
         case "itself":

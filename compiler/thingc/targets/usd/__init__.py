@@ -1,4 +1,4 @@
-"""USD: a UsdPhysics stage for each mode, for Isaac Sim, Newton and other readers."""
+"""USD files for Isaac Sim, Newton and other readers: a UsdPhysics stage for each mode."""
 
 from thingc.targets.target import Target
 

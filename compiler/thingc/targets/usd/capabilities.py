@@ -1,4 +1,4 @@
-"""Which features of a robot USD can express, with UsdPhysics and the additional schemas of Newton and PhysX."""
+"""The features of a robot that USD can express, with UsdPhysics and the additional schemas of Newton and PhysX."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Literal, Never
 from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["single", "generic", "spherical"]
-"""How a joint is written: a `PhysicsRevoluteJoint` or a `PhysicsPrismaticJoint`, a `PhysicsJoint`, or a `PhysicsSphericalJoint`."""
+"""How a joint is written: `PhysicsRevoluteJoint` or `PhysicsPrismaticJoint`, `PhysicsJoint`, or `PhysicsSphericalJoint`."""
 
 DriveForm = Literal["drive"]
 
 LoopForm = Literal["joint"]
 
 ShapeForm = Literal["Cube", "Cylinder", "Capsule", "Sphere", "Plane", "Mesh"]
-"""The type of the prim."""
+"""The type of a shape's prim."""
 
 _SINGLE: Supported[JointForm] = Supported("single")
 _GENERIC: Supported[JointForm] = Supported("generic", "a generic joint (D6)")

@@ -1,11 +1,11 @@
-"""Joints of UsdPhysics: a frame on each of two bodies, and the free motions between the frames.
+"""Joints of UsdPhysics: a frame on each of two bodies, and the motions between the frames.
 
     X_body1 = X_body0 @ frame0 @ T(trans) @ RotX @ RotY @ RotZ @ inv(frame1)
 
-Rotations about z of the frame, slides along z, and balls have their own types. Any other joint with several coordinates is a generic joint
-(D6), which slides first and then rotates about x, the rotated y, and z. UsdPhysics leaves the order of the rotations to readers; this is
-Newton's. Other motions become a chain of two joints with an almost massless link between them. In Newton's schema a rotation can mimic a
-rotation, and a slide a slide.
+A rotation about z of the frame, a slide along z, and a ball have their own types. Any other joint with several coordinates is a generic
+joint (D6), which slides first and then rotates about x, the rotated y, and z. UsdPhysics does not define the order of the rotations; this
+is Newton's order. Other motions become a chain of two joints with an almost massless link between them. In Newton's schema a rotation can
+mimic only a rotation, and a slide only a slide.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ PARALLEL = 1e-9
 """Tolerance of the cosine for parallel and perpendicular axes."""
 
 LETTERS = {1: ("Z",), 2: ("X", "Y"), 3: ("X", "Y", "Z")}
-"""Axes of the frame along the directions of a joint, by the number of directions."""
+"""Axes of the frame that the directions of a joint use, by the number of directions."""
 
 
 class Freedom(FrozenStruct):
     """A free motion.
 
-    `name` is that of UsdPhysics (`angular` or `linear` for a joint with one coordinate, else `rotX` or `transX` ..., for a ball `ball`).
-    Its value is `ratio` [1 or m/rad] times the q of `joint`.
+    `name` is its name in UsdPhysics (`angular` or `linear` for a joint with one coordinate, else `rotX` or `transX` ..., and `ball` for a
+    ball). Its value is `ratio` [1 or m/rad] times the q of `joint`.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Freedom(FrozenStruct):
 
     @property
     def turns(self) -> bool:
-        """Whether the motion is a rotation (in degrees in the file) rather than a slide [m]."""
+        """Whether the motion is a rotation (in degrees in the file) and not a slide [m]."""
         return self.name.startswith(("angular", "rot"))
 
 
@@ -64,12 +64,12 @@ class UsdJoint(FrozenStruct):
 
     @property
     def single(self) -> TreeJoint | JointEdge | None:
-        """The coordinate of a joint with a single rotation or slide, else None."""
+        """The coordinate of a joint with a single rotation or slide, or None for other joints."""
         return self.freedoms[0].joint if self.type in ("Revolute", "Prismatic") else None
 
 
 def chain(connection: Connection) -> tuple[UsdJoint, ...]:
-    """Return the successive joints that connect two bodies.
+    """Return the joints that connect two bodies, in order.
 
     If F is the frame of one of these joints, it is `X_0 @ F` on the parent and `X_1 @ F` on the child.
     """
@@ -91,7 +91,7 @@ def chain(connection: Connection) -> tuple[UsdJoint, ...]:
 def _spherical(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
     """Return a ball."""
     backwards = isinstance(joints[0], TreeJoint) and joints[0].reversed
-    # A reversed joint has the coordinates in reverse order, and each of them negated.
+    # A reversed joint has its coordinates in reverse order and negated.
     axes = [(-x, -y, -z) for x, y, z in (twist.angular for twist in reversed(twists))] if backwards else [one.angular for one in twists]
     ordered = joints[::-1] if backwards else joints
     frame = Pose(rotation=transpose((axes[0], axes[1], axes[2])), translation=twists[0].anchor)
@@ -119,7 +119,7 @@ def _generic(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequenc
 
 
 def _several(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
-    """Return one joint with all coordinates, whose axes are parallel or perpendicular."""
+    """Return one joint with all coordinates. Its axes must be parallel or perpendicular."""
     anchor = next((twist.anchor for twist in twists if twist.turns), twists[0].anchor)
     directions: list[Vector] = []
     for twist in twists:
@@ -151,7 +151,7 @@ def _parallel(a: Vector, b: Vector) -> bool:
 class MimicJoint(FrozenStruct):
     """A mimic joint at `path`.
 
-    The joint follows the independent joint `leader`: q = offset + multiplier q(leader) [rad or m]. `said` tells whether Newton's schema can
+    The joint follows the independent joint `leader`: q = offset + multiplier q(leader) [rad or m]. `said` is True if Newton's schema can
     express it, which requires two joints of the same kind with one coordinate. `reach` is the range derived from the leader's limits, or
     None if the leader does not have both limits.
     """
@@ -167,7 +167,7 @@ class MimicJoint(FrozenStruct):
 
 
 def followers(robot: Robot) -> dict[str, MimicJoint]:
-    """Return a mapping of paths to mimic joints."""
+    """Return the mimic joints by path."""
     steps = [step for connection in connections(robot, CAPABILITIES["loops"]) for step in chain(connection)]
     single = {step.single.path: step.type for step in steps if step.single is not None}
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}

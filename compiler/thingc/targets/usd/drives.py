@@ -14,10 +14,10 @@ from thingc.targets.usd.chain import Freedom, MimicJoint, UsdJoint
 from thingc.targets.usd.usda import Prim
 
 LOCKED = (1.0, -1.0)
-"""The limits of a locked motion: the lower above the upper (UsdPhysics, `PhysicsLimitAPI`)."""
+"""The limits of a locked motion: the lower limit is above the upper one (UsdPhysics, `PhysicsLimitAPI`)."""
 
 GENERIC = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
-"""The motions of a generic joint, each free or locked."""
+"""The motions of a generic joint. Each is free or locked."""
 
 
 def ends(freedom: Freedom) -> tuple[float, float]:
@@ -76,7 +76,7 @@ def _drive(prim: Prim, freedom: Freedom) -> None:
 
 
 def passive(joint: UsdJoint) -> dict[str, float]:
-    """Return armature, damping, friction and velocity limit of a rotation, slide or ball, keyed by their Newton names.
+    """Return armature, damping, friction and velocity limit of a rotation, slide or ball by their Newton names.
 
     The schema has one value for all coordinates of a joint. Damping and velocity limit are in degrees for a rotation or a ball. Zero values
     are omitted.
@@ -93,7 +93,7 @@ def passive(joint: UsdJoint) -> dict[str, float]:
 
 
 AXIS = "rotZ"
-"""The name in PhysX of the mimic coordinate of a rotation about, or a slide along z."""
+"""PhysX's name of the mimic coordinate, for a rotation about z or a slide along z."""
 
 
 def articulation(prim: Prim) -> None:
@@ -106,7 +106,8 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
     """Set armature, damping, friction and velocity limit of a joint.
 
     PhysX supports them only for joints of its articulation. Armature and velocity limit are per joint. Since Isaac Sim 5, all of them can
-    also be set per axis, which takes precedence. (Its older `jointFriction` is not a torque, but relative to the load of the joint.)
+    also be set per axis, which takes precedence. (The older `jointFriction` of PhysX is not a torque, but relative to the load of the
+    joint.)
     """
     values = passive(joint)
     if values:
@@ -131,7 +132,7 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
 
 
 def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> None:
-    """Make a joint mimic the one at the path `leader`, in degrees if it rotates.
+    """Make a joint mimic the joint at the path `leader`. Values are in degrees if it rotates.
 
     A joint without limits gets a range derived from the leader's limits, because PhysX requires limits for rotations. PhysX uses the
     opposite sign: q + gearing * q(leader) + offset = 0.

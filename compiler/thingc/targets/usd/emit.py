@@ -43,7 +43,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
-    """Yield the losses of one mode other than those of `CAPABILITIES`. Losses common to all modes have no mode."""
+    """Yield the losses of one mode in addition to those from `CAPABILITIES`. Losses common to all modes have no mode."""
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"]):
         if (number := len(chain(connection))) > 1:
@@ -88,7 +88,7 @@ def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
 
 
 def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, degrees: bool = False) -> Iterator[Loss]:
-    """Yield a loss if a number is too large for a float; angles are converted to degrees."""
+    """Yield a loss if a number is too large for a float. Angles are converted to degrees."""
     if value > (numeric.radians(FLOAT_MAX) if degrees else FLOAT_MAX):
         words = f"its {what} of {value:.6g} {unit}: infinite in the file, which supports numbers up to {FLOAT_MAX:.2g}"
         yield _loss(None, path, words, "approximated", origin)

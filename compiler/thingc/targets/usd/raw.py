@@ -1,4 +1,4 @@
-"""Apply the raw attributes of `raw: {usd: ...}` to the prims of links and joints, and to the scene.
+"""Apply the raw attributes in `raw: {usd: ...}` to the prims of links and joints, and to the scene.
 
     joint: {crane.swing: {"physics:breakForce": 20.0}}            an attribute of a joint; the same for a link
     scene: {"token physxScene:solverType": TGS}                   of the scene; with its type, unless the value shows it
@@ -25,13 +25,13 @@ from thingc.targets.usd.usda import FLOAT_MAX, Prim, listed, quoted, several
 from thingc.targets.xml_writer import NO_CHARACTER, number
 
 KINDS = ("joint", "link", SCENE)
-"""Kinds of prims that can have raw attributes; links and joints have names."""
+"""Kinds of prims that can have raw attributes. Links and joints have names."""
 
 SCHEMAS = "apiSchemas"
 """The key of applied schemas, which is not an attribute."""
 
 TYPES = ("bool", "int", "float", "double", "string", "token")
-"""Types of attributes. Each can be an array (`int[]`), and numbers can be vectors, too (`float3`)."""
+"""Types of attributes. Each can be an array (`int[]`), and numbers can also be vectors (`float3`)."""
 
 _NAME = r"[A-Za-z_]\w*(?::[A-Za-z_]\w*)*"
 _KEY = re.compile(rf"(?:(\S+) )?({_NAME})", re.ASCII)
@@ -43,7 +43,7 @@ _INT_MAX = 2**31 - 1
 def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
     """Apply the raw attributes to the default prims of the chosen modes.
 
-    Report attributes that match none of them, and values of the wrong type.
+    Report attributes that match no prim, and values of the wrong type.
     """
     for attribute in assembly.raw:
         if attribute.target == "usd":
@@ -54,7 +54,7 @@ def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
 
 
 def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
-    """Return why a path is invalid, or None."""
+    """Return why a path is invalid, or None if it is valid."""
     path = attribute.path
     if path[0] not in KINDS:
         return f"there are no raw attributes of `{path[0]}` in `usd`", did_you_mean(path[0], KINDS, what="kinds of prims"), 0
@@ -81,7 +81,7 @@ def _all(kind: str, model: Prim) -> list[Prim]:
 
 
 def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
-    """Apply an attribute to a prim, or return its fault."""
+    """Apply an attribute to a prim. Return its fault, or None."""
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
     strange = NO_CHARACTER.search("".join(one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)))
     if strange is not None:
@@ -117,7 +117,7 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
 
 
 def _type_of(value: object) -> str:
-    """Return the type of an attribute with this value. For a list, this is the first type that fits all items."""
+    """Return the type of an attribute with this value. For a list, it is the first type that fits all items."""
     if isinstance(value, list):
         return next((f"{type}[]" for type in ("bool", "int", "float", "string") if _literal(f"{type}[]", value) is not None), "float[]")
     return {bool: "bool", int: "int", str: "string"}.get(type(value), "float")

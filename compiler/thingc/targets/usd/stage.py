@@ -7,9 +7,9 @@
           ->  joints
     /arm_meshes                             prototypes (a class: not part of the scene by itself)
 
-There is one articulation, whose root is the base link; unless it floats, the joint `root` connects it to the world. (According to the
-schema the root of such an articulation would be that joint: Newton accepts both, mujoco-usd only a link.) Joints of the tree go from the
-parent in the tree to the child, as Newton requires; those that close it are excluded from the articulation.
+There is one articulation, whose root is the base link. Unless the base floats, the joint `root` connects it to the world. (By the schema,
+the root of such an articulation would be that joint. Newton accepts both, mujoco-usd only a link.) Joints of the tree go from the parent in
+the tree to the child, as Newton requires. Joints that close loops are excluded from the articulation.
 """
 
 from __future__ import annotations
@@ -40,29 +40,29 @@ from thingc.targets.usd.usda import Prim, listed, several
 Key = TypeVar("Key")
 
 MESH = "mesh"
-"""The name of the mesh in a prototype: an instance shares the prims below it."""
+"""The name of the mesh in a prototype. Instances share the prims below it."""
 
 SCENE, MATERIALS, JOINTS = "scene", "materials", "joints"
-"""Prims beside the links, whose names no link can have."""
+"""Prims beside the links. No link can have these names."""
 
 LINK = "_link"
-"""Suffix of a link between the joints of a chain, after the name of the joint before."""
+"""Suffix of a link in a chain of joints, appended to the name of the joint before it."""
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
-"""Mass [kg] and moments of inertia [kg m^2] of a link without mass, because 0 means `not specified` in UsdPhysics."""
+"""Mass [kg] and moments of inertia [kg m^2] of a link without mass, because 0 means "not specified" in UsdPhysics."""
 
 ROUGHNESS = 0.6
-"""Roughness of all surfaces: documents specify colours, but not gloss."""
+"""Roughness of all surfaces, because documents specify colours but no gloss."""
 
 ROOM = 2.0**-22
-"""Relative margin of the largest principal moment below the sum of the others.
+"""Relative margin by which the largest principal moment is below the sum of the others.
 
-For a flat body they are equal, and after rounding to floats it could be larger.
+For a flat body they are equal, and rounding to floats could make it larger.
 """
 
 
 def model(robot: Robot, geometry: Geometry, meshes: dict[str, str], report: Report) -> Prim:
-    """Return the default prim of a mode; `meshes` are the paths of the prototypes by the names of the assets.
+    """Return the default prim of a mode. `meshes` are the paths of the prototypes by the names of the assets.
 
     Duplicate names are reported.
     """
@@ -239,9 +239,9 @@ class _Builder:
 
 
 def moments_of(properties: MassProperties) -> tuple[Vector, Matrix]:
-    """Return the principal moments of inertia [kg m^2], and the principal axes as the columns of a rotation.
+    """Return the principal moments of inertia [kg m^2], and a rotation with the principal axes as columns.
 
-    The moments remain physical after rounding to floats. Without a physical inertia they are the smallest allowed.
+    The moments remain physical after rounding to floats. Without a physical inertia they are the smallest allowed values.
     """
     if properties.mass <= 0.0 or physical_fault(properties.inertia) is not None:
         return (LEAST_INERTIA,) * 3, IDENTITY
@@ -254,7 +254,7 @@ Friction = tuple[str, float | None, float | None, float | None]
 
 
 def _friction(material: Material) -> Friction:
-    """Return the values that distinguish physics materials, because nested documents may use the same name for another material."""
+    """Return the values that distinguish physics materials. Nested documents may use the same name for different materials."""
     return material.name, material.slide, material.torsion, material.roll
 
 
@@ -265,7 +265,7 @@ def rubbing(geometry: Geometry) -> dict[Friction, Material]:
 
 
 def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
-    """Set the size of a primitive, and return the additional scale factors it needs (empty if none). A mesh has no size."""
+    """Set the size of a primitive, and return the additional scale factors that it needs (empty if none). A mesh has no size."""
     match shape.kind:
         case "mesh":
             return ()
@@ -297,7 +297,7 @@ def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
 
 
 def _extent(prim: Prim, half: tuple[float, float, float]) -> None:
-    """Set the box around a primitive, which is centred at its origin."""
+    """Set the bounding box of a primitive, which is centred at its origin."""
     prim.say("float3[] extent", f"[{several(-value for value in half)}, {several(half)}]")
 
 
@@ -316,7 +316,7 @@ def free(word: str, taken: Collection[str]) -> str:
 
 
 def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, str]) -> Prim:
-    """Return a class prim with a prototype for each mesh asset, to be referenced by instances."""
+    """Return a class prim with a prototype for each mesh asset. Instances reference the prototypes."""
     prim = Prim(type="Scope", name=scope, specifier="class")
     drawn = {shape.mesh for shapes in geometry.shapes for shape in shapes.visual}
     for asset in geometry.meshes:
@@ -326,7 +326,7 @@ def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, st
 
 
 def _mesh(prim: Prim, asset: MeshAsset, text: str, *, drawn: bool) -> None:
-    """Set the triangles of a mesh from the store (OBJ) without changes."""
+    """Set the triangles of a mesh from the store (OBJ), unchanged."""
     rows = [line.split() for line in text.splitlines()]
     points = [row[1:4] for row in rows if row and row[0] == "v"]
     corners = [int(corner.partition("/")[0]) - 1 for row in rows if row and row[0] == "f" for corner in row[1:4]]

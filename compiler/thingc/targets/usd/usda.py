@@ -1,7 +1,7 @@
 """A writer for USD text files.
 
-With usd-core's writer, the bytes would depend on its version, and a build would need a package of 30 MB. It would also round every number
-of UsdPhysics, whose attributes are floats, to eight digits. Here all numbers are written exactly, so that a reader rounds them once.
+With usd-core's writer, the bytes would depend on its version, a build would need a package of 30 MB, and every number of UsdPhysics, whose
+attributes are floats, would be rounded to eight digits. Here all numbers are written exactly, and only the reader rounds them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Prim:
     """A prim.
 
     `type` is for example `Xform`, and `schemas` are the applied API schemas. Other metadata and properties are lines of text. With the
-    `specifier` `class`, the prim and its children are only for references. The class is not frozen, because trees are built from the top.
+    `specifier` `class`, the prim and its children only serve as references. The class is not frozen, because trees are built from the top.
     """
 
     type: str
@@ -43,7 +43,7 @@ class Prim:
         return child
 
     def say(self, property: str, value: str | float) -> None:
-        """Add a property, such as `float physics:mass`, with its value: a number, or USD text."""
+        """Add a property, such as `float physics:mass`, with its value, which is a number or USD text."""
         self.properties.append(f"{property} = {value if isinstance(value, str) else number(value)}")
 
     def place(self, pose: Pose, scale: tuple[float, ...] = ()) -> None:
@@ -63,17 +63,17 @@ class Prim:
 
 
 def quoted(text: str) -> str:
-    """Return a string or a token."""
+    """Return the USD text of a string or a token."""
     return '"' + text.translate(_ESCAPES) + '"'
 
 
 def several(values: Iterable[float]) -> str:
-    """Return a vector, a colour or a quaternion (w, x, y, z)."""
+    """Return the USD text of a vector, a colour or a quaternion (w, x, y, z)."""
     return f"({', '.join(number(value) for value in values)})"
 
 
 def listed(values: Iterable[str]) -> str:
-    """Return an array of values that are already text."""
+    """Return the USD text of an array whose values are already text."""
     return f"[{', '.join(values)}]"
 
 
@@ -83,7 +83,7 @@ def rendered(prim: Prim) -> str:
 
 
 def write(prims: Iterable[str], default: str, heading: str) -> str:
-    """Return the layer, in metres, kilograms, z up.
+    """Return the layer, in metres and kilograms, with z up.
 
     `prims` are already rendered, and empty ones are omitted. `default` is the name of the default prim.
     """
@@ -97,7 +97,7 @@ def write(prims: Iterable[str], default: str, heading: str) -> str:
 
 
 def _lines(prim: Prim, indent: str) -> Iterator[str]:
-    """Yield the lines of a prim and its descendants. Recursion is safe, because prims are only a few levels deep."""
+    """Yield the lines of a prim and its descendants. Recursion is safe, because prims are nested only a few levels deep."""
     schemas = [f"prepend apiSchemas = {listed(quoted(schema) for schema in prim.schemas)}"] if prim.schemas else []
     metadata = [*schemas, *prim.metadata]
     yield f"{indent}{prim.specifier} {prim.type} {quoted(prim.name)}" + (" (" if metadata else "")

@@ -12,7 +12,7 @@ from thingc.targets.xml_writer import Element
 
 
 class Refusal(FrozenStruct):
-    """A reason why a consumer refuses a model, where adapting the model would do harm.
+    """The reason why a consumer rejects a model. Adapting the model in this respect would do harm.
 
     `what` is the reason, as text after a colon. `origin` and `path` locate the cause, and `hint` is the help text.
     """
@@ -27,7 +27,7 @@ class Consumer(FrozenStruct):
     """A program that reads MJCF: its `name` in `compat`, its display name `label`, and the `version` that was examined.
 
     `suit` adapts the tree of a mode's model, which no other consumer uses, and yields the differences from the document as losses.
-    `refuses` yields everything that is still refused.
+    `refuses` yields everything that the consumer still rejects.
     """
 
     name: str
@@ -38,17 +38,17 @@ class Consumer(FrozenStruct):
 
 
 def nothing_lost(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Yield nothing: no change is necessary for the consumer."""
+    """Yield no losses, for a consumer that needs no changes of the model."""
     yield from ()
 
 
 def nothing_refused(robot: Robot, root: Element) -> Iterator[Refusal]:
-    """Yield nothing: the consumer reads everything that thingc writes."""
+    """Yield no refusals, for a consumer that reads everything that thingc writes."""
     yield from ()
 
 
 class UnsupportedOptions(FrozenStruct):
-    """Unsupported options of a consumer: solvers, and flags that must not be enabled or disabled, by their names in MJCF.
+    """Options that a consumer does not support: solvers, and flags that must not be enabled or disabled, by their names in MJCF.
 
     Only raw attributes can set them.
     """
@@ -58,7 +58,7 @@ class UnsupportedOptions(FrozenStruct):
     disabled: Collection[str] = ()
 
     def refusals(self, root: Element) -> Iterator[Refusal]:
-        """Yield the options that are refused."""
+        """Yield the options that the consumer rejects."""
         option = root.find("option")
         if option is None:
             return

@@ -1,6 +1,6 @@
 """Pairs of geoms that may collide, read from the tree of a model as MuJoCo does.
 
-See the chapter Computation of its documentation, "Selection".
+See the section "Selection" in the chapter Computation of MuJoCo's documentation.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ class ContactPairs(FrozenStruct):
 
     @property
     def type(self) -> str:
-        """The type in MJCF."""
+        """The type of the geom in MJCF."""
         return self.values.get("type", "sphere")
 
     @property
     def margin(self) -> float:
-        """The margin [m]."""
+        """The contact margin [m]."""
         return float(self.values.get("margin", "0"))
 
 
@@ -38,9 +38,9 @@ FLOOR = ContactPairs(element=None, values={"type": PLANE})
 
 
 def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
-    """Yield every pair of geoms that MuJoCo tests for contacts, including those with the floor.
+    """Yield every pair of geoms that MuJoCo tests for contacts, including pairs with the floor.
 
-    Excluded are pairs of rigidly connected bodies, of parent and child, and those of `exclude`. (MuJoCo later skips a held root and the
+    Pairs on rigidly connected bodies, on parent and child, and in `exclude` are omitted. (MuJoCo later also skips a held root and the
     floor, since neither moves.)
     """
     classes = defaults(root, "geom")
@@ -50,7 +50,7 @@ def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
         frozenset((index.get(one.get("body1")), index.get(one.get("body2"))))
         for section in [root.find("contact")] if section is not None for one in section.children if one.tag == "exclude"
     }
-    rigid: list[int] = []  # for every body the one that carries it rigidly: itself, or the world
+    rigid: list[int] = []  # for every body, the body that carries it rigidly: itself or the world
     for number, (body, parent) in enumerate(bodies):
         moves = body.get("mocap") == "true" or any(child.tag in ("joint", "freejoint") for child in body.children)
         rigid.append(number if moves else WORLD if parent is None else rigid[parent])
@@ -69,7 +69,7 @@ def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
 
 
 def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
-    """Return a mapping of default classes to their attributes for a tag, including those of outer classes."""
+    """Return the attributes for a tag by default class, including the attributes of outer classes."""
     by_class: dict[str, dict[str, str]] = {}
     waiting = [(child, dict[str, str]()) for child in root.children if child.tag == "default"]
     while waiting:

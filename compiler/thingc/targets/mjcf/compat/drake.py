@@ -1,8 +1,8 @@
-"""Drake: its parser accepts every file. It ignores what a `MultibodyPlant` does not support, with a warning at most.
+"""Drake. Its parser accepts every file. Features that a `MultibodyPlant` does not support are ignored, with a warning at most.
 
-If a body has several joints, Drake reads the axes and anchors of all but the last in the axes of the parent. So a rotated body with several
-joints is put into an additional body, which is rotated instead. Drake reads the `ctrlrange` of a drive as its force range, so only motors
-have one.
+If a body has several joints, Drake reads the axes and anchors of all but the last one in the axes of the parent. Therefore a rotated body
+with several joints is put into an additional body, which is rotated instead. Drake reads the `ctrlrange` of a drive as its force range, so
+only motors have a `ctrlrange`.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ SECTIONS = {
     ("equality", "joint"): "its mimic", ("equality", "weld"): "its closing constraint", ("equality", "connect"): "its closing constraint",
     ("actuator", "adhesion"): "its adhesion", ("keyframe", "key"): "its keyframe",
 }
-"""What Drake ignores, by section and tag."""
+"""Features that Drake ignores, by section and tag."""
 
 ATTRIBUTES = {
     ("joint", "frictionloss"): "its dry friction", ("joint", "actuatorfrcrange"): "its effort limit",
     ("body", "mocap"): "its motion at run time",
 }
-"""What Drake ignores, by tag and attribute."""
+"""Features that Drake ignores, by tag and attribute."""
 
 
 COMMANDS = "the range of its commands: Drake uses it as the range of the force"
-"""The loss of a drive that is not a motor."""
+"""Description of the loss for a drive that is not a motor."""
 
 TURNED = ":turned"
 """Suffix of the name of an additional body that is rotated."""
@@ -67,7 +67,7 @@ def _is_misread(element: Element) -> bool:
 
 
 def _unturned(body: Element) -> Element:
-    """Return a massless body with the pose of this body, which becomes its child."""
+    """Return a massless body with the pose of this body, which becomes the child of the new one."""
     outside = {name: value for name, value in body.attributes.items() if name in ("pos", "quat")}
     inside = {name: value for name, value in body.attributes.items() if name not in outside}
     inner = Element(tag="body", attributes=inside, children=body.children, origin=body.origin, raw=body.raw)

@@ -1,6 +1,6 @@
-"""MJX, MuJoCo in JAX (`mjx.put_model` with its own implementation): what it does not support, according to its source.
+"""MJX, MuJoCo in JAX (`mjx.put_model` with its own implementation). Unsupported features are taken from its source code.
 
-Pairs of shapes are those of `collision_driver.py`, options and kinds of actuators those of `types.py`.
+Pairs of shapes are in `collision_driver.py`, options and kinds of actuators are in `types.py`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ LACKING = frozenset(map(frozenset, (("cylinder", "box"), ("cylinder", "mesh"), (
 LACKS = UnsupportedOptions(solvers=("PGS",), enabled=("override", "energy", "fwdinv", "diagexact"))
 
 SIDES = 20
-"""Sides of the prism that replaces a cylinder: its error is at most 1.2 % of the radius; MJX warns of faces with more corners."""
+"""Number of sides of the prism that replaces a cylinder. The error is at most 1.2 % of the radius; MJX warns of faces with more corners."""
 
 FLUID = ("density", "viscosity", "wind")
 
@@ -75,7 +75,7 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
 
 
 def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterator[tuple[str, str]]:
-    """Yield the reasons why MJX refuses a pair, each with the attribute that causes it."""
+    """Yield the reasons why MJX rejects a pair, each with the attribute that causes it."""
     kinds = sorted((one.type, other.type))
     if frozenset(kinds) in LACKING:
         yield f"it has no contacts between {kinds[0]} and {kinds[1]}", "type"
@@ -86,20 +86,20 @@ def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterat
 
 
 def _condim(one: ContactPairs, other: ContactPairs) -> int:
-    """Return the dimension of a contact: that of the geom with higher priority, else the larger one."""
+    """Return the dimension of a contact: the value of the geom with higher priority, else the larger value."""
     ranked = sorted(((int(geom.values.get("priority", "0")), int(geom.values.get("condim", "3"))) for geom in (one, other)), reverse=True)
     return ranked[0][1] if ranked[0][0] > ranked[1][0] else max(condim for _, condim in ranked)
 
 
 class _Kind(FrozenStruct, kw_only=False):
-    """The properties of a geom that decide whether a pair with it is refused."""
+    """The properties of a geom that determine whether MJX rejects a pair with it."""
 
     values: tuple[str, ...]
     raw: bool
 
 
 def _distinct(meeting: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[tuple[ContactPairs, ContactPairs]]:
-    """Yield only one of the pairs that are refused for the same reason."""
+    """Yield only one of the pairs that are rejected for the same reason."""
     seen: set[tuple[_Kind, _Kind]] = set()
     for pair in meeting:
         one, other = (
@@ -128,7 +128,7 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
 def _prisms(root: Element) -> Iterator[Loss]:
     """Replace every cylinder that may collide with a box or a mesh by a prism.
 
-    Prisms are meshes, with which other cylinders may collide.
+    Prisms are meshes, so other cylinders may collide with them.
     """
     meeting = [pair for pair in pairs(root) if pair[0].element is not None]
     replaced: dict[int, ContactPairs] = {}
@@ -169,7 +169,7 @@ def prism(radius: float, half: float) -> tuple[float, ...]:
 
 
 def _margins(root: Element) -> None:
-    """Remove the margin of adhesive contacts if there are meshes: without adhesions it has no use."""
+    """Remove the margin of adhesive contacts if there are meshes. Without adhesions the margin has no purpose."""
     if any("mesh" in (one.type, other.type) and one.margin + other.margin for one, other in pairs(root)):
         for element in root.walk():
             geom = element.find("geom") if element.get("class") == adhesion_contacts.CLASS else None
@@ -178,7 +178,7 @@ def _margins(root: Element) -> None:
 
 
 def _cones(root: Element) -> None:
-    """Remove elliptic cones if nothing can collide, even in the scene, because MJX only accepts them with contacts."""
+    """Remove elliptic cones if nothing can collide, even in the scene, because MJX accepts them only with contacts."""
     option = root.find("option")
     if option is not None and option.get("cone") == "elliptic" and next(pairs(root), None) is None:
         del option.attributes["cone"]
@@ -186,7 +186,7 @@ def _cones(root: Element) -> None:
 
 
 def _needed(robot: Robot) -> list[str]:
-    """Return the mounts whose active adhesion supports the robot, which are on links that are not fixed or held."""
+    """Return the mounts whose active adhesion supports the robot. They are on links that are not fixed or held."""
     still = {closure.child for closure in robot.closures if closure.hold} | ({0} if robot.base in ("fixed", "held") else set())
     links = {robot.bodies[body].link for body in still}
     return [

@@ -1,4 +1,4 @@
-"""PyMJCF (`dm_control.mjcf`): it uses `/` in names for its own scopes, and refuses names with one."""
+"""PyMJCF (`dm_control.mjcf`). It uses `/` for its own scopes and rejects names that contain it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from thingc.targets.mjcf.compat.consumer import Consumer, nothing_refused
 from thingc.targets.xml_writer import Element
 
 SEPARATOR = "."
-"""Replaces `/` in the paths of documents; no name in a document contains it."""
+"""Replacement for `/` in the paths of documents. No name in a document contains it."""
 
 FILES = frozenset({"file", "meshdir", "texturedir", "assetdir"})
-"""Attributes that are paths in a file system. In all others, `/` is part of a name."""
+"""Attributes that are paths in a file system. In all other attributes, `/` is part of a name."""
 
 
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:

@@ -1,6 +1,6 @@
-"""MuJoCo Warp: it reads everything that thingc writes.
+"""MuJoCo Warp. It reads everything that thingc writes.
 
-Only raw attributes can set the options that it does not support (see `put_model` in its `io.py`).
+The options that it does not support can be set only by raw attributes (see `put_model` in its `io.py`).
 """
 
 from __future__ import annotations
