@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class CompileError(Exception):
-    """The document has errors. `diagnostics` contains all of them; `str()` formats them as on the command line."""
+    """The document has errors. `diagnostics` contains all of them; `str()` formats them as the command line does."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__("\n" + as_text(diagnostics))
@@ -39,11 +39,11 @@ class CompiledMode(OneLineRepr, FrozenStruct):
 
     @property
     def name(self) -> str:
-        """Name of the mode."""
+        """The name of the mode."""
         return self.robot.mode.name
 
     def mjcf(self) -> str:
-        """Return the MuJoCo model as XML, identical to that of a build; its meshes are `assets()`."""
+        """Return the MuJoCo model as XML, identical to the model of a build. Its meshes are `assets()`."""
         return self.files[f"mjcf/{self.robot.assembly.name}_{self.name}.xml"].decode()
 
     def assets(self) -> dict[str, bytes]:
@@ -59,13 +59,13 @@ class CompiledMode(OneLineRepr, FrozenStruct):
 
 
 class Shown(OneLineRepr, FrozenStruct):
-    """An HTML page that a notebook displays in a frame of its own; `height` is in pixels."""
+    """An HTML page that a notebook displays in its own frame. `height` is in pixels."""
 
     page: str
     height: int
 
     def _repr_html_(self) -> str:
-        """Return HTML for Jupyter. The frame is sandboxed: the page can run scripts, but not access the notebook."""
+        """Return HTML for Jupyter. The frame is sandboxed: the page can run scripts but cannot access the notebook."""
         from html import escape
 
         return (
@@ -76,7 +76,7 @@ class Shown(OneLineRepr, FrozenStruct):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Compiled(OneLineRepr):
-    """A compiled robot. `modes` is in document order; `diagnostics` are the warnings; `modelled` and `reused` are definition texts."""
+    """A compiled robot. `modes` is in document order, `diagnostics` are the warnings, `modelled` and `reused` are definition texts."""
 
     name: str
     assembly: Assembly
@@ -87,7 +87,7 @@ class Compiled(OneLineRepr):
     _page: Callable[[], Page] = field(repr=False, compare=False)
 
     def show(self, height: int = 600) -> Shown:
-        """Return the robot's viewer page, to display in a notebook cell of this height [pixels].
+        """Return the robot's viewer page for a notebook cell of this height [pixels].
 
         Raises `BlobMissing` if its meshes are no longer in the store.
         """

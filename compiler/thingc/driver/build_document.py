@@ -1,4 +1,4 @@
-"""A single build: compile a document and, if there are no errors, write its folder. Shared by `thingc build` and `thingc watch`."""
+"""A single build: compile a document and, if there are no errors, write its folder. Used by `thingc build` and `thingc watch`."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from thingc.targets.artifact import Content, Loss
 
 
 class BuildRequest(FrozenStruct):
-    """A build request.
+    """The options of a build.
 
-    `modes` are the modes to build (by default all), `output` is the parent of the build folder (by default that of the workspace). `strict`
-    treats warnings as errors, `deny_loss` export losses; `force` overwrites unexpected files in the folder; `twice` models parts again and
-    compares the results.
+    `modes` are the modes to build (default: all), `output` is the parent of the build folder (default: the workspace's build folder).
+    `strict` treats warnings as errors, `deny_loss` treats export losses as errors. `force` overwrites unexpected files in the folder.
+    `twice` builds parts a second time and compares the results.
     """
 
     targets: tuple[str, ...]
@@ -35,10 +35,10 @@ class BuildRequest(FrozenStruct):
 
 
 class BuildResult(FrozenStruct):
-    """Result of a build.
+    """The result of a build.
 
-    `files` are the files to write, by path in the folder; None if there are errors. `place` is the parent folder (an absolute path) and the
-    name of the build folder. `twice` is the number of parts that were modelled again.
+    `files` are the files to write, by path in the folder, or None if there are errors. `place` is the parent folder (an absolute path) and
+    the name of the build folder. `twice` is the number of parts that were built a second time.
     """
 
     compilation: Compilation
@@ -79,7 +79,7 @@ def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest
 def write(environment: Environment, built: BuildResult, wish: BuildRequest, on_wait: Waiting | None = None) -> str:
     """Write the files of a build without errors to its folder, atomically, and return the folder's absolute path.
 
-    Raises `OutputError`; `on_wait` is called if another build of the folder is in progress.
+    Raises `OutputError`. `on_wait` is called if another build of the folder is in progress.
     """
     documents, files = built.compilation.documents, built.files
     assert files is not None and documents is not None, "the build has errors"
@@ -87,7 +87,7 @@ def write(environment: Environment, built: BuildResult, wish: BuildRequest, on_w
 
 
 def _model_again(environment: Environment, compilation: Compilation) -> int:
-    """Model every part again, in new processes, with another hash seed and an empty store, and report parts with different results.
+    """Build every part again in new processes, with another hash seed and an empty store, and report parts with different results.
 
     Return the number of parts. The report of the compilation must have no errors.
     """

@@ -22,10 +22,10 @@ from thingc.driver.environment import Environment, Options
 
 
 class EditResult(FrozenStruct):
-    """Result of writing values.
+    """The result of writing values.
 
     `found` are all diagnostics. `text` is the new text of the document `root` (None if it was not computed). `done` lists the written
-    values: path, previous text (None if there was none) and new text.
+    values as path, previous text (None if there was none) and new text.
     """
 
     found: tuple[Diagnostic, ...]
@@ -35,9 +35,9 @@ class EditResult(FrozenStruct):
 
 
 def write_values(document: str, given: Mapping[str, str], options: Options, *, strict: bool = False, dry: bool = False) -> EditResult:
-    """Write values (texts, keyed by path or parameter) to a document, unless this would cause errors.
+    """Write values (texts, by path or parameter) to a document, unless this would cause errors.
 
-    With `dry`, nothing is written; with `strict`, warnings are errors. Raises `OSError` if the document cannot be read.
+    With `dry`, nothing is written. With `strict`, warnings are errors. Raises `OSError` if the document cannot be read.
     """
     given = {named(path): text for path, text in given.items()}
     parameters = {path: text for path, text in given.items() if "." not in path}
@@ -106,7 +106,7 @@ def checked(
 
 
 def keys_of(root: Document, path: str) -> Keys:
-    """Return the key path of a parameter, or of a path."""
+    """Return the key path in the document for a parameter or a path."""
     if "." in path:
         return tuple(path.split("."))
     full = isinstance(node_at(root.tree, ("parameters", path)), MappingNode)
@@ -114,7 +114,7 @@ def keys_of(root: Document, path: str) -> Keys:
 
 
 def _parse_value(text: str) -> Written:
-    """Parse a value as in a document; return the text itself if it is invalid."""
+    """Parse a value as in a document. Return the text itself if it is invalid."""
     tree = read_flow(text, line_of("")) if is_flow(text) else None
     return text if tree is None or isinstance(tree, Diagnostic) else _texts(tree)
 
@@ -126,7 +126,7 @@ def _texts(node: Node) -> Written:
 
 
 def _elsewhere(root: Document, path: str) -> Diagnostic | None:
-    """Return the diagnostic for a path that is not in this document itself, or None."""
+    """Return the diagnostic for a path that is not in this document itself, or None if it is."""
     through = nested(path)
     if through is None:
         choice = parse(path)

@@ -1,4 +1,4 @@
-"""The environment of a compilation: workspace, store, source of parts, and the report."""
+"""The environment of a compilation: workspace, store, source of parts, and report."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
 
 Progress = Callable[[str, int, int], None]
-"""`progress(what, done, total)`: called while parts are modelled."""
+"""`progress(what, done, total)` is called while parts are built."""
 
 Printed = Callable[[str, Sequence[str]], None]
-"""`printed(part, lines)`: called with the output of a part after it has been modelled. The lines are not escaped."""
+"""`printed(part, lines)` is called with the output of a part after it has been built. The lines are not escaped."""
 
 Lend = Callable[["Workspace", "Store"], "PartSource"]
 """`lend(workspace, store)` returns a shared source of a workspace's parts. The lender closes it."""
@@ -38,12 +38,12 @@ class Options(FrozenStruct):
     """Options of a compilation.
 
     `parameters` are texts as on the command line (`{"reach": "120 mm"}`), `choices` texts by dotted path in the document
-    (`{"components.foot.part": "feet:Wide"}`). `store` is a folder or a URL (default: the user's cache), `jobs` the number of parts to model
-    in parallel, `part_timeout` [s] the limit for one part (default: that of the workspace), `compat` the programs besides MuJoCo that read
-    its models (default: those of the workspace). `lock`: parts that are not in the store may be read from `parts.lock.json`, for callers
-    that need no meshes. Without `code` they are read only from there: no code of the workspace runs, and the store is not used. `texts`
-    replace the contents of documents and workspace files on disk, by absolute path. `ahead` are modules that are needed after the
-    compilation, to import while the CAD kernel loads.
+    (`{"components.foot.part": "feet:Wide"}`). `store` is a folder or a URL (default: the user's cache), `jobs` the number of parts to build
+    in parallel, `part_timeout` [s] the limit for one part (default: from the workspace), `compat` the programs besides MuJoCo that read
+    its models (default: from the workspace). With `lock`, parts that are not in the store may be read from `parts.lock.json`; this is for
+    callers that do not use meshes. Without `code` they are read only from there: no code of the workspace runs, and the store is not used.
+    `texts` replace the contents of documents and workspace files on disk, by absolute path. `ahead` are modules that are needed after the
+    compilation; they are imported while the CAD kernel loads.
     """
 
     parameters: Mapping[str, str] = {}
@@ -61,7 +61,7 @@ class Options(FrozenStruct):
 
 
 class Environment:
-    """The shared state of all compilations of one document. On exit, this context manager closes the source of parts, unless it was lent.
+    """The shared state of all compilations of one document. A context manager that closes the source of parts, unless it was lent.
 
     `workspace` is None if none was found. `report` contains diagnostics of the documents themselves, `memo` caches results of passes.
     """
@@ -87,7 +87,7 @@ class Environment:
 
     @cached_property
     def compat(self) -> tuple[str, ...]:
-        """Programs besides MuJoCo that read its models, from the options or (by default) from the workspace."""
+        """The programs besides MuJoCo that read its models, from the options or, by default, from the workspace."""
         own = self.workspace.compat if self.workspace is not None else ()
         return own if self.options.compat is None else tuple(self.options.compat)
 
@@ -117,7 +117,7 @@ class Environment:
         return self.parts
 
     def _lock(self) -> Lock | None:
-        """Return the workspace's lock; None if it is missing or broken, which is reported if code may not run."""
+        """Return the workspace's lock. Return None if it is missing or broken, which is reported if code may not run."""
         from thingc.geometry.lock.lock import read_lock, report_missing
 
         assert self.workspace is not None
@@ -130,7 +130,7 @@ class Environment:
     def say_gaps(self, report: Report) -> None:
         """Report missing entries in the lock for the last realized parts, and errors of the lock.
 
-        They are warnings if code may run (the lock is optional then).
+        They are warnings if code may run, because the lock is then optional.
         """
         from thingc.geometry.part_source import report_gaps
 
@@ -162,9 +162,10 @@ def geometry_of(
     workspace: Workspace, options: Options, store: Store | None = None, lock: Callable[[], Lock | None] | None = None, *, seed: int = 0,
     workers: Workers | None = None,
 ) -> GeometryService:
-    """Return the geometry service of a workspace; the caller must close it.
+    """Return the geometry service of a workspace. The caller must close it.
 
-    `lock` reads the lock to use besides the store; `seed` is the hash seed of the workers; shared `workers` are closed by their owner.
+    `lock` reads the lock to use in addition to the store. `seed` is the hash seed of the workers. Shared `workers` are closed by their
+    owner.
     """
     from thingc.geometry.service import GeometryService
 

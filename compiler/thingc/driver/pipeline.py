@@ -1,9 +1,9 @@
-"""The driver: it only runs the passes in order.
+"""The driver, which runs the passes in order.
 
     documents -> specs -> definition -> part records -> assembly -> robots (one per mode) -> artifacts
       load     validate   resolve        realize        link       root                 emit
 
-`check` and `compile` go from a document to its robots; `recompile` repeats this with other settings; `build` and `emit` continue to
+`check` and `compile` lead from a document to its robots. `recompile` repeats this with other settings. `build` and `emit` continue to
 artifacts.
 """
 
@@ -43,12 +43,12 @@ PASSES = ("thingc.model.resolve.choices", "thingc.model.resolve.assembly", "thin
 
 
 _LOOKED_THROUGH = 1 << 20
-"""Maximum number of bytes of a document that are searched for parts."""
+"""Maximum number of bytes of a document that are searched for references to parts."""
 _LEADS_TO_PARTS = re.compile(rb"\b(?:part|file|assembly)[\"']?\s*[:=]")
 
 
 class UnknownChoice(Exception):
-    """An unknown mode, target or program was requested: a command line error."""
+    """An unknown mode, target or program was requested. It is a command line error."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(f"{message}: {hint}")
@@ -71,11 +71,11 @@ def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
 
 
 class Compilation(FrozenStruct):
-    """Result of compiling a document with some settings: the report, and the output of each pass that succeeded.
+    """The result of compiling a document with some settings: the report, and the output of each pass that succeeded.
 
-    `documents` are the document and those that it, or choices, name; `robots` has one entry per chosen mode. By definition text,
-    `decisions` are the reasons why parts were modelled or reused, and `records` their properties. `repeated`: this is one of many
-    compilations.
+    `documents` are the document and the documents that it or choices reference. `robots` has one entry per chosen mode. `decisions` are the
+    reasons why parts were built or reused, and `records` the properties of parts, both by definition text. `repeated` means that this is
+    one of many compilations.
     """
 
     settings: Settings
@@ -91,7 +91,7 @@ class Compilation(FrozenStruct):
 
     @property
     def modelled(self) -> list[str]:
-        """Definition texts of the parts that were modelled by this compilation."""
+        """Definition texts of the parts that this compilation built."""
         return sorted(text for text, decision in self.decisions.items() if not decision.reused)
 
     @property
@@ -106,7 +106,7 @@ class Compilation(FrozenStruct):
 def check(environment: Environment) -> Compilation:
     """Run every pass up to `root`, for all modes, on a document of any kind that can be checked. Errors are reported.
 
-    Materials are only resolved, variants only validated.
+    Materials documents are only resolved, variants documents only validated.
     """
     compilation = compile(environment, kinds=("assembly", "materials", "variants"))
     say_unneeded(compilation, [Stage.CHECK])
@@ -119,8 +119,8 @@ def compile(
 ) -> Compilation:
     """Run every pass up to `root` for the named modes (by default all).
 
-    `kinds` are the accepted kinds of document; `settings` computes the settings from the sources (by default those of the options). Errors
-    are reported; raises `UnknownChoice`, and `BlobMissing` if the store is damaged (see `environment.attempted`).
+    `kinds` are the accepted kinds of document. `settings` computes the settings from the sources (default: the settings of the options).
+    Errors are reported. Raises `UnknownChoice`, and `BlobMissing` if the store is damaged (see `environment.attempted`).
     """
     sources = read(environment, kinds, modelling=True)
     told = settings(sources) if settings is not None and sources is not None else settings_of(environment.options)
@@ -133,22 +133,22 @@ def compile(
 
 
 def recompile(environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
-    """Compile the sources with other settings, see `compile`.
+    """Compile the sources with other settings (see `compile`).
 
-    The checks of single robots (start below the floor, overlapping parts) are skipped.
+    Checks that concern a single robot (start below the floor, overlapping parts) are skipped.
     """
     return replace(_passes(environment, sources, settings, modes, environment.memo), repeated=True)
 
 
 def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
-    """Return the slow imports of `build`, for `Options.ahead`. numpy, which compares solids, is included only if models need it."""
+    """Return the slow imports of `build`, for `Options.ahead`. They include numpy, which compares solids, only if models need it."""
     from thingc.targets.registry import modules_of
 
     return (*modules_of(targets), *(["thingc.model.solids.shapes"] if "mjcf" in targets else []))
 
 
 def build(environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None) -> dict[str, Artifacts]:
-    """Run the passes after `root`: check overlaps (warnings) and emit artifacts, while the kernel writes the STEP file.
+    """Run the passes after `root`: check overlaps (warnings) and emit artifacts. The kernel writes the STEP file in parallel.
 
     `folder` is the absolute path of the build folder, if known.
     """
@@ -173,14 +173,14 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
 
 
 def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, modelling: bool = False) -> Sources | None:
-    """Run `load` and `validate`, and describe the named parts. Return None if there is no valid document.
+    """Run `load` and `validate`, and describe the referenced parts. Return None if there is no valid document.
 
-    With `modelling`, parts are modelled next: the kernel is loaded in advance if they are likely to be new.
+    With `modelling`, parts will be built next, so the kernel is loaded in advance if they are likely to be new.
     """
     workspace, report = environment.workspace, environment.report
     if workspace is None:
         return None
-    # before other imports, because it takes longest
+    # before other imports, because this takes longest
     kernel_loads = modelling and _may_name_parts(environment) and environment.parts.anticipate()
     from thingc.documents.load.documents import load
     from thingc.documents.spec.validation import part_references, validate
@@ -204,7 +204,7 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
 
 
 def _may_name_parts(environment: Environment) -> bool:
-    """Return whether part code may run and the beginning of the document refers to parts. Otherwise, the kernel is not needed."""
+    """Return whether part code may run and the beginning of the document refers to parts. If not, the kernel is not needed."""
     if not environment.options.code:
         return False
     text = environment.options.texts.get(environment.document)
@@ -235,7 +235,7 @@ def choose(environment: Environment, sources: Sources, choices: Mapping[str, str
     assemblies, parts = documents_and_parts(choices)
     place = ("choices", frozenset(assemblies), frozenset(parts))
     widened, faults = (memo or Memo())(place, lambda: _widened(environment, sources, assemblies, parts))
-    for fault in faults.diagnostics:  # diagnostics without a place in a document are reported at the choice
+    for fault in faults.diagnostics:  # those without a place in a document are reported at the choice
         code, path = (fault.code, fault.path) if fault.span is not None else (Code.CHOICE_OPTION, "--set")
         report.add(code, fault.message, fault.span, help=fault.help, path=path, notes=fault.notes, severity=fault.severity)
     return widened
@@ -257,9 +257,9 @@ def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], 
 
 
 def model(environment: Environment, own: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:
-    """Run `resolve` alone: return the definition with these settings, before parts are modelled.
+    """Run only `resolve`: return the definition with these settings, before parts are built.
 
-    Errors are reported; None if nothing is valid.
+    Errors are reported. Return None if nothing is valid.
     """
     from thingc.model.resolve.resolver import resolve
 
@@ -269,7 +269,7 @@ def model(environment: Environment, own: Sources, settings: Settings, report: Re
 def _passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str], of_text: Memo | None) -> Compilation:
     """Run the passes from the sources to the robots.
 
-    `of_text` caches results that are valid for these texts of the documents; the memo of the environment those that are always valid.
+    `of_text` caches results that are valid for these texts of the documents. The environment's memo caches results that are always valid.
     """
     from thingc.geometry.meshes.cache import mesh_records
     from thingc.model.assembly.linking import link
@@ -327,10 +327,10 @@ def _say_hidden(environment: Environment, sources: Sources, report: Report) -> N
 
 
 def emit(environment: Environment, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
-    """Return the artifacts by target, in the requested order; each export loss is listed with the first target that has it.
+    """Return the artifacts by target, in the requested order. Each export loss is listed with the first target that has it.
 
-    The report of the compilation must have no errors. With `verify` 0, models are not compiled with MuJoCo (for callers that compile them
-    anyway); with n > 1, only every n-th of the models that differ in numbers alone.
+    The report of the compilation must have no errors. With `verify` 0, models are not compiled with MuJoCo, for callers that compile them
+    anyway. With n > 1, only every n-th of the models that differ only in numbers is compiled.
     """
     from thingc.targets.registry import emitted
 
@@ -350,7 +350,7 @@ def request_of(environment: Environment, compilation: Compilation, *, verify: in
 
 
 def files(environment: Environment, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
-    """Return the files of a build folder, by path: those of all targets, and the manifest."""
+    """Return the files of a build folder by path: the files of all targets, and the manifest."""
     from thingc.targets.artifact import MANIFEST
     from thingc.targets.manifest import BuildChoice, manifest
 
@@ -373,7 +373,7 @@ def files(environment: Environment, compilation: Compilation, artifacts: Mapping
 
 
 def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
-    """Report unneeded allowances after these stages. Skip this if there are settings, because other values may need the allowances."""
+    """Report unneeded allowances after these stages. Do nothing if there are settings, because other values may need the allowances."""
     settings, documents = compilation.settings, compilation.documents
     if compilation.assembly is None or documents is None or compilation.report.failed or settings.parameters or settings.choices:
         return
@@ -381,14 +381,14 @@ def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
 
 
 def _assembly(compilation: Compilation) -> Assembly:
-    """Return the assembly. Raises `RuntimeError` if the compilation failed; the caller must check the report."""
+    """Return the assembly. Raises `RuntimeError` if the compilation failed. The caller must check the report first."""
     if compilation.assembly is None:
         raise RuntimeError("the compilation failed")
     return compilation.assembly
 
 
 def _corners(environment: Environment) -> Callable[[Mesh], tuple[Vector, ...]] | None:
-    """Return a function for the vertices of a part's mesh; None if meshes may be missing."""
+    """Return a function for the vertices of a part's mesh, or None if meshes may be missing."""
     from thingc.geometry.store.meshes import vertices
 
     return None if environment.options.lock else partial(vertices, environment.store)

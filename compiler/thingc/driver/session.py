@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from thingc.targets.artifact import Artifacts, Content
 
 REFUSED = 64
-"""Maximum number of cached failures: a learner may draw the same settings again, and plans request them twice."""
+"""Maximum number of cached failures. A learner may draw the same settings again, and plans request them twice."""
 
 
 class Session:
-    """Compiles one document repeatedly with different settings. On exit, this context manager closes the geometry service.
+    """Compiles one document repeatedly with different settings. A context manager that closes the geometry service on exit.
 
-    Settings of a compilation override the parameters and choices of `options`. Documents are read when the session is created: later
-    changes of documents, parts and the store are not noticed. If a blob of the store is lost meanwhile, reading it raises `BlobMissing`; a
-    new session restores it.
+    Settings of a compilation override the parameters and choices of `options`. Documents are read when the session is created. Later
+    changes of documents, parts and the store are not detected. If a blob of the store is lost in the meantime, reading it raises
+    `BlobMissing`; a new session restores it.
     """
 
     def __init__(self, document: str, options: Options) -> None:
@@ -43,14 +43,14 @@ class Session:
 
     @property
     def report(self) -> Report:
-        """Diagnostics of the documents themselves, which all compilations share."""
+        """The diagnostics of the documents themselves, which all compilations share."""
         return self.environment.report
 
     def compile(self, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
-        """Compile the document with these settings up to `root`, for the named modes (by default all).
+        """Compile the document with these settings up to `root`, for the named modes (default: all).
 
-        Errors are in the compilation's `report`. Failures are cached, unless parts were modelled (these may succeed next time). Raises
-        `UnknownChoice` for an unknown mode.
+        Errors are in the compilation's `report`. Failures are cached unless parts were built, because building them may succeed next time.
+        Raises `UnknownChoice` for an unknown mode.
         """
         own = self.environment.options
         settings = Settings(parameters={**own.parameters, **settings.parameters}, choices={**own.choices, **settings.choices})
@@ -63,9 +63,9 @@ class Session:
         return made
 
     def emit(self, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
-        """Return the artifacts by target, see `pipeline.emit`."""
+        """Return the artifacts by target (see `pipeline.emit`)."""
         return pipeline.emit(self.environment, compilation, targets, verify=verify)
 
     def files(self, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
-        """Return the files of a build folder, by path in it."""
+        """Return the files of a build folder by path in the folder."""
         return pipeline.files(self.environment, compilation, artifacts)

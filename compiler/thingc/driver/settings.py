@@ -1,4 +1,4 @@
-"""Settings, keyed by parameter name or path in the document. Values are numbers in SI units, or texts as in documents."""
+"""Settings by parameter name or path in the document. Values are numbers in SI units, or texts as in documents."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from thingc.model.resolve.parameters import AssemblyParameters
 from thingc.model.resolve.resolver import Settings, Sources
 
 EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
-"""Sections with patterns that also match elements of nested documents."""
+"""Sections whose patterns also match elements of nested documents."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParsedSettings:
-    """Parsed settings: sorted `names` of numeric settings with their `values` in SI; others as `texts`.
+    """Parsed settings: sorted `names` of numeric settings with their `values` in SI, and other settings as `texts`.
 
-    Errors are in `report` (None if there are none).
+    Errors are in `report`, which is None if there are no errors.
     """
 
     names: tuple[str, ...]
@@ -41,7 +41,7 @@ class ParsedSettings:
 
 
 class SettingsReader:
-    """Parses settings of one document. `parameters` are its own, by name; `kinds` provides kinds of values of other settings, by path."""
+    """Parses settings of one document. `parameters` are its own, by name. `kinds` has kinds of values of other settings, by path."""
 
     def __init__(
         self, sources: Sources, fixed: Mapping[str, Any] | None = None, kinds: Mapping[str, ExpressionValue] | None = None,
@@ -55,7 +55,7 @@ class SettingsReader:
         self._numeric: set[str] = set()  # names with numeric settings
 
     def kind(self, name: str) -> ExpressionValue | None:
-        """Return the value that the document specifies, or its default; None if there is none, or if it cannot be evaluated."""
+        """Return the value that the document specifies, or its default. Return None if there is none or it cannot be evaluated."""
         if name not in self._kinds:
             known = self._kinds[name] = self.parameters.get(name) if "." not in name else self._stated(name)
             vector, _, index = name.rpartition(".")
@@ -96,7 +96,7 @@ class SettingsReader:
         return known
 
     def _hint(self, name: str) -> str:
-        """Return a hint for a pattern without a match."""
+        """Return a hint for a pattern that matches nothing."""
         if "." not in name:
             return did_you_mean(name, self.parameters, what="parameters")
         met: list[Node] = [self._documents.root.tree]
@@ -108,7 +108,7 @@ class SettingsReader:
         return did_you_mean(word, [key for key, _ in inside])
 
     def read(self, settings: Mapping[str, Any]) -> ParsedSettings:
-        """Parse settings, which override the fixed ones. Invalid types of settings and names are reported."""
+        """Parse settings, which override the fixed ones. Report invalid types of settings and invalid names."""
         numbers: dict[str, float] = {}
         texts: dict[str, str] = {}
         report: Report | None = None
@@ -143,7 +143,7 @@ class SettingsReader:
         return ParsedSettings(names=names, values=tuple(map(numbers.__getitem__, names)), texts=tuple(sorted(texts.items())), report=report)
 
     def _number(self, name: str, value: Any) -> float | None:
-        """Return a value in SI; None if it is not a number, or of another kind than the value in the document."""
+        """Return a value in SI. Return None if it is not a number, or if its kind differs from that of the value in the document."""
         kind = self.kind(name)
         if isinstance(value, str) and (isinstance(kind, Quantity) or (kind is None and "." in name)):
             try:
@@ -190,7 +190,7 @@ class SettingsReader:
         return texts
 
     def settings(self, read: ParsedSettings, units: Mapping[str, str] | None = None, given: Mapping[str, str] | None = None) -> Settings:
-        """Return settings as for `thingc build -p` and `--set`: numbers as in `given`, else exactly in their unit or in SI."""
+        """Return settings as for `thingc build -p` and `--set`. Numbers are as in `given`, else written exactly in their unit or in SI."""
         units = units or {}
         numbers = {name: text_of(number, units.get(name, "")) for name, number in self.quantities(read).items()}
         texts = {**numbers, **dict(read.texts), **(given or {})}
@@ -201,7 +201,7 @@ class SettingsReader:
 
 
 def settings_with(own: Settings, values: Mapping[str, Any], report: Report, sources: Sources) -> Settings:
-    """Return `own` settings with `values` added; for an invalid assembly only `own`. Invalid names are reported."""
+    """Return `own` settings with `values` added, or only `own` for an invalid assembly. Invalid names are reported."""
     if not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
         return own
     reader = SettingsReader(sources)
@@ -228,7 +228,7 @@ def _setting_text(value: Any) -> str:
 
 
 def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
-    """Evaluate a boolean or an expression; None for other texts, and if evaluation fails."""
+    """Evaluate a boolean or an expression. Return None for other texts, and if evaluation fails."""
     if text in ("true", "false"):
         return text == "true"
     try:
@@ -238,7 +238,7 @@ def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue 
 
 
 def _everywhere(documents: Documents, document: Document, words: Sequence[str], before: tuple[str, ...] = ()) -> list[str]:
-    """Return the paths that a pattern matches in a document and its nested documents: `joints.*` matches the joints of all of them."""
+    """Return the paths that a pattern matches in a document and its nested documents. `joints.*` matches the joints of all of them."""
     found = _matching(documents, document, document.tree, words, before)
     components = document.tree.entries.get("components") if words[0] in EVERYWHERE else None
     for name in entries_of(components):
@@ -249,7 +249,7 @@ def _everywhere(documents: Documents, document: Document, words: Sequence[str], 
 
 
 def _matching(documents: Documents, document: Document, node: Node | None, words: Sequence[str], before: tuple[str, ...]) -> list[str]:
-    """Return the paths below a node that a pattern matches; after the last `*` a path need not exist."""
+    """Return the paths below a node that a pattern matches. The part of a path after the last `*` need not exist."""
     if before[-2:-1] == ("components",) and words and words[0] in SECTIONS and node is not document.tree:
         inner = nested_document(documents, document, before[-1])
         if inner is None:

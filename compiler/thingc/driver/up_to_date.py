@@ -1,7 +1,7 @@
-"""Skip runs without changes: a stamp records everything that a finished run has read.
+"""Skip runs if nothing has changed. A stamp records everything that a finished run has read.
 
-A stamp is valid while every input has the same content, every file that was looked for and missing is still missing, and the same thingc
-runs with the same installed packages. Then the run's answer (its diagnostics, and for a build the folder that it wrote) is valid, and no
+A stamp is valid if every input has the same content, every file that was looked for and missing is still missing, and the same thingc runs
+with the same installed packages. Then the run's answer (its diagnostics, and for a build the folder that it wrote) is also valid, and no
 document needs to be parsed.
 """
 
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
 
 FOLDER = "folder:"
-"""Prefix of digests of folder listings, to distinguish them from those of files."""
+"""Prefix of digests of folder listings, which distinguishes them from digests of files."""
 
 
 def fingerprint() -> str:
     """Return a digest of the installation.
 
-    It covers the interpreter, the installed packages (names of their metadata folders contain the version), the variables that workers get,
-    and thingc's own files.
+    It covers the interpreter, the installed packages (the names of their metadata folders contain the version), the variables that workers
+    get, and thingc's own files.
     """
     from thingc.geometry.key.environment_variables import passed
 
@@ -57,7 +57,7 @@ def fingerprint() -> str:
 def state_of(path: str, store: Store | None = None) -> str | None:
     """Return a digest of a file or folder, or None if neither exists.
 
-    It is the SHA-256 of a file's content, or `folder:` and that of a folder's names. `store` caches digests of large files.
+    It is the SHA-256 of a file's content, or `folder:` and the SHA-256 of a folder's names. `store` caches digests of large files.
     """
     from thingc.geometry.store.file_digests import digest_of
 
@@ -81,7 +81,7 @@ def save(
 ) -> None:
     """Store a finished run: its inputs by absolute path (see `state_of`), its diagnostics, and its answer.
 
-    Without inputs (they changed during the run) nothing is stored.
+    Nothing is stored if `inputs` is None, because they changed during the run.
     """
 
     if inputs is None:
@@ -102,7 +102,7 @@ def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | No
 
 def packed(d: Diagnostic) -> dict[str, object]:
     """Convert a diagnostic to plain JSON values."""
-    plain: dict[str, object] = msgspec.to_builtins({**asdict(d), "code": d.code.name}, enc_hook=str)  # for subclasses of `str`
+    plain: dict[str, object] = msgspec.to_builtins({**asdict(d), "code": d.code.name}, enc_hook=str)  # converts subclasses of `str`
     return plain
 
 
@@ -112,7 +112,7 @@ def _types() -> dict[str, Any]:
 
 
 def unpacked(kept: Mapping[str, object]) -> Diagnostic:
-    """Return the inverse of `packed`."""
+    """Convert the plain JSON values of a diagnostic back, the inverse of `packed`."""
     fields = {name: msgspec.convert(value, _types()[name]) for name, value in kept.items() if name != "code"}
     return Diagnostic(code=Code[str(kept["code"])], **fields)
 
@@ -120,7 +120,7 @@ def unpacked(kept: Mapping[str, object]) -> Diagnostic:
 def inputs(environment: Environment, compilation: Compilation) -> dict[str, str | None] | None:
     """Return everything that a compilation without errors has read, by absolute path, with digests of the content (see `state_of`).
 
-    None if a file changed while it was being read, because the content that the result is based on is unknown.
+    Return None if a file changed while it was being read, because the content that the result is based on is then unknown.
     """
     workspace, documents = environment.workspace, compilation.documents
     assert workspace is not None and documents is not None

@@ -1,4 +1,4 @@
-"""Exact shapes of the parts and links of a robot, and pairs that are near each other in a pose."""
+"""Exact shapes of the parts and links of a robot, and pairs of them that are near each other in a pose."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from thingc.targets.request import EmitRequest
 LOOK = 0.01
 """Distance [m] up to which the smallest gap is searched."""
 TOUCH = 1e-9
-"""Gaps [m] up to this value count as contact."""
+"""Gaps [m] up to this value are treated as contact."""
 CELL = (0.1, 0.1, 0.1, 0.002)
-"""Cell size of poses: of the entries of the rotation matrix (about 6 deg), and of the translation [m]."""
+"""Cell size of poses: for the entries of the rotation matrix (about 6 deg), and for the translation [m]."""
 
 
 class NearPair(FrozenStruct):
-    """Two occurrences (indices) near each other in a keyframe.
+    """Two occurrences (indices) that are near each other in a keyframe.
 
-    `gap` is their distance [m]; if it is 0, `volume` [m^3] is that of the overlap and `depth` [m] its mean thickness. `allowance` is the
-    index of their allowance, if any.
+    `gap` is their distance [m]. If it is 0, `volume` [m^3] is the volume of the overlap and `depth` [m] its mean thickness. `allowance` is
+    the index of their allowance, if any.
     """
 
     one: int
@@ -47,8 +47,8 @@ class NearPair(FrozenStruct):
 class Collisions:
     """Pairs of an assembly that may collide, and their shapes.
 
-    `pairs` (indices) are on links without a common joint: their gaps are measured. Those in `close` are on one link, or on links that a
-    joint connects: they may touch, and only overlaps count. `skipped` are pairs that are not compared, by reason.
+    `pairs` (indices) are on links without a common joint; their gaps are measured. Pairs in `close` are on one link, or on links that a
+    joint connects; they may touch, and only overlaps count. `skipped` are pairs that are not compared, by reason.
     """
 
     def __init__(self, request: EmitRequest) -> None:
@@ -78,7 +78,7 @@ class Collisions:
     ) -> Iterator[NearPair]:
         """Yield the `close` pairs that overlap, unless the document allows it (`TC520`).
 
-        A sweep passes `seen`, the cells of poses so far: a pair is compared once per cell.
+        A sweep passes `seen`, the cells of poses so far. A pair is then compared only once per cell.
         """
         for pair in self.overlaps.pairs(self.assembly.occurrences, poses):
             one, other = indices = pair.one.index, pair.other.index
@@ -98,14 +98,14 @@ class Collisions:
                 self._skip(indices, f"allowed: {reason}")
 
     def wrong(self, near: NearPair, clearance: float) -> bool:
-        """Return whether two occurrences are too near to each other."""
+        """Return whether two occurrences are closer to each other than allowed."""
         return near.gap < clearance - TOUCH if clearance > 0.0 else near.depth > self.overlaps.deep
 
     def near(
         self, poses: Sequence[Pose], frame: Keyframe, clearance: float, look: float, allowed: Mapping[tuple[int, int], int],
         needed: Collection[int] = (),
     ) -> Iterator[NearPair]:
-        """Yield the pairs nearer than `clearance` [m], and of those without an allowance also the nearest within `look` [m].
+        """Yield the pairs nearer than `clearance` [m] and, among pairs without an allowance, the nearest one within `look` [m].
 
         Pairs whose allowance is in `needed` are skipped.
         """
@@ -136,7 +136,7 @@ class Collisions:
 
 
 def collisions_of(request: EmitRequest) -> Collisions:
-    """Return the pairs and shapes of the assembly, computed once for all tests of a request."""
+    """Return the pairs and shapes of the assembly. They are computed once for all tests of a request."""
     known = request.made.get("collisions")
     if isinstance(known, Collisions):
         return known
@@ -150,7 +150,7 @@ def _ordered(a: int, b: int) -> tuple[int, int]:
 
 
 def _neighbours(assembly: Assembly) -> Iterator[tuple[int, int]]:
-    """Yield pairs of links that a joint connects, including those that close loops."""
+    """Yield pairs of links that a joint connects, including joints that close loops."""
     for mate in assembly.mates:
         if mate.joints or mate.loop is not None:
             yield _ordered(assembly.link_of[mate.parent], assembly.link_of[mate.child])

@@ -18,13 +18,14 @@ from thingc.model.robot.types import Robot
 Array = NDArray[np.float64]
 
 ROUND = np.pi
-"""Range of joints without limits in either direction [rad]: one turn."""
+"""Range of joints without limits in each direction [rad]; both directions together are one turn."""
 
 
 class NumpyTree:
-    """The tree of a robot whose coordinates are the joints that do not mimic others.
+    """The tree of a robot. Its coordinates are the joints that do not mimic others.
 
-    `paths` are their n paths, `lower` and `upper` their limits [rad or m]; `q(x)` returns all joints. A floating base does not move.
+    `paths` are the n paths of the coordinates, `lower` and `upper` their limits [rad or m]. `q(x)` returns all joints. A floating base does
+    not move.
     """
 
     def __init__(self, robot: Robot, base: Pose | None = None) -> None:
@@ -41,16 +42,16 @@ class NumpyTree:
         self._in_link = in_link(robot.assembly)
 
     def x(self, q: Mapping[str, float]) -> Array:
-        """Return the coordinates (n) of a state that is given by joint path."""
+        """Return the coordinates (n) of a state that is given as values by joint path."""
         return np.array([q[path] for path in self.paths], dtype=np.float64)
 
     def q(self, x: Array) -> dict[str, float]:
-        """Return the value [rad or m] of every joint by path at the coordinates x (n)."""
+        """Return the values [rad or m] of all joints by path at the coordinates x (n)."""
         free = {path: float(value) for path, value in zip(self.paths, x, strict=True)}
         return coordinates(self._joints.values(), free | in_cones(self._balls, free))
 
     def cones(self, x: Array) -> tuple[Array, Array]:
-        """Return the distance of each ball with a cone from its limit, and the derivative `(k, n)` by coordinates.
+        """Return the distance from the cone limit for each ball with a cone, and its derivative `(k, n)` by the coordinates.
 
         The distance is the difference of the squares of the angles [rad^2].
         """
@@ -74,9 +75,9 @@ class NumpyTree:
         return self._body_of[assembly.link_of[mount.occurrence]], pose
 
     def jacobian(self, body: int | None, point: Array, q: Mapping[str, float], at: tuple[Pose, ...]) -> Array:
-        """Return the velocity of a point (3, in the world) of a body by coordinates `(6, n)`, linear over angular; 0 for the world (None).
+        """Return the velocity `(6, n)` of a point (3, in the world) of a body by coordinates, linear over angular. It is 0 for the world.
 
-        `at` are the poses of the bodies at `q`.
+        `body` None is the world. `at` are the poses of the bodies at `q`.
         """
         x, y, z = (float(one) for one in point)
         J = np.zeros((6, len(self.paths)))
@@ -90,16 +91,16 @@ class NumpyTree:
         return J
 
     def closing(self, q: Mapping[str, float]) -> tuple[Array, Array]:
-        """Return the loop errors (6 for each: [m] over [rad], in the world), and their derivative by coordinates."""
+        """Return the loop errors (6 for each: [m] over [rad], in the world), and their derivative by the coordinates."""
         error, columns = self._loops.linearized(SolverState(q=dict(q), base=self.base))
         return np.array(error), np.array(columns, dtype=np.float64).reshape(len(self.paths), -1).T
 
 
 def quasi_random(count: int, dimensions: int) -> Array:
-    """Return `count` points in the unit cube, evenly distributed and the same in every run (count x dimensions).
+    """Return `count` points in the unit cube (count x dimensions), evenly distributed and the same in every run.
 
-    In one dimension they are equally spaced from end to end. Otherwise the corners of the cube come first, as far as they are at most a
-    quarter of the points, then the additive recurrence of the generalised golden ratio g, the root of g**(d + 1) = g + 1
+    In one dimension they are equally spaced from end to end. Otherwise the corners of the cube come first, if they are at most a quarter of
+    the points. The other points follow the additive recurrence of the generalised golden ratio g, the root of g**(d + 1) = g + 1
     (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
     """
     if dimensions == 0:

@@ -16,14 +16,14 @@ from thingc.model.robot.types import Keyframe, Robot
 
 
 def posed(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose]) -> Robot | None:
-    """Return the robot of a mode with a keyframe for each pose in which its loops close; None if they close in none."""
+    """Return the robot of a mode with a keyframe for each pose in which its loops close. Return None if they close in no pose."""
     wanted = {pose.name: pose for pose in poses}
     others = tuple(pose for pose in assembly.poses if pose.name not in wanted)
     return root(replace(assembly, poses=(*wanted.values(), *others)), replace(mode, poses=tuple(wanted)), Report())
 
 
 def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
-    """Return the initial pose of a mode: its own, else all joints at 0, with a name that no pose of the document has."""
+    """Return the initial pose of a mode: its own pose, else all joints at 0, with a name that no pose of the document has."""
     own = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
     if own is not None:
         return own
@@ -43,7 +43,7 @@ def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list
 
 
 def keyframe(robot: Robot, pose: NamedPose) -> Keyframe | None:
-    """Return the keyframe of a pose; None if the loops do not close."""
+    """Return the keyframe of a pose, or None if the loops do not close in it."""
     return next((frame for frame in robot.keyframes if frame.name == pose.name), None)
 
 

@@ -1,4 +1,4 @@
-"""Search for the largest distance of two mounts, and for the smallest distance of a mount to a point."""
+"""Search for the largest distance between two mounts, and for the smallest distance of a mount from a point."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from thingc.model.robot.types import Keyframe, Robot
 SAMPLES = 1000
 """Number of sampled positions."""
 LOOPED = 100
-"""Number of sampled positions of a robot with loops, which must be closed first."""
+"""Number of sampled positions of a robot with loops. It is smaller, because loops must be closed first."""
 CLIMBED = 6
-"""Number of the best samples to optimize."""
+"""Number of best samples that are optimized."""
 STARTS = 24
 """Number of start positions for a point."""
 CLOSED = 1e-6
@@ -27,11 +27,11 @@ CLOSED = 1e-6
 
 
 def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[float, dict[str, float]]:
-    """Return the largest distance [m] of two mounts that was found, and the joints there. It is a lower bound of the true one.
+    """Return the largest distance [m] between two mounts that was found, and the joints there. It is a lower bound of the true distance.
 
     Samples spread over the joint ranges are evaluated, and the best ones are optimized within the limits (SLSQP, with the loops of the
     document as constraints). `robot` may be in any mode without holds and with a base that does not move the mounts relative to each other.
-    `origin` is that of the tried poses.
+    `origin` is the origin for the poses that are tried.
     """
     chain = NumpyTree(robot)
     ends = chain.mount(of), chain.mount(base)
@@ -51,11 +51,11 @@ def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[
 
 
 def _starts(chain: NumpyTree, origin: Origin) -> list[Array]:
-    """Return positions within the limits; for a robot with loops the poses of its document and others, with closed loops."""
+    """Return positions within the limits. For a robot with loops, return its document's poses and other poses, with closed loops."""
     assembly = chain.robot.assembly
     if not chain.robot.closures:
         return [chain.lower + part * (chain.upper - chain.lower) for part in quasi_random(SAMPLES, len(chain.paths))]
-    # A loop follows its driven joints: with given values for all joints, it would rarely close.
+    # The joints of a loop follow its driven joints. If all joints had given values, loops would rarely close.
     following = on_loops(len(assembly.occurrences), assembly.mates)
     led = {joint.path for joint in joints_of(assembly) if joint.path not in following or joint.actuator is not None}
     led |= set() if led & following else {next(path for path in chain.paths if path in following)}
@@ -72,7 +72,7 @@ Ends = tuple[tuple[int, Pose], tuple[int, Pose]]
 
 
 def _distance(chain: NumpyTree, ends: Ends, x: Array) -> tuple[float, Array]:
-    """Return the distance [m] of two mounts and its derivative (n)."""
+    """Return the distance [m] between two mounts and its derivative (n)."""
     q = chain.q(x)
     at = chain.bodies(q)
     one, other = (np.array((at[body] @ pose).translation) for body, pose in ends)
@@ -123,12 +123,12 @@ class ReachGoal(FrozenStruct):
 
 
 def nearest(robot: Robot, frame: Keyframe, target: ReachGoal) -> tuple[float, float, dict[str, float]] | None:
-    """Return the smallest distance of a mount to a point [m], the deviation from the direction there [rad], and the joints.
+    """Return the smallest distance of a mount from a point [m], the deviation from the direction there [rad], and the joints.
 
-    None if the loops close in no position that was tried.
+    Return None if the loops do not close in any position that was tried.
 
-    Inverse kinematics within the joints' limits, by a trust-region least-squares method (scipy's `trf`) from the keyframe and from
-    positions spread over the joint ranges, until one is near enough.
+    The method is inverse kinematics within the joints' limits, by trust-region least squares (scipy's `trf`). It starts from the keyframe
+    and from positions spread over the joint ranges, until one result is near enough.
     """
     chain = NumpyTree(robot, frame.base)
     mount = chain.mount(target.mount)
@@ -203,7 +203,7 @@ def _approach(chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose]
 def _missed(
     chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
 ) -> tuple[float, float, float]:
-    """Return the distance of the mount to the point [m], the deviation from the direction [rad], and the loop error."""
+    """Return the distance of the mount from the point [m], the deviation from the direction [rad], and the loop error."""
     q, _, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
     off = 0.0
     if target.direction is not None:

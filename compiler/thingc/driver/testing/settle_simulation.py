@@ -1,4 +1,4 @@
-"""Simulate the emitted MuJoCo model, released in a pose with its drives set to it."""
+"""Simulate the emitted MuJoCo model after it is released in a pose with its drives set to this pose."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from thingc.targets.mjcf.verify import heard
 Array = NDArray[np.float64]
 
 BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
-"""MuJoCo warnings of diverging simulations."""
+"""MuJoCo's warnings about diverging simulations."""
 
 
 class SettleResult(FrozenStruct):
@@ -57,8 +57,8 @@ def simulated(
 ) -> SettleResult | float:
     """Simulate the scene of the robot's mode, one of the MJCF `files`, from its keyframe `frame`.
 
-    Recorded are the box corners of every link's parts for `seconds`, and the depth of contacts from `resting` [s] on. Names in the model
-    have `separator` in their paths. If the simulation diverges, return the time [s] at which it does.
+    The corners of the boxes of every link's parts are recorded for `seconds`, and the depth of contacts from `resting` [s] on. Names in the
+    model have `separator` in their paths. If the simulation diverges, return the time [s] at which it does.
     """
     with heard():
         model = _model(scene, files, floor=floor)
@@ -72,7 +72,7 @@ def simulated(
         path[0] = _placed(points, data)
         for step in range(1, count + 1):
             mujoco.mj_step(model, data)
-            # After mj_step, poses still belong to the state before the step: compute them for the new state.
+            # After mj_step, poses still belong to the state before the step, so they are computed for the new state.
             mujoco.mj_kinematics(model, data)
             path[step] = _placed(points, data)
             if any(data.warning[kind].number for kind in BAD):
@@ -83,7 +83,7 @@ def simulated(
 
 
 def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjModel:
-    """Compile the scene; without the floor if requested (it then has no contacts)."""
+    """Compile the scene. Without `floor`, the floor has no contacts."""
     beside = {path.rpartition("/")[2]: data for path, data in files.items()}
     model = mujoco.MjModel.from_xml_string(files[scene].decode(), beside)
     if not floor:
@@ -97,12 +97,12 @@ def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjM
 
 
 def _points(robot: Robot, model: mujoco.MjModel, separator: str) -> list[tuple[int, Array]]:
-    """Return for each link its body in the model, and points in its frame (n x 3): its origin and the corners of its parts' boxes."""
+    """Return for each link its body in the model and points `(n, 3)` in its frame: the origin and the corners of its parts' boxes."""
     per_link = []
     for body in robot.bodies:
         link = robot.assembly.links[body.link]
         if body.parent is not None and body.link in robot.assembly.between:
-            continue  # several joints on one body: the model has none of its own
+            continue  # several joints on one body: the model has no body for this link
         points = [(0.0, 0.0, 0.0)]
         for member, pose in zip(link.members, link.poses, strict=True):
             box = robot.assembly.occurrences[member].box

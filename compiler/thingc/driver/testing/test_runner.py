@@ -20,7 +20,7 @@ from thingc.targets.request import EmitRequest
 
 
 class Selection(FrozenStruct):
-    """Selection of tests: patterns of names (empty: all), and of modes (empty: those of each test)."""
+    """Selection of tests: patterns of names (empty: all), and of modes (empty: the modes of each test)."""
 
     only: tuple[str, ...] = ()
     modes: tuple[str, ...] = ()
@@ -31,7 +31,7 @@ class Selection(FrozenStruct):
 
 
 def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result], None] = lambda result: None) -> list[Result]:
-    """Run the selected tests of `request.assembly`, in document order; `on_result` is called with each result.
+    """Run the selected tests of `request.assembly` in document order. `on_result` is called with each result.
 
     Failures are reported in `request.report`, at the violated value. `request.robots` are the robots of its modes.
     """
@@ -62,7 +62,7 @@ def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result]
 
 
 def _say(linked: LinkedTest, result: Result, failure: Failure, report: Report) -> None:
-    """Return the diagnostic of a failed test, at the violated value."""
+    """Report a failed test at the violated value."""
     test = linked.test
     span = test.spans.get(failure.key)
     where = "" if not result.where else ", ".join(
@@ -83,7 +83,7 @@ class _Attempt(FrozenStruct):
 
 
 def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMode]) -> Iterator[_Attempt]:
-    """Yield the cases of a test, in the order of modes and poses: one in total, one per mode (in its initial pose), or several per mode."""
+    """Yield the cases of a test in the order of modes and poses: one in total, one per mode (in its initial pose), or several per mode."""
     kind, assembly, check = kinds()[linked.test.kind], request.assembly, linked.test.check
     if not kind.takes("mode"):
         case = TestCase(linked=linked, robot=request.robots[0], request=request)
@@ -97,7 +97,7 @@ def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMo
 
 
 def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[NamedPose]:
-    """Return the poses of a test in a mode: the named ones, the initial pose, or all keyframes."""
+    """Return the poses of a test in a mode: the named poses, the initial pose, or all keyframes."""
     assembly: Assembly = request.assembly
     by_name = {pose.name: pose for pose in assembly.poses}
     if linked.test.every_pose:
@@ -107,7 +107,7 @@ def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[N
 
 
 def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Callable[[], Outcome]:
-    """Return the case in a mode and a pose, ready to run."""
+    """Return the case in a mode and a pose as a function that runs it."""
     def run() -> Outcome:
         kind, check = kinds()[linked.test.kind], linked.test.check
         wanted = kind.poses(check, pose)
