@@ -120,7 +120,7 @@ def lasting_table(results: list[Result]) -> list[str]:
 
 def reading(results: list[Result]) -> list[str]:
     """Return, for each selector, the parts in which all of its picks last."""
-    lines = ["For each kind of selector, all selectors work for all values in these parts:", ""]
+    lines = ["In these parts, all selectors of a kind work for all values:", ""]
     for selector in (*FACES, *EDGES):
         having = [r for r in results if r.chosen[selector]]
         good = [r.part for r in having if r.lasting[selector] == r.chosen[selector]]
@@ -163,25 +163,25 @@ def _wrapped(text: str) -> list[str]:
 
 MEASURED = """
 Part code names features such as mounts and screw holes, and a name must identify the same feature for all parameters of the part. This
-study compares such names with selectors of faces and edges. It covers all parts of the arm and of MInchW, including bought parts. It varies
-one parameter at a time over its range, in {steps} steps including both ends, with the other parameters at their defaults. For a count, a
-choice or a flag, it uses every value. If a part rejects a value with a message, the value counts as refused.
+study compares such names with selectors of faces and edges. It covers all parts of the arm and of MInchW, including bought parts. It
+varies one parameter at a time over its range, in {steps} steps including both ends, with the other parameters at their defaults. For a
+count, a choice or a flag, it uses every value. Each accepted setting is a *member* of the part. Settings that the part rejects with a message are counted as refused.
 
 **Names.** A table lists every mount of every part, and the screw holes that a part takes over from the parts that it holds. The table
 contains the kind of each feature, and its position as a formula of the parameters. It was written by hand from the drawings
 (`benchmarks/naming/intents_*.py`). A name is right if its frame has the position and direction of the table within 1e-6 mm, and the
-finished solid has the feature there. For a mount, the feature is a planar face with the normal of the frame that contains its origin. For a
-hole, it is a cylindrical face around the same axis with the standard diameter and with material outside. `features.py` defines all kinds of
-features. Features are searched in the faces of the kernel, not in the code of the part. The study has two limits. The table was written
-with the parts at hand, so a mistake in both is not found. Other attributes than mounts and screw holes (sketches, numbers, whole solids)
-are not checked.
+finished solid has the feature there. For a mount, the feature is a planar face with the normal of the frame that contains its origin. For
+a hole, it is a cylindrical face around the same axis with the standard diameter and with material outside. `features.py` defines all
+kinds of features. Features are found in the faces of the kernel, not in the code of the part. The study has two limits. The table was
+written with the parts at hand, so a mistake in both is not found. Other attributes than mounts and screw holes (sketches, numbers, whole
+solids) are not checked.
 
 **Plain selectors.** At the default parameters, each selector is set to select the feature that the name identifies (for the seat of a
-screw: its hole). Then it is applied for all other values. The study uses the best axis for each selector. This is the one of the axes X, Y
-and Z (with two steps, of all pairs) along which the feature differs most from its neighbours. Indices count from the nearer end. `T` is the
-kind of surface. A pick selects the `same` feature, silently `another` one, or `fails` with an `IndexError`. Plain selectors work if a
-change moves faces without creating, splitting or swapping faces, so results for one part do not apply to other parts. Changing several
-parameters at once is not measured.
+screw: its hole). Then it is applied for all other values. The study uses the best axis for each selector. This is the axis X, Y or Z (or
+the pair of axes, for selectors with two steps) along which the feature differs most from its neighbours. Indices count from the nearer
+end. `T` is the kind of surface. A pick selects the `same` feature, silently `another` one, or `fails` with an `IndexError`. Plain
+selectors work if a change moves faces without creating, splitting or swapping faces, so results for one part do not apply to other parts.
+Changing several parameters at once is not measured.
 """
 SHARES = "The columns show the shares of the outcomes in percent: same / another / fails."
 
