@@ -165,7 +165,8 @@ MEASURED = """
 Part code names features such as mounts and screw holes, and a name must identify the same feature for all parameters of the part. This
 study compares such names with selectors of faces and edges. It covers all parts of the arm and of MInchW, including bought parts. It
 varies one parameter at a time over its range, in {steps} steps including both ends, with the other parameters at their defaults. For a
-count, a choice or a flag, it uses every value. Each accepted setting is a *member* of the part. Settings that the part rejects with a message are counted as refused.
+count, a choice or a flag, it uses every value. Each accepted setting is a *member* of the part. Settings that the part rejects with a
+message are counted as refused.
 
 **Names.** A table lists every mount of every part, and the screw holes that a part takes over from the parts that it holds. The table
 contains the kind of each feature, and its position as a formula of the parameters. It was written by hand from the drawings
