@@ -15,7 +15,7 @@ from thingc.base.diagnostics import Code, DiagnosticCode
 from thingc.documents.checks.kind import CheckKind
 
 KINDS = "thingc.driver.testing.kinds"
-"""The package of the kinds. They are of a later room, because they measure robots, and import it only then."""
+"""The package of the kinds. It belongs to a later room, because kinds measure robots, and is therefore imported only when it is needed."""
 
 
 @cache
@@ -30,5 +30,5 @@ def kinds() -> dict[str, CheckKind[Any, Any]]:
 
 @cache
 def all_codes() -> tuple[DiagnosticCode, ...]:
-    """Return every diagnostic code: those of `Code`, then those of kinds of tests."""
+    """Return every diagnostic code: the members of `Code`, then the codes of kinds of tests."""
     return (*Code, *(code for kind in kinds().values() for code in kind.codes))

@@ -45,9 +45,9 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     for each pose, else once. `read(written, reader)` returns the specification, in SI units and with names resolved, or None if it is
     invalid, which the reader has reported. References in the specification are linked by type.
 
-    `codes` are those of failed tests. `link(test, stated, joints by path, findings)` reports errors that depend on the linked assembly.
+    `codes` are the codes of failed tests. `link(test, stated, joints by path, findings)` reports errors that depend on the linked assembly.
     `measure(case, stated)` measures one case. `poses(stated, pose)` returns the poses of a case that is named after `pose`.
-    `finish(linked, outcomes, report)` receives all outcomes, if the test was run in all of its modes.
+    `finish(linked, outcomes, report)` receives all outcomes if the test was run in all of its modes.
 
     `position` is the place among the kinds in the documentation; `summary` is one sentence for a schema and a table; `examples` are values
     of the key; `stub` is the content of a new test of this kind, which is valid in any robot, with `$mount` and `$base` in place of mounts;

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from thingc.targets.request import EmitRequest
 
 Measure = float | int | str | list[float] | dict[str, float] | dict[str, list[str]] | None
-"""Measured or expected value in the JSON output, in SI."""
+"""A measured or expected value in the JSON output, in SI."""
 
 ROUNDING = 1e-9
 """Tolerance for rounding: relative for masses and lengths, in metres for positions."""
 
 
 class Failure(FrozenStruct):
-    """A failure: its code and message, and which value of the test (`max`, `within.x`) is violated."""
+    """A failure: its code, its message, and the violated value of the test (`max`, `within.x`)."""
 
     code: DiagnosticCode
     message: str
@@ -35,7 +35,7 @@ class Failure(FrozenStruct):
 class Outcome(FrozenStruct):
     """The result of a measurement: measured and expected values (SI, by name), a description, and the failure, if any.
 
-    `needed` are the indices of the allowances of a collision test that were needed.
+    `needed` are the indices of the allowances of a collision test that were used.
     """
 
     measured: Mapping[str, Measure]
@@ -55,7 +55,7 @@ def shown(value: float, dimension: Dimension) -> str:
 def check_bounds(
     name: str, what: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: DiagnosticCode,
 ) -> Outcome:
-    """Format a range [SI]; either bound may be missing."""
+    """Compare a value with bounds [SI], either of which may be missing."""
     measured = shown(value, dimension)
     expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
     words = [f"{word} {Quantity(bound, dimension)}" for word, bound in (("at least", minimum), ("at most", maximum)) if bound is not None]
@@ -84,8 +84,8 @@ def unclosed() -> Outcome:
 class TestCase(FrozenStruct):
     """A single run of a test: `robot` in a mode, with keyframes for the poses of this run (`frames`).
 
-    `missing` is the number of poses in which loops do not close. A test that does not depend on the mode has the first mode's robot and no
-    frames.
+    `missing` is the number of poses in which loops do not close. A test that does not depend on the mode uses the first mode's robot and
+    has no frames.
     """
 
     linked: LinkedTest
@@ -95,7 +95,7 @@ class TestCase(FrozenStruct):
     missing: int = 0
 
     def components(self, references: Collection[Reference]) -> list[int]:
-        """Return the occurrences of the named components, in order; all if none is named."""
+        """Return the occurrences of the named components in order, or all occurrences if no component is named."""
         if not references:
             return list(range(len(self.robot.assembly.occurrences)))
         return sorted({index for reference in references for index in self.linked.components[reference]})

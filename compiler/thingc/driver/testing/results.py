@@ -37,8 +37,8 @@ class Result(FrozenStruct):
 def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic]) -> str:
     """Return a JUnit report: one suite with the name of the robot, and a case for each test, mode and pose.
 
-    The text of a failure is its diagnostic as on the command line. `others` are errors that belong to no test, such as those that prevented
-    the tests from running; together they are one error of the suite.
+    The text of a failure is its diagnostic as on the command line. `others` are errors that belong to no test, such as errors that
+    prevented the tests from running. Together they are one error of the suite.
     """
     root = ElementTree.Element("testsuites")
     suite = ElementTree.SubElement(root, "testsuite", {

@@ -1,5 +1,5 @@
-"""Kinds of document tests (`tests:` of a document), one module each: what is written, what is read from it, how it is measured.
+"""Kinds of document tests (`tests:` of a document). Each module defines one kind: its model, how it is read, and how it is measured.
 
-A module of this folder with a `KIND` is a kind (`thingc.documents.checks`). It is imported to read a document, so it imports rooms after
-`documents/` inside functions.
+A module of this folder with a `KIND` defines a kind (`thingc.documents.checks`). It is imported to read a document. Therefore, it imports
+modules of rooms after `documents/` only inside functions.
 """

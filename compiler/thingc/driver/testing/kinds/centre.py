@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Interval = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
 
 class CentreCode(DiagnosticCode):
-    """Codes of `centre` tests."""
+    """Diagnostic codes of `centre` tests."""
 
     TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move heavy parts, or widen the box.")
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class ClearanceCode(DiagnosticCode):
-    """Codes of `ground_clearance` tests."""
+    """Diagnostic codes of `ground_clearance` tests."""
 
     TEST_CLEARANCE = ("TC662", "too near to the ground", "Change a part or a pose, or name what may touch the ground under `except`.")
 
@@ -68,7 +68,7 @@ def read_ground_clearance(written: GroundClearanceTest, reader: Reader) -> Groun
 
 
 LISTED = 5
-"""Maximum number of other parts in a message."""
+"""Maximum number of additional parts in a message."""
 
 
 def measure(case: TestCase, check: GroundClearance) -> Outcome:
@@ -99,7 +99,7 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
 def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, str]]:
     """Yield the height [m] of the lowest point of parts and links above the plane, with their paths.
 
-    The lowest one and every one that is too low are included; others may be left out if their boxes show that they are higher.
+    The lowest point and all points that are too low are included. Others may be omitted if their boxes show that they are higher.
     """
     from thingc.model.robot.floor_height import DECIMALS, ROUNDING, of_box
     from thingc.model.robot.kinematics import occurrence_poses
@@ -121,7 +121,7 @@ def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, st
 
 
 def _has_end(surface: Surface) -> bool:
-    """Return whether it has a lowest point; a plane is itself ground."""
+    """Return whether a surface has a lowest point. A plane does not, because it is itself ground."""
     return not isinstance(surface.solid, Primitive) or surface.solid.shape != "plane"
 
 

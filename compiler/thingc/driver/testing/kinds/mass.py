@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class MassCode(DiagnosticCode):
-    """Codes of `mass` tests."""
+    """Diagnostic codes of `mass` tests."""
 
     TEST_MASS = ("TC651", "mass outside its bounds", "Change the parts that weigh too much or too little, or the bound.")
 

@@ -34,7 +34,7 @@ MOST_SAMPLES = 10_000
 
 
 class CollisionCode(DiagnosticCode):
-    """Codes of `no_collision` tests."""
+    """Diagnostic codes of `no_collision` tests."""
 
     TEST_COLLISION = ("TC655", "parts that collide", "Change a part, a pose or a range, or allow the pair with a reason.")
 
@@ -131,7 +131,7 @@ def _allowance(said: AllowSpec, reader: Reader, index: int) -> AllowedContact:
 
 
 LISTED = 5
-"""Maximum number of other pairs in a message."""
+"""Maximum number of additional pairs in a message."""
 
 
 def poses(check: CollisionCheck, pose: NamedPose) -> Sequence[NamedPose]:
@@ -237,7 +237,7 @@ def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], c
 
 
 def _skipped_text(collisions: Collisions) -> str:
-    """Describe the skipped pairs and the reasons; the JSON output lists all of them."""
+    """Describe the skipped pairs with the reasons. The JSON output lists all of them."""
     return "".join(
         f", {counted(len(pairs), 'pair')} skipped ({reason}: {next(iter(pairs))}{', ...' if len(pairs) > 1 else ''})"
         for reason, pairs in collisions.skipped.items()

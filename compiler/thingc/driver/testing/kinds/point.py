@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from thingc.model.resolve.types import Reference
 
 ANGLE_OFF = radians(1.0)
-"""Default deviation from the direction [rad]."""
+"""Default tolerance for the deviation from the direction [rad]."""
 
 
 class PointCode(DiagnosticCode):
-    """Codes of `point` tests."""
+    """Diagnostic codes of `point` tests."""
 
     TEST_POINT = ("TC654", "point out of reach", "Move the point, change lengths or the limits of joints, or allow more distance.")
 
@@ -73,7 +73,7 @@ class PointCheck(OneLineRepr, FrozenStruct):
 
 
 def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
-    """Read a `point` test; None if it is invalid (reported)."""
+    """Read a `point` test. Return None if it is invalid (reported)."""
     mount, frame = reader.mount(written.mount, "mount"), reader.mount(written.in_, "in")
     at = reader.vector(written.at, "at", LENGTH)
     within = reader.number(written.within, "within", LENGTH, above=0.0)
@@ -96,7 +96,7 @@ def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
 
 
 def measure(case: TestCase, check: PointCheck) -> Outcome:
-    """Measure the smallest distance of the mount to the point, and the deviation from the direction there."""
+    """Measure the smallest distance of the mount from the point, and the deviation from the direction there."""
     from thingc.driver.testing.poses import joints_text
     from thingc.driver.testing.reach_search import ReachGoal, nearest
 

@@ -1,4 +1,4 @@
-"""`reach`: the greatest distance of two mounts, over the ranges of all joints, is within bounds."""
+"""`reach`: the largest distance between two mounts, over the ranges of all joints, is within bounds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class ReachCode(DiagnosticCode):
-    """Codes of `reach` tests."""
+    """Diagnostic codes of `reach` tests."""
 
     TEST_REACH = ("TC653", "reach outside its bounds", "Change lengths, the limits of joints, or the bound.")
 
@@ -58,16 +58,16 @@ class ReachCheck(OneLineRepr, FrozenStruct):
 
 
 def read_reach(written: ReachTest, reader: Reader) -> ReachCheck | None:
-    """Read a `reach` test; None if it is invalid (reported)."""
+    """Read a `reach` test. Return None if it is invalid (reported)."""
     of, base = reader.mount(written.of, "of"), reader.mount(written.from_, "from")
     low, high = reader.bounds(written.min, written.max, LENGTH, "the reach")
     return ReachCheck(of=of, base=base, minimum=low, maximum=high) if of is not None and base is not None else None
 
 
 def measure(case: TestCase, check: ReachCheck) -> Outcome:
-    """Measure the largest distance of two mounts, without a mode: no holds, and the base component is fixed.
+    """Measure the largest distance between two mounts. No mode is used: there are no holds, and the base component is fixed.
 
-    It is a lower bound of the true reach.
+    The result is a lower bound of the true reach.
     """
     from thingc.driver.testing.poses import joints_text, posed, starting_pose
     from thingc.driver.testing.reach_search import farthest

@@ -32,7 +32,7 @@ GIVES = 5e-3
 
 
 class SettleCode(DiagnosticCode):
-    """Codes of `settles` tests."""
+    """Diagnostic codes of `settles` tests."""
 
     TEST_SETTLES = ("TC657", "no rest in simulation", "Change the pose, the drives or the bounds; inspect the model of `thingc build`.")
 
@@ -112,7 +112,7 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
 def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
     """Evaluate the paths of all points."""
     rest, drift, moved, deepest = motion.rest(check.drift), motion.drift(check.within), motion.moved, motion.deepest
-    # In the last instant everything is at its final position: rest must last.
+    # At the last instant every point is at its final position, so the rest must last for some time.
     settled = rest <= check.within + 1e-9
     measured: dict[str, Measure] = {"rest": rest if settled else None, "drift": drift, "moved": moved, "penetration": maximum(deepest, 0.0)}
     expected: dict[str, Measure] = {

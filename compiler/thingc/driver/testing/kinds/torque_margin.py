@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class TorqueCode(DiagnosticCode):
-    """Codes of `torque_margin` tests."""
+    """Diagnostic codes of `torque_margin` tests."""
 
     TEST_TORQUE = ("TC656", "too little torque", "Choose a stronger drive, a lighter robot or another pose, or lower the margin.")
     TEST_FALLS = ("TC660", "robot that falls over", "Move its feet or heavy parts, or use more feet.")
@@ -105,7 +105,7 @@ def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findin
 
 
 SLACK = 1e-6
-"""Tolerance of unbalanced gravity on the joints, relative."""
+"""Relative tolerance for gravity loads on joints that are not balanced."""
 
 
 def measure(case: TestCase, check: TorqueCheck) -> Outcome:
@@ -159,12 +159,12 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
 
 
 def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
-    """Return the drive with the smallest margin; the first of those that differ only by rounding."""
+    """Return the drive with the smallest margin, or the first of several whose margins differ only by rounding."""
     return min(check.joints, key=lambda path: float(f"{margins[path]:.12g}"))
 
 
 def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:
-    """Describe the result and the failure if nothing supports the pose: feet in the air, a robot that falls over, or an undriven joint."""
+    """Describe the result and the failure if nothing supports the pose (feet in the air, a falling robot, or an undriven joint)."""
     from thingc.model.statics.support import lifted, stance
 
     if robot.mode.feet:
@@ -199,7 +199,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
 
 
 def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], check: TorqueCheck) -> float | None:
-    """Return the smallest margin if the floor only pushed upwards; None if nothing stands on it, or if this would not support the robot."""
+    """Return the smallest margin if the floor could only push upwards. Return None without feet, or if this would not support the robot."""
     from thingc.model.statics.efforts import static_efforts
 
     if not any(foot.friction > 0.0 for foot in robot.mode.feet):
