@@ -52,7 +52,7 @@ class DiagnosticCode(Enum):
 
 
 class Code(DiagnosticCode):
-    """The codes of thingc, except those of kinds of tests (`thingc.documents.checks.all_codes`).
+    """The codes of thingc, except the codes of kinds of tests (`thingc.documents.checks.all_codes`).
 
     TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly,
     TC6xx modes (TC65x tests), TC7xx targets, TC8xx folders and files, TC9xx variants (TC95x import).

@@ -91,7 +91,7 @@ class Pose(FrozenStruct):
         return ((*r[0], t[0]), (*r[1], t[1]), (*r[2], t[2]), (0.0, 0.0, 0.0, 1.0))
 
     def quaternion(self) -> Quaternion:
-        """The rotation as a unit quaternion (w, x, y, z) whose first non-zero component is positive.
+        """Return the rotation as a unit quaternion (w, x, y, z) whose first non-zero component is positive.
 
         Source: Shepperd, "Quaternion from rotation matrix", 1978. The largest component is computed first, so the result is exact
         to rounding at every angle.

@@ -125,7 +125,7 @@ def in_script(value: object) -> str:
 
 
 _FORMULA = re.compile(r"\s*[=+\-@\uff0b\uff0d\uff1d\uff20]")
-"""Start of a cell that a spreadsheet takes for a formula, including full-width characters (OWASP, "CSV Injection")."""
+"""Start of a cell that a spreadsheet interprets as a formula, including full-width characters (OWASP, "CSV Injection")."""
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?inf")
 
 

@@ -140,11 +140,11 @@ def compile(
         parameters: Values of parameters as text (`{"reach": "120 mm"}`), or as numbers in SI and booleans, as for `family`.
         choices: Values to set by path (`{"components.foot.part": "feet:Wide"}`).
         modes: Names of the modes to compile (by default all).
-        store: Folder of modelled parts (by default the user's cache).
-        jobs: Number of parts to model in parallel (0: one per core).
-        compat: Programs besides MuJoCo that read its models (`["mjx"]`; by default those of the workspace).
+        store: Folder of the cache of parts (by default the user's cache).
+        jobs: Number of parts to build in parallel (0: one per core).
+        compat: Programs besides MuJoCo that read its models (`["mjx"]`; by default the workspace's list).
         strict: Treat warnings as errors.
-        printed: Callback `printed(part, lines)` for the output of parts when they are modelled.
+        printed: Callback `printed(part, lines)` for the output of parts when they are built.
 
     Raises:
         CompileError: The document has errors. The exception contains all diagnostics.

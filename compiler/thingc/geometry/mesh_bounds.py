@@ -85,7 +85,7 @@ def refuse_beyond(count: int, most: int = MOST, what: str = "triangles") -> None
 
 
 def is_text(stl: bytes) -> bool:
-    """Whether an STL file is in text form."""
+    """Return whether an STL file is in text form."""
     return b"\0" not in stl[:_HEAD] and stl.lstrip()[:5].lower() == b"solid"
 
 

@@ -72,7 +72,7 @@ class PartRequests:
         return {**prepared.request, "slicings": [[asdict(one), own_up] for one, own_up in slicings]}
 
     def prepared(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> PartRequest | PartFailure:
-        """Return the request for a definition with the parameters in `given` (None: those of the method `given`), or the failure."""
+        """Return the request for a definition with the parameters in `given` (None: from the method `given`), or the failure."""
         code: CodeIngredients | None = None
         extra: dict[str, str] = {}
         package = definition.reference

@@ -214,7 +214,7 @@ class DeclaredValue(OneLineRepr, FrozenStruct, Generic[Declared]):
 
 
 DriveType = Literal["position", "velocity", "motor"]
-"""What a drive controls: position, velocity or force."""
+"""The quantity that a drive controls: position, velocity or force."""
 
 
 class ActuatorRecord(OneLineRepr, FrozenStruct):

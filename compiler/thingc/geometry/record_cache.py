@@ -44,7 +44,7 @@ def executed_functions(code: CodeIngredients, ran: Mapping[str, Sequence[int] | 
 
 
 def is_unchanged(code: CodeIngredients, kept: Mapping[str, Any]) -> bool:
-    """Whether all functions that ran are the same in this code."""
+    """Return whether all functions that ran are the same in this code."""
     digest: str = kept["digest"]
     return _digest(code, kept["ran"]) == digest
 
@@ -71,7 +71,7 @@ class KeptRecords:
         return self._results.find("record", key, self._whole)
 
     def find(self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None) -> CachedResult | None:
-        """Return the record under the part's key, or one with the same outline and unchanged executed functions, or None."""
+        """Return the record under the part's key, else a record with the same outline and unchanged executed functions, or None."""
         kept = self.under(build_key.key)
         if kept is not None or code is None or not code.sources:
             return kept

@@ -180,7 +180,7 @@ class GeometryService:
         return self._parts.hiding(reference)
 
     def in_part_folders(self, reference: str) -> bool:
-        """Whether `module:Class` is in a part folder of the workspace."""
+        """Return whether `module:Class` is in a part folder of the workspace."""
         return self._parts.sources.finder.find(reference.partition(":")[0]).workspace
 
     def state(self, path: str) -> str:
@@ -335,7 +335,7 @@ class GeometryService:
         elsewhere: list[_Task] = []
 
         def reuse(task: _Task) -> bool:
-            """Whether another process has built the part in the meantime."""
+            """Return whether another process has built the part in the meantime."""
             kept = self._kept.under(task.build_key.key)
             if kept is not None:
                 self._decide(task.subject, True, unchanged(kept.reason))
@@ -387,7 +387,7 @@ class GeometryService:
         return record
 
     def in_store(self, definition: PartDefinition) -> bool:
-        """Whether the record of a part is in the store."""
+        """Return whether the record of a part is in the store."""
         prepared = self._requests.prepared(definition)
         return not isinstance(prepared, PartFailure) and self._kept.find(definition, prepared.build_key, prepared.code) is not None
 

@@ -143,7 +143,7 @@ def channels(color: str) -> tuple[float, float, float, float]:
 
 
 def has_inside(piece: Mesh | Primitive) -> bool:
-    """Whether a shape can collide: it has a volume or is a plane."""
+    """Return whether a shape can collide: it has a volume or is a plane."""
     return not piece.flat if isinstance(piece, Mesh) else piece.shape == "plane" or numeric.minimum(piece.size) > 0.0
 
 

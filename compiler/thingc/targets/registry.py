@@ -82,7 +82,7 @@ def _fitting(patterns: Iterable[str]) -> re.Pattern[str]:
 
 
 def targets() -> tuple[str, ...]:
-    """Return all targets: thingc's own, then those of installed packages sorted by name."""
+    """Return all targets: thingc's own, then targets of installed packages sorted by name."""
     return (*TARGETS, *sorted(name for name in _installed() if name not in TARGETS))
 
 

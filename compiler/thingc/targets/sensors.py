@@ -12,7 +12,7 @@ def body_of(robot: Robot, sensor: LinkedSensor) -> int:
 
 
 def on_free_root(robot: Robot, sensor: LinkedSensor) -> bool:
-    """Whether a sensor is on the root of a floating base, which has no parent."""
+    """Return whether a sensor is on the root of a floating base, which has no parent."""
     return robot.base == "free" and body_of(robot, sensor) == 0
 
 

@@ -1,6 +1,6 @@
 """Format scalars and values in braces and brackets: one space between elements, keys in order. Line breaks are preserved.
 
-The order of keys is that of the document models; user-defined keys keep their order.
+The order of keys is the order in the document models; user-defined keys keep their order.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ def yaml_pieces(text: str) -> tuple[Segment, int, list[str | None]]:
 
 
 class _Cutter:
-    """Converts events to segments; columns are those of the text."""
+    """Converts events to segments. Columns refer to the text."""
 
     def __init__(self, text: str, events: Any) -> None:
         self.text = text

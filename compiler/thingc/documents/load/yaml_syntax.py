@@ -142,7 +142,7 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
 
 
 def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
-    """For a line whose column matches no mapping, return the start of the line above it, and the columns (from 1) that would match.
+    """Return the start of the line above a line whose column matches no mapping, and the columns (from 1) that would match.
 
     Return None if the line is not indented less than the line above it.
     """
@@ -163,7 +163,7 @@ def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
 
 
 def _shallow_above(source: Source, at: int) -> int | None:
-    """For a line that begins at `at`, return the start of the line above it if that is less indented and has a key with its value."""
+    """Return the start of the line above the line at `at`, if the line above is less indented and has a key with its value."""
     own = at - source.starts[source.line_at(at)]
     start, indent, written = next(_lines_above(source, at), (0, own, ""))
     return start if indent < own and re.match(r"\s*[\w.$*-]+: +[^\s#]", written) else None

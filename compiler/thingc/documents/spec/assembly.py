@@ -468,7 +468,7 @@ class AssemblySpec(Model):
     sensors: dict[NewSensor, SensorSpec] = Field(default={}, examples=[{"imu": {"type": "imu", "at": "body.imu"}}])
     """Sensors, by name."""
     names: NamesSpec | None = Field(default=None, examples=[{"joints": {"joint_1": "1"}}])
-    """Names in output files that differ from those in this document."""
+    """Names in output files that differ from the names in this document."""
     tests: dict[NewTest, TestSpec] = Field(default={}, examples=[{"light": {"mass": {"max": "2.2 kg"}}}])
     """Tests of the robot; `thingc test` runs them."""
     allow: Allow = allow()

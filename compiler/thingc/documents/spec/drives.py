@@ -59,7 +59,7 @@ class DriveSpec(Model):
     component: ComponentField | None = None
     """A component that is an actuator. The other keys replace its values."""
     kind: DriveKind | None = Field(default=None, validate_default=True)
-    """The commanded quantity: a position, a velocity, or the torque or force itself (`motor`); default: that of the component."""
+    """The commanded quantity: a position, a velocity, or the torque or force itself (`motor`); default: as in the component."""
     kp: StiffnessField | None = None
     """Position gain: torque per angle, or force per length."""
     kv: DampingField | None = None

@@ -182,7 +182,7 @@ def decimal_point(text: str, whole: str, rest: str) -> Suggestion:
 def quantity(*dimensions: Dimension, doc: str = "") -> FieldValidator:
     """Return a validator for values of one of the dimensions, which returns `Quantity | Expression`.
 
-    A bare 0 is 0 of every dimension; other bare numbers are refused unless NUMBER is among the dimensions.
+    A bare 0 is 0 of every dimension; other bare numbers are rejected unless NUMBER is among the dimensions.
     `doc` replaces the words of messages and of the schema ("an angle or a length").
     """
     words = doc or " or ".join(dimension.words for dimension in dimensions)

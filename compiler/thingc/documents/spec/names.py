@@ -33,7 +33,7 @@ FileName = Annotated[str, FieldValidator(_file_name, "a name in files", _FILE_NA
 
 
 class NamesSpec(Model):
-    """Names in output files that differ from those in the document, such as those of an imported robot."""
+    """Names in output files that differ from the names in the document, for example names of an imported robot."""
 
     components: dict[OwnComponentKey, FileName] = Field(default={}, examples=[{"left_arm": "left-arm"}])
     """Components, and the links named after them."""

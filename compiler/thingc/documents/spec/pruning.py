@@ -29,7 +29,7 @@ That entry is the `owner` in the error's context (None if the keys precede the f
 
 
 class Fault(FrozenStruct):
-    """An error of the document at `path`, or at the key if `key` is True. Type and context are those of pydantic or `fields`.
+    """An error of the document at `path`, or at the key if `key` is True. type and context come from pydantic or `fields`.
 
     `shape` is the expected type, or the type of the mapping with an unknown or missing key.
     """

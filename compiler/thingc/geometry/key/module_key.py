@@ -22,7 +22,7 @@ VERSION = 4
 """Version of `ModuleFacts`. Raise it when their meaning changes, since they are cached by the content of a file."""
 
 MAX_UNTRUSTED = 1_000_000
-"""Limit of bytes of source that are read from an untrusted workspace: the syntax tree takes a hundred times as much memory."""
+"""Maximum number of bytes of source read from an untrusted workspace. A syntax tree needs a hundred times as much memory."""
 
 MAX_STEPS = 20
 """Maximum number of modules through which a name is followed to its definition, for messages."""
@@ -36,7 +36,7 @@ class ModuleFacts(FrozenStruct):
     modules and names that it imports (`pkg.leg`, `pkg.leg:foot`, `.shapes:*`). `names` are the names that it binds at top level: kind
     (`class | function | import | value`), line, and the origin of an imported name. `telling`: it may read docstrings or line numbers.
     `looking`: it may inspect functions without calling them. `more`: it may have names that reading does not find. `broken`: it is not
-    valid Python; its digests are those of its bytes.
+    valid Python; its digests are computed from its bytes.
     """
 
     syntax: str
@@ -188,7 +188,7 @@ def reached_from(module: str, sources: ModuleSources) -> list[str]:
 
 
 def may_have(module: str, name: str, sources: ModuleSources) -> bool:
-    """Whether `module` may have a `name`, by itself or through star imports. True if reading cannot decide."""
+    """Return whether `module` may have a `name`, by itself or through star imports. True if reading cannot decide."""
     return any(source is None or source.facts.more or name in source.facts.names for source in _namespaces(module, sources))
 
 

@@ -88,7 +88,7 @@ def _in_both_forms(folders: Iterable[str]) -> tuple[str, ...]:
 
 
 def is_installed(file: str) -> bool:
-    """Whether a file is in one of `installed_roots`."""
+    """Return whether a file is in one of `installed_roots`."""
     return (os.path.realpath(file) + os.sep).startswith(installed_roots())
 
 
@@ -183,7 +183,7 @@ class Finder:
 
 
 def _on_path(name: str, followed: Collection[str]) -> Module | None:
-    """Return a top-level module of the environment, or None. The finders of editable packages are asked, too."""
+    """Return a top-level module of the environment, or None. The finders of editable packages are also used."""
     specification = specification_of(name)
     if specification is None:
         return None

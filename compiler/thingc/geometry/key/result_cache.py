@@ -84,7 +84,7 @@ class Results:
             self.store.note_json("files", self.root, dict(files))
 
     def files_changed(self) -> bool:
-        """Whether a file that parts depended on in the last run has changed. Also True if there was no last run."""
+        """Return whether a file that parts depended on in the last run has changed. Also True if there was no last run."""
         files = self.store.get_json("files", self.root)
         return not isinstance(files, dict) or any(self._seen(path, state) != state for path, state in files.items())
 
@@ -97,7 +97,7 @@ class Results:
         return BuildKey(ingredients=ingredients) if isinstance(ingredients, dict) else None
 
     def met_before(self, reference: str) -> bool:
-        """Whether any definition of a `module:Class` (or a file) has been realized in this workspace."""
+        """Return whether any definition of a `module:Class` (or a file) has been realized in this workspace."""
         return self.store.get_json("met", self._of(reference)) is not None
 
     def remember(self, realized: Iterable[tuple[str, str, BuildKey]]) -> None:

@@ -139,7 +139,7 @@ def _word(node: Any) -> tuple[str, Sequence[Any]]:
 
 
 def _is_main_guard(statement: ast.stmt) -> bool:
-    """Whether a statement is `if __name__ == "__main__":` without `else`, which never runs in an imported module."""
+    """Return whether a statement is `if __name__ == "__main__":` without `else`, which never runs in an imported module."""
     return (
         isinstance(statement, ast.If) and not statement.orelse
         and ast.unparse(statement.test) in ("__name__ == '__main__'", "'__main__' == __name__")

@@ -31,8 +31,8 @@ _METADATA = re.compile(r"(?P<name>[^-]+)-(?P<version>.+)\.(dist-info|egg-info)$"
 def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], store: Store | None = None) -> dict[str, str]:
     """Return `{"version build123d": "0.13.0"}` for top-level packages of the environment.
 
-    The value is the version of the distribution, else a hash of the file `file_of(name)`. Modules of the standard library are left out,
-    since the version of Python covers them.
+    The value is the version of the distribution, else a hash of the file `file_of(name)`. Modules of the standard library are omitted,
+    because the version of Python covers them.
     """
     ingredients: dict[str, str] = {}
     unknown: list[str] = []

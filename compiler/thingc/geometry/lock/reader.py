@@ -45,7 +45,7 @@ class LockAnswers:
         self._current: dict[str, bool] = {}
 
     def current(self, reference: str) -> bool:
-        """Whether the lock matches the current code of `module:Class` and the files that it read."""
+        """Return whether the lock matches the current code of `module:Class` and the files that it read."""
         if reference not in self._current:
             thing = self.lock.things.get(reference)
             code = self._parts.code(reference)
@@ -200,7 +200,7 @@ class LockOnlyGeometry:
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """Return the part schema or failure of each `module:Class`, by reference.
 
-        Without a lock, references without failure are left out.
+        Without a lock, references without failure are omitted.
         """
         answers = {reference: self._described(reference) for reference in dict.fromkeys(references)}
         return {reference: answer for reference, answer in answers.items() if answer is not None}
@@ -258,7 +258,7 @@ class LockOnlyGeometry:
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return the same records. A record whose slices are not in the lock becomes inexact, and its label is added to `unknown`."""
+        """Return the records. A record whose slices are not in the lock becomes inexact, and its label is added to `unknown`."""
         sliced = dict(records)
         labels = {definition.text: definition.label for definition in definitions}
         for text in lacking(records, wanted):

@@ -245,7 +245,7 @@ def _equal_rows(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray
 
 
 def _is_closed(faces: NDArray[np.int64], count: int) -> bool:
-    """Whether every edge is used once in each direction."""
+    """Return whether every edge is used once in each direction."""
     a, b = faces.ravel(), faces[:, (1, 2, 0)].ravel()
     return bool(np.array_equal(np.sort(a * count + b), np.sort(b * count + a)))
 
@@ -257,7 +257,7 @@ def _is_flat(vertices: NDArray[np.float64]) -> bool:
 
 
 def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
-    """Whether MuJoCo can read a file unchanged.
+    """Return whether MuJoCo can read a file unchanged.
 
     It reads binary STL files up to a size, and OBJ files with one object. The scale must leave the mesh a volume.
     """
@@ -269,6 +269,6 @@ def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
 
 
 def _has_one_object(obj: bytes) -> bool:
-    """Whether no object or group begins after the first face of an OBJ file: MuJoCo would read its vertices, but not its faces."""
+    """Return whether no object or group begins after the first face of an OBJ file: MuJoCo would read its vertices, but not its faces."""
     face = _FACE.search(obj)
     return face is None or _NEXT.search(obj, face.end()) is None

@@ -92,7 +92,7 @@ class Store:
         return sha256
 
     def has(self, sha256: str, size: int | None = None) -> bool:
-        """Whether a valid blob is in the store (of `size` bytes, if given).
+        """Return whether a valid blob is in the store (of `size` bytes, if given).
 
         A sealed blob is trusted. A blob with another time is hashed, and then sealed again or removed.
         """

@@ -1,4 +1,4 @@
-"""Meshes for simulators as written by the worker: Wavefront OBJ with all vertices, then all triangles, and nothing else."""
+"""Meshes for simulators as written by the worker: Wavefront OBJ files with only vertices and triangles, in this order."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class SharedStore(Store):
     # --- reading ---------------------------------------------------------------------------------------------------
 
     def has(self, sha256: str, size: int | None = None) -> bool:
-        """Whether a valid blob is in the store. A blob that exists only at the URL is fetched."""
+        """Return whether a valid blob is in the store. A blob that exists only at the URL is fetched."""
         return super().has(sha256, size) or (self._fetched(sha256) and super().has(sha256, size))
 
     def read(self, sha256: str) -> bytes:

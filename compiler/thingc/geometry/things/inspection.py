@@ -89,7 +89,7 @@ def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingMember:
-    """What a class lacks, as text that follows its name, and the file and line where to add it."""
+    """A missing member of a class, as text that follows the class's name, and the file and line where to add it."""
 
     words: str
     place: tuple[str, int] | None
@@ -233,7 +233,7 @@ def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
 
 
 def is_one_solid(geometry: Geometry) -> bool:
-    """Whether a value of `result()` is meant to be one solid: a single shape, not a list or a `Compound` of several.
+    """Return whether a value of `result()` is meant to be one solid: a single shape, not a list or a `Compound` of several.
 
     The result of a boolean operation is also a Compound, but it stores the operation and counts as one solid.
     """
@@ -319,7 +319,7 @@ def _signature(part: Any) -> Signature:
 
 
 def _only_mounts(value: object) -> bool:
-    """Whether an attribute contains only mounts."""
+    """Return whether an attribute contains only mounts."""
     if isinstance(value, dict):
         value = list(value.values())
     if type(value) in (list, tuple):

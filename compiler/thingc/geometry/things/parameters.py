@@ -163,5 +163,5 @@ def suggestion(name: str, candidates: Iterable[str]) -> str:
 
 
 def _same(choice: Value, value: object) -> bool:
-    """Whether a value equals this choice: 3.0 equals 3, but True does not equal 1."""
+    """Return whether a value equals this choice: 3.0 equals 3, but True does not equal 1."""
     return isinstance(value, bool) is isinstance(choice, bool) and choice == value

@@ -88,7 +88,7 @@ class FileReadRecorder:
                 self.states[full] = state
 
     def leaves_out(self, path: str) -> bool:
-        """Whether a file (by its absolute path, links not resolved) counts by version or is ignored."""
+        """Return whether a file (by its absolute path, links not resolved) counts by version or is ignored."""
         return (path + os.sep).startswith(self._excluded)
 
     def note_written(self, path: Any) -> None:
@@ -100,7 +100,7 @@ class FileReadRecorder:
         self._written.add(full)
 
     def _is_own(self, path: str) -> bool:
-        """Whether the part wrote this file, or created a folder that contains it."""
+        """Return whether the part wrote this file, or created a folder that contains it."""
         while path not in self._written:
             path, below = os.path.dirname(path), path
             if path == below:
@@ -217,7 +217,7 @@ def _looking(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _looks_for_modules() -> bool:
-    """Whether Python's import system or thingc itself called the caller of this function (possibly through `os.path`)."""
+    """Return whether Python's import system or thingc itself called the caller of this function (possibly through `os.path`)."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_globals.get("__name__") in ("posixpath", "ntpath", "genericpath", "os", *_ON_THE_WAY):
         frame = frame.f_back
@@ -225,7 +225,7 @@ def _looks_for_modules() -> bool:
 
 
 def _loads() -> bool:
-    """Whether Python loads a module or thingc reads a file, and not the part. The nearest frame outside of Python's own code decides."""
+    """Return whether Python or thingc, and not the part, reads a file. The nearest frame outside of Python's own code decides."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         name = str(frame.f_globals.get("__name__"))

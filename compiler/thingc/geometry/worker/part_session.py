@@ -103,7 +103,7 @@ class PartSession:
         self.asking.stop()
 
     def is_own(self, file: str) -> bool:
-        """Whether a file contains the authors' code."""
+        """Return whether a file contains the authors' code."""
         return file in self.around.hashes or file in self.importer.loaded.values()
 
     def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:

@@ -81,7 +81,7 @@ def command(process: int) -> str:
 
 
 def exceeds(processes: Collection[int], most: int) -> bool:
-    """Whether processes use more than `most` bytes of memory.
+    """Return whether processes use more than `most` bytes of memory.
 
     The exact number, which counts shared memory once, is read only if necessary.
     """

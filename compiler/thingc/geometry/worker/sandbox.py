@@ -62,7 +62,7 @@ _readable: tuple[str, ...] | None = None
 
 
 def begin(folder: str, readable: Sequence[str] | None = None) -> None:
-    """From now on, refuse changes outside of `folder` by raising `ForbiddenWrite`.
+    """Refuse all changes outside of `folder` from now on, by raising `ForbiddenWrite`.
 
     With `readable`, also refuse to read anything outside of these folders, to start programs and to open connections.
     """
@@ -124,7 +124,7 @@ _SIGNALS = 1 << 1
 
 
 def confine(folder: str, readable: Sequence[str] | None = None) -> bool:
-    """Permanently forbid this process to change files outside of `folder` and to signal processes that it has not started.
+    """Forbid this process permanently to change files outside of `folder` and to signal processes that it has not started.
 
     With `readable`, also forbid reading files outside of these folders, running programs and opening sockets. Return False if the system
     does not support this. Also limit how many processes it may start.

@@ -123,7 +123,7 @@ def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
 
 
 def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
-    """Return the sensors of all documents. Sensors of an assembly precede those of its nested assemblies."""
+    """Return the sensors of all documents. Sensors of an assembly precede sensors of its nested assemblies."""
     sensors: list[LinkedSensor] = []
     for instance, definition in tree.assemblies:
         for one in definition.sensors:

@@ -109,7 +109,7 @@ class DocumentScope:
         return self.document.relative, self.parameters
 
     def inner(self) -> Iterator[DocumentScope]:
-        """Tables of nested documents. A table is repeated if its document is nested several times."""
+        """Yield the tables of nested documents. A table is repeated if its document is nested several times."""
         return (node.table for _, node in self.all_nodes() if node.table is not None)
 
     def all_joints(self) -> Iterator[tuple[CoordinateName, Joint | None]]:

@@ -28,7 +28,7 @@ from thingc.model.resolve.types import Cut, Hold, Mode, Reference, Standing
 
 
 def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold, ...]:
-    """Return the holds of a mode, merged per key with those of the modes that it extends. Report and omit invalid holds."""
+    """Return the holds of a mode, merged per key with the holds of the modes that it extends. Report and omit invalid holds."""
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(layers.items):
         for text, said in (getattr(model, "hold", None) or {}).items():

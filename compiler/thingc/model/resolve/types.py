@@ -452,7 +452,7 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
 
     `document` is its path in the workspace, `parameters` are all its parameters in canonical form. `text` contains the parameters that
     differ from the document's own values (`end_effector(pen_diameter=0.02)`), and `label` is its display form
-    (`end_effector(pen_diameter=20 mm)`). `materials` are the materials in scope by name. Poses are those of this document, with relative
+    (`end_effector(pen_diameter=20 mm)`). `materials` are the materials in scope by name. Poses are only from this document, with relative
     paths. `modes`, `simulation` and `tests` are only used for the top document. `materials_known` is False if a document of materials could
     not be read; unknown materials are then not reported. `whole` is False if validation removed something from the document. `loose` are
     valid references of elements that were omitted because another reference is invalid. `step_origin` is the place of its `timestep`. A

@@ -135,7 +135,7 @@ class Loops:
         return frozenset(path for path, (leader, _) in self._moves.items() if leader not in moved)
 
     def alone(self, q: Mapping[str, float]) -> Loops:
-        """Return the same loops without what does not affect them: other bodies, and limits of joints `outside` if `q` is within them."""
+        """Return the loops without elements that do not affect them: other bodies, and limits of joints `outside` if `q` is within them."""
         outside = self.outside
         if not all(c.lower <= q[c.path] <= c.upper for c in self.coordinates if c.path in outside):
             return self

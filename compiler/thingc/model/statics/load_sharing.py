@@ -84,7 +84,7 @@ def balance_shared(
 def _feet(robot: Robot, q: Mapping[str, float], stands: Support, column: Mapping[str, int], size: float) -> list[Array]:
     """Return the motion [m] of each foot at `q` per change of the coordinates (3 x n).
 
-    The coordinates are those of joints, then three translations of the base (in lengths of `size` [m]) and three rotations about its
+    The coordinates are joints, then three translations of the base (in lengths of `size` [m]) and three rotations about its
     origin.
     """
     following = leaders(joints_of(robot.assembly), q)

@@ -64,7 +64,7 @@ def make_of(occurrence: Occurrence) -> str:
 
 
 def listed(occurrence: Occurrence) -> bool:
-    """Whether an occurrence is listed: it has geometry, mass, or its own entry in the bill of materials.
+    """Return whether an occurrence is listed: it has geometry, mass, or its own entry in the bill of materials.
 
     A frame that only marks a place is not listed.
     """
@@ -182,7 +182,7 @@ def _material(occurrence: Occurrence) -> str | None:
 def _name(occurrence: Occurrence) -> str:
     """Return the display name, with the mirror axis, if any.
 
-    The name is that of the Thing, else of the class, of the file without suffix, or of the component.
+    It is the name of the Thing, else of the class, of the file without suffix, or of the component.
     """
     mirror = _definition(occurrence).mirror
     return _plain_name(occurrence) + (f" (mirror={mirror})" if mirror is not None else "")

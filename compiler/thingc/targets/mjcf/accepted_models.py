@@ -69,7 +69,7 @@ class AcceptedModels:
         return {file: key for file, key in keys.items() if self.store.get_json(MESH, key) is None}
 
     def model(self, texts: Sequence[str], *, started: bool) -> bool:
-        """Whether exactly these files were accepted together. With `started`, their initial state must also have been checked."""
+        """Return whether exactly these files were accepted together. With `started`, their initial state must also have been checked."""
         answers = (True,) if started else (True, False)
         return any(self.store.get_json(MODEL, self._key((*texts, str(one)))) is not None for one in answers)
 
@@ -93,7 +93,7 @@ class AcceptedModels:
         return [mesh for mesh in self._meshes if mesh.name in true or mesh.file in self._new]
 
     def start(self, key: str) -> bool:
-        """Whether an initial state was accepted."""
+        """Return whether an initial state was accepted."""
         return self.store.get_json(START, self._key((key,))) is not None
 
     def accept_start(self, key: str) -> None:
@@ -135,7 +135,7 @@ def mujoco_version() -> str:
 
 
 def about_meshes(model: Element) -> bool:
-    """Whether raw attributes affect meshes (or how they are read or used), or added elements pair geoms for contacts."""
+    """Return whether raw attributes affect meshes (or how they are read or used), or added elements pair geoms for contacts."""
     sections: Mapping[str, Element] = {child.tag: child for child in model.children}
     if "contact" in sections and any(child.tag == "pair" for child in sections["contact"].children):
         return True
@@ -176,7 +176,7 @@ def taken(assembly: Assembly, report: Report, memo: Memo) -> tuple[Geometry, tup
 
 
 def is_shell(mesh: MeshAsset) -> bool:
-    """Whether MuJoCo must read a mesh as a surface (`inertia="shell"`), because it encloses almost no volume."""
+    """Return whether MuJoCo must read a mesh as a surface (`inertia="shell"`), because it encloses almost no volume."""
     return mesh.mesh.flat or not mesh.mesh.closed or mesh.volume < LEAST_VOLUME
 
 
@@ -192,7 +192,7 @@ class _Limits:
         self.losses: list[Loss] = []
 
     def takes(self, occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
-        """Whether MuJoCo supports contacts of a shape. If not, the loss is recorded."""
+        """Return whether MuJoCo supports contacts of a shape. If not, the loss is recorded."""
         choice = occurrence.overrides.collision
         if has_inside(piece):
             return True

@@ -43,7 +43,7 @@ def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
 
 
 def is_ball(joints: Sequence[TreeJoint]) -> bool:
-    """Whether these coordinates are one ball joint."""
+    """Return whether these coordinates are one ball joint."""
     return bool(joints) and CAPABILITIES["joints"][joint_cell(joints[0].kind)].by == "ball"
 
 

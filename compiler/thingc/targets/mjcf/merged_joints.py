@@ -31,7 +31,7 @@ def model_bodies(robot: Robot) -> Mapping[int, Body]:
 
 
 def joins(robot: Robot, index: int) -> bool:
-    """Whether a body of the robot is omitted because it only connects two joints."""
+    """Return whether a body of the robot is omitted because it only connects two joints."""
     body = robot.bodies[index]
     return body.parent is not None and body.link in robot.assembly.between
 

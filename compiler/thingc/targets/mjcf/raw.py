@@ -172,7 +172,7 @@ def _elements_of_kind(kind: str, model: Element) -> Iterable[Element]:
 
 
 def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
-    """Whether another mode may have an element that is missing in all these models."""
+    """Return whether another mode may have an element that is missing in all these models."""
     kind, name = attribute.path[0], attribute.path[1]
     owner, _, mount = _slashed(name).rpartition("/")
     magnet = kind == "actuator" and any(one.path == owner and mount in one.mounts for one in assembly.occurrences)

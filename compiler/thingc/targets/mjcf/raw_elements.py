@@ -67,7 +67,7 @@ def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
 
 
 def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
-    """Whether the missing reference may exist in a mode that is not built, or is an added element that is already reported."""
+    """Return whether the missing reference may exist in a mode that is not built, or is an added element that is already reported."""
     kind, name = missing
     if any((one.section, one.attributes.get("name", "").replace(".", "/")) == (kind, name.replace(".", "/")) for one in assembly.added):
         return True

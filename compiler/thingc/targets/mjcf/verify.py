@@ -129,12 +129,12 @@ def _verdicts(
 
 
 def _will_do(verdict: CompileResult, robot: Robot, *, boxes: bool) -> bool:
-    """Whether a scene with replaced meshes has no messages and, if they are replaced by boxes, no overlaps."""
+    """Return whether a scene with replaced meshes has no messages and, if they are replaced by boxes, no overlaps."""
     return verdict.error is None and not verdict.warnings and not (boxes and initial_state_checks.look(verdict.model, robot).inside)
 
 
 def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mapping[str, bytes]]:
-    """If there are too many meshes for one compilation, let MuJoCo read each one separately; otherwise return [].
+    """Let MuJoCo read each mesh separately if there are too many for one compilation. Otherwise return [].
 
     Return two replacements for the meshes in `touching` (names of meshes), by file. The first are boxes around them, which overlap if the
     meshes do; the second are the convex hulls that MuJoCo uses for contacts. Meshes that cause messages are not replaced.
@@ -331,7 +331,7 @@ def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: s
 
 
 def _of_document(element: Element) -> bool:
-    """Whether an element comes from a named item of a document. An `option`, for example, does not."""
+    """Return whether an element comes from a named item of a document. An `option`, for example, does not."""
     return bool(element.origin) and "name" in element.attributes
 
 

@@ -30,7 +30,7 @@ def rviz_config(frame: str, heading: str) -> str:
 
 
 def _filled(template: str, **words: str) -> str:
-    """Replace each `@WORD@` in a template in a single pass, because inserted text may contain such words, too."""
+    """Replace each `@WORD@` in a template in a single pass, because inserted text may also contain such words."""
     return re.sub("@([A-Z]+)@", lambda word: words[word[1]], template)
 
 

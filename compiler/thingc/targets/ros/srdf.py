@@ -86,7 +86,7 @@ def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> lis
 
 
 def _exported(robot: Robot) -> Iterator[Site]:
-    """Yield the exported mounts, starting with those of the document itself. Mounts with the frame of an earlier one are omitted."""
+    """Yield the exported mounts, starting with mounts of the document itself. Mounts with the frame of an earlier one are omitted."""
     exported = {mount.path for mount in robot.assembly.exported}
     known: set[object] = set()
     for site in sorted((site for site in robot.sites if site.path in exported), key=lambda site: site.path.count("/")):

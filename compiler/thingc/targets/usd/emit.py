@@ -95,7 +95,7 @@ def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, 
 
 
 def _closed(robot: Robot) -> bool:
-    """Whether loops and holds are closed at q = 0, with the base in the mode's pose."""
+    """Return whether loops and holds are closed at q = 0, with the base in the mode's pose."""
     if not robot.closures:
         return True
     joints, base = joints_of(robot.assembly), robot.bodies[0].X_PL

@@ -20,7 +20,7 @@ BETTER = 0.99
 def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dict[str, Primitive]:
     """Return the smallest enclosing primitives of `points` [m] (the vertices of a convex hull suffice), by shape.
 
-    Candidate axes are those of the part and the eigenvectors of `principal`, an inertia matrix.
+    Candidate axes are the part's axes and the eigenvectors of `principal`, an inertia matrix.
     """
     frames = [np.eye(3)]
     if principal is not None:

@@ -173,7 +173,7 @@ def _within_lines_and_circles(face: TopoDS_Face) -> bool:
 
 
 def _within_own_lines(face: TopoDS_Face) -> bool:
-    """Whether one parameter of the surface is constant along each edge."""
+    """Return whether one parameter of the surface is constant along each edge."""
     curves = [BRepAdaptor_Curve2d(TopoDS.Edge(edge), face) for edge in explored(face, TopAbs_EDGE)]
     if any(curve.GetType() != GeomAbs_Line for curve in curves):
         return False

@@ -78,7 +78,7 @@ def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str
 
 
 def reads_with_trimesh(path: str) -> bool:
-    """Whether trimesh reads a file of this type. Importing trimesh is slow."""
+    """Return whether trimesh reads a file of this type. Importing trimesh is slow."""
     return path.lower().endswith((*PLAIN, *GLTF))
 
 

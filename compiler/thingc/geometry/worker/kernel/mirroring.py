@@ -27,7 +27,7 @@ class SolidMirror(Mirror):
     """A mirror that also applies to solids."""
 
     def keeps(self, pose: Pose) -> bool:
-        """Whether the image of a mount has the same place and the same z."""
+        """Return whether the image of a mount has the same place and the same z."""
         image = self.mount(pose)
         return dist(image.translation, pose.translation) <= SAME_PLACE and all(
             abs(new[2] - old[2]) <= SAME_PLACE for new, old in zip(image.rotation, pose.rotation, strict=True)
@@ -43,7 +43,7 @@ class SolidMirror(Mirror):
         return BRepBuilderAPI_Transform(shape, reflection, True).Shape()
 
     def is_image_of_itself(self, solid: TopoDS_Shape) -> bool:
-        """Whether a solid is its own mirror image: the image of each face has the area, centroid and second moments of some face.
+        """Return whether a solid is its own mirror image: the image of each face has the area, centroid and second moments of some face.
 
         A solid with a thread is not: the image of the thread has the opposite hand, which changes the products of moments.
         """

@@ -80,7 +80,7 @@ def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
 
 
 def _filled(primitive: Primitive, solid: TopoDS_Shape) -> bool:
-    """Whether a solid has the volume and the area of a primitive, for either orientation of its faces."""
+    """Return whether a solid has the volume and the area of a primitive, for either orientation of its faces."""
     matter, surface = integrals(solid, gp_Pnt(*(coordinate * convert.MM for coordinate in primitive.pose.translation)))
     volume, area = convert.volume(matter.Mass()), convert.area(surface.Mass())
     return (

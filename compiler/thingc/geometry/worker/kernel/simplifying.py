@@ -31,7 +31,7 @@ FEW, MANY, AGAIN = 4, 64, 4000
 
 
 def simplified(mesh: Triangles, faces: int) -> Triangles:
-    """Return a similar closed mesh with at most `faces` triangles. If every edge has two triangles, every edge of the result has, too.
+    """Return a similar closed mesh with at most `faces` triangles. If every edge has two triangles, this is also true of the result.
 
     Raises `NoPart` if this is not possible.
     """
@@ -75,7 +75,7 @@ def _by_tolerance(solid: Any, faces: int) -> Triangles:
 
 
 def _sound(mesh: Triangles, whole: bool) -> bool:
-    """Whether a mesh encloses a volume, has no border and, if `whole`, has two triangles at each edge."""
+    """Return whether a mesh encloses a volume, has no border and, if `whole`, has two triangles at each edge."""
     return mesh.closed and not mesh.flat and mesh.volume > 0.0 and (not whole or _solid(mesh).num_tri() == len(mesh.faces))
 
 

@@ -18,7 +18,7 @@ WORLD = -1
 
 
 class ContactPairs(FrozenStruct):
-    """A geom that may collide: its element (None for the floor of the scene), and its attributes, including those of its class."""
+    """A geom that may collide: its element (None for the floor of the scene), and its attributes, including its class's attributes."""
 
     element: Element | None
     values: Values

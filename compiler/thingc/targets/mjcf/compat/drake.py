@@ -62,7 +62,7 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
 
 
 def _is_misread(element: Element) -> bool:
-    """Whether an element is a rotated body with several joints."""
+    """Return whether an element is a rotated body with several joints."""
     return element.tag == "body" and "quat" in element.attributes and sum(child.tag == "joint" for child in element.children) > 1
 
 
