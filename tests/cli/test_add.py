@@ -316,7 +316,7 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
     ("joint x --to D --parent base.top --child arm.seet", "error[TC303]"),
     ("joint x --to D --parent arm.end --child base.origin", "error[TC321]"),
     ("mode x --to D --root nothing", "error[TC302]"),
-    ("mode x --to D --standing-on arm.seat --root base", "`arm.seat` is the root of a mode that stands on it, so --root must be omitted"),
+    ("mode x --to D --standing-on arm.seat --root base", "`arm.seat` in --standing-on is also the root of the mode, so --root must be omitted"),
     ("mode x --to D --standing-on arm.sole", "error[TC303]"),
     ("part X --standing-on arm.seat", "--standing-on applies to a mode, not to a part"),
     ("mode x-y --to D", "`x-y` is not a valid name: use a letter, then letters, digits and `_`\n  help: write for example `x_y`"),

@@ -119,7 +119,7 @@ def test_what_both_have_changed_is_said_with_both_values(lamp: Path, capsys: Sai
     first = capsys.readouterr().err
     assert main(["import", "lamp.urdf", "--update"]) == 1
     said = capsys.readouterr().err
-    assert "error[TC957]: `components.foot.mass` is 2.5 kg here, but now 3 kg in the source: your value is kept\n" in said
+    assert "error[TC957]: `components.foot.mass` is 2.5 kg here, but now 3 kg in the source: your value remains\n" in said
     assert "--> lamp/lamp.yaml:8:11\n" in said and said == first
     assert "`joints.lift.limit.velocity` is missing here, but now 7 rad/s in the source" in said
     text = lamp.read_text()
@@ -151,7 +151,7 @@ def test_meshes_are_merged_by_file(lamp: Path, capsys: Said) -> None:
     Path("arm.stl").write_text(MESH.format(2))
     assert main(["import", "lamp.urdf", "--update"]) == 1
     said = capsys.readouterr()
-    assert "`meshes/arm.stl` has changed both here and in the source: your version is kept" in said.err
+    assert "`meshes/arm.stl` has changed both here and in the source: your version remains" in said.err
     assert "changed nothing" not in said.out
     mesh.write_text(MESH.format(2))
     edit(Path("lamp.urdf"), ('<visual><geometry><mesh filename="arm.stl"/></geometry></visual>', ""))

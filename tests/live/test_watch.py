@@ -79,7 +79,7 @@ def test_lines(watching: Watching) -> None:
     robot.write_text(ROBOT.replace("120 deg", "125 deg"))
     watching.says(" s\n")
     robot.write_text(ROBOT.replace("yaw_0: 30 deg", "yaw_0: 300 deg"))
-    watching.says("the last successful build is kept")
+    watching.says("the last successful build remains")
     robot.write_text(ROBOT.replace("yaw_0: 30 deg", "yaw_0: 31 deg"))
     watching.says("errors fixed")
     robot.write_text(f"# words\n{ROBOT.replace('yaw_0: 30 deg', 'yaw_0: 31 deg')}")
@@ -89,7 +89,7 @@ def test_lines(watching: Watching) -> None:
     said = re.sub(r"\d\.\d\d s", "T s", re.sub(r"(?m)^\d\d:\d\d:\d\d", "NOW", watching.text()))
     assert [line for line in said.splitlines() if line.startswith("NOW")] == [
         "NOW robot.yaml: 2 files changed (mjcf/robot_bench.xml, mjcf/robot_held.xml) in T s",
-        "NOW robot.yaml: not built (T s); the last successful build is kept",
+        "NOW robot.yaml: not built (T s); the last successful build remains",
         "NOW robot.yaml: errors fixed; 3 files changed (mjcf/robot_bench.xml, mjcf/robot_held.xml, modes.json) in T s",
         "NOW robot.yaml: no file changed in T s",
     ]
@@ -207,7 +207,7 @@ def test_parts_and_what_they_read(tmp_path: Path, shared_store: str) -> None:
         height.write_text("11")
         assert "parts/height.txt: modelled blocks:Block(width=31 mm); " in watching.says("parts/height.txt")
         blocks.write_text(blocks.read_text().replace("return self.body", "return self.bodi"))
-        watching.says("the last successful build is kept")
+        watching.says("the last successful build remains")
         assert "the `result` of `blocks:Block`" in watching.text() or "bodi" in watching.text()
         blocks.write_text(blocks.read_text().replace("self.bodi", "self.body"))
         watching.says("errors fixed")

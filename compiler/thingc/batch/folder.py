@@ -281,7 +281,7 @@ def in_words(folder: str, fault: OSError) -> BatchFault:
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return BatchFault(
             Code.OUTPUT, f"there is not enough space for the batch in `{shown_path(folder)}`: {os.strerror(fault.errno)}",
-            "free some space and continue with --resume; built variants are kept",
+            "free some space and continue with --resume; built variants remain",
         )
     if isinstance(fault, (FileExistsError, NotADirectoryError)):
         return BatchFault(

@@ -129,7 +129,7 @@ class DaskCluster(FileTransferExecutor):
         elif now - self._alone > PATIENCE:
             return BatchFault(
                 Code.CLUSTER, f"the scheduler at `{self.address}` has had no worker for {PATIENCE:g} s",
-                "start workers and continue with --resume; built variants are kept",
+                "start workers and continue with --resume; built variants remain",
             )
         return None
 
@@ -194,7 +194,7 @@ class DaskCluster(FileTransferExecutor):
     def _lost(self, words: str) -> BatchFault:
         return BatchFault(
             Code.CLUSTER, f"the scheduler at `{self.address}` has disappeared: {words}",
-            "continue with --resume, there or without --cluster on this machine; built variants are kept",
+            "continue with --resume, there or without --cluster on this machine; built variants remain",
         )
 
 

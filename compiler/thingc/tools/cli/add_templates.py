@@ -195,7 +195,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     soles: list[str] = arguments.standing_on or []
     by_sole = len(soles) == 1 and (arguments.base is None or stays(arguments.base))
     if by_sole and arguments.root is not None:
-        message = f"`{soles[0]}` is the root of a mode that stands on it, so --root must be omitted"
+        message = f"`{soles[0]}` in --standing-on is also the root of the mode, so --root must be omitted"
         raise console.WrongCommandLine(message, "omit --root, or write `--base free`")
     stands = soles[0] if by_sole else arguments.root or str(first["root"])
     usual: tuple[BaseType, ...] = ("held", "fixed") if by_sole else ("free",) if soles else ("fixed", "held", "free")

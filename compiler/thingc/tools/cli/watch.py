@@ -141,7 +141,7 @@ class Lines:
 def _outcome(made: Rebuild) -> str:
     """Describe the changes of a rebuild."""
     if made.built is None or not made.good:
-        return f"not built ({made.seconds:.2f} s); {'the last successful build is kept' if made.kept else 'no successful build yet'}"
+        return f"not built ({made.seconds:.2f} s); {'the last successful build remains' if made.kept else 'no successful build yet'}"
     modelled = sorted(made.modelled.values())
     said = ["errors fixed"] if made.recovered else []
     said += [f"modelled {_enumerated(modelled)}"] if modelled else []

@@ -135,7 +135,7 @@ def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report
             written[name] = there, content
         elif after != before:
             report.add(
-                Code.SOURCE_CONFLICT, f"`{name}` has changed both here and in the source: your version is kept", None,
+                Code.SOURCE_CONFLICT, f"`{name}` has changed both here and in the source: your version remains", None,
                 help="to use the version of the source, delete the file and import again",
             )
     return written
@@ -145,7 +145,7 @@ def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
     for conflict in one.conflicts:
         report.add(
             Code.SOURCE_CONFLICT, f"`{dotted(conflict.path)}` is {conflict.ours} here, but now {conflict.new} in the source: your value "
-            "is kept", span_at(after.tree, conflict.path), help="both have changed since the last import: set the correct value",
+            "remains", span_at(after.tree, conflict.path), help="both have changed since the last import: set the correct value",
         )
 
 
