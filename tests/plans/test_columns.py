@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from plans.operations import OPERATIONS
-from thingc.base.inertia import principal_moments
-from thingc.base.numeric import hypot, isfinite, maximum, minimum, rounded, sqrt
+from thingc.base.inertia import physical_fault, principal_axes, principal_moments
+from thingc.base.numeric import fsum, hypot, isfinite, maximum, minimum, rounded, sqrt
 from thingc.batch.plans.columns import column_function
 from thingc.batch.plans.program import Program, program_of
 from thingc.batch.plans.tape import Tape
@@ -55,6 +55,20 @@ def test_lengths_are_rounded_once() -> None:
     assert assert_same(program, np.array([*rows, [0.075, 0.18, 0.0]])) > 8000
 
 
+def test_sums_are_rounded_once() -> None:
+    tape, source = Tape(), random.Random(5)
+    variables = [tape.variable(1.0), tape.variable(2.0), tape.variable(3.0), tape.variable(4.0)]
+    program = program_of(tape, [fsum(variables), fsum((variables[0], 1.0, -1.0)), fsum(variables[:2])])
+    rows = [[source.uniform(-1, 1) * 10.0 ** source.randint(-9, 9) for _ in variables] for _ in range(5000)]
+    rows += [[float(source.randint(-9, 9)) * 0.1 for _ in variables] for _ in range(3000)]
+    for _ in range(3000):
+        a = source.uniform(-1, 1)
+        rows.append([a, -a * (1.0 + source.randint(-1, 1) * 2.0**-52), a * 1e-17, source.choice((a, -a))])
+    rows += [[1.0, source.choice((2.0**-53, -(2.0**-54), 2.0**-52)), 2.0 ** -source.randint(53, 120), 0.0] for _ in range(500)]
+    rows += [[source.choice(ODD) for _ in variables] for _ in range(1000)]
+    assert assert_same(program, np.array(rows)) > 11000
+
+
 def test_guards_exclude_rows_and_tuples_are_taken_apart() -> None:
     tape = Tape()
     a, b = tape.variable(2.0), tape.variable(0.3)
@@ -64,4 +78,30 @@ def test_guards_exclude_rows_and_tuples_are_taken_apart() -> None:
     source = random.Random(2)
     rows = [[source.uniform(-1.0, 3.0), source.uniform(-1.0, 2.0)] for _ in range(1000)]
     applied = assert_same(program_of(tape, answers), np.array([*rows, [1.25, 0.1], [math.inf, 0.1], [1.0, math.nan]]))
-    assert 100 < applied < sum(a > 0.5 and b <= 1.0 for a, b in rows)  # moments are sorted, which is a decision
+    assert applied == sum(a > 0.5 and b <= 1.0 for a, b in rows) > 100
+
+
+def test_moments_that_only_guards_need_decide_them_or_exclude_a_row() -> None:
+    tape, source = Tape(), random.Random(6)
+    xx, yy, zz, xy = (tape.variable(value) for value in (1.0, 2.0, 2.5, 0.1))
+    assert physical_fault(((xx, xy, 0.02), (xy, yy, 0.0), (0.02, 0.0, zz))) is None
+    program = program_of(tape, [xx + yy])
+    rows = [[source.uniform(1.0, 3.0) for _ in range(3)] + [source.uniform(-0.5, 0.5)] for _ in range(3000)]
+    rows += [[1.0, 2.0, 3.0 + source.choice((0.0, 1e-9, 3e-9, -1e-9, 1e-12)), 0.0] for _ in range(100)]  # near the limit of a plane body
+    rows += [[10.0 ** -source.randint(2, 18), 2.0, 2.0, 0.0] for _ in range(100)]
+    found, ok = column_function(program)(np.array(rows))
+    alone = [program.run(*row) for row in rows]
+    assert not any(applies and one is None for applies, one in zip(ok, alone, strict=True))
+    assert [one for one, applies in zip(alone, ok, strict=True) if applies] == [tuple(one) for one in found[ok].tolist()]
+    exact = sum(one is not None for one in alone[:3000])
+    assert 500 < exact < 2900 and ok[:3000].sum() == exact
+
+
+def test_axes_that_guards_need_are_exact() -> None:
+    tape = Tape()
+    xx, xy = tape.variable(1.0), tape.variable(0.3)
+    _, axes = principal_axes(((xx, xy, 0.0), (xy, 2.0, 0.1), (0.0, 0.1, 3.0)))
+    assert axes[0][0] > 0.9
+    source = random.Random(7)
+    rows = [[source.uniform(0.0, 2.0), source.uniform(0.0, 0.5)] for _ in range(500)]
+    assert 50 < assert_same(program_of(tape, [xx]), np.array(rows)) < 450

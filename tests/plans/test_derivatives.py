@@ -119,7 +119,7 @@ def test_the_way_with_fewer_statements_is_used(monkeypatch: pytest.MonkeyPatch) 
     (lambda a, b: minimum(a, 2.0 * b) * 3.0, (1.0, 0.5), "smallest of equal values"),
     (lambda a: a % 0.5, (1.5,), "remainder"),
     (lambda a: round(a, 2), (0.3,), "rounds it"),
-    (lambda a: principal_moments(((a, 0.1, 0.0), (0.1, 2.0, 0.3), (0.0, 0.3, 1.5)))[0], (4.0,), "_principal_axes"),
+    (lambda a: principal_moments(((a, 0.1, 0.0), (0.1, 2.0, 0.3), (0.0, 0.3, 1.5)))[0], (4.0,), "_principal_moments"),
 ])
 def test_a_kink_is_an_error(function: Callable[..., Any], values: Sequence[float], why: str) -> None:
     inputs = traced(*values)

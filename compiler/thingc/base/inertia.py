@@ -82,8 +82,7 @@ def symmetric(a: Matrix) -> Matrix:
 @lru_cache(maxsize=1024)
 def principal_moments(a: Matrix) -> Vector:
     """Return the eigenvalues of a symmetric matrix, ascending."""
-    x, y, z = sorted(principal_axes(a)[0])
-    return (x, y, z)
+    return _principal_moments(*a[0], *a[1], *a[2])
 
 
 def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
@@ -96,6 +95,12 @@ def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
     of a family would take twice as long.
     """
     return _principal_axes(*a[0], *a[1], *a[2])
+
+
+@numeric.one_operation
+def _principal_moments(*entries: float) -> Vector:
+    x, y, z = sorted(_principal_axes(*entries)[0])
+    return (x, y, z)
 
 
 @numeric.one_operation

@@ -63,11 +63,13 @@ class Evaluation:
         source = iter(many)
         while chunk := list(islice(source, 1 if tests else TOGETHER)):
             ready: dict[int, Planned] = {}
+            used: set[int] = set()  # plans that have been computed for all of the chunk
             for place, (settings, read) in enumerate(chunk):
                 planned = ready.pop(place, None)
                 if planned is None and not tests:
                     planned = self.forms.planned(read, self._plan)
-                    if planned is not None:
+                    if planned is not None and id(planned[0]) not in used:
+                        used.add(id(planned[0]))
                         ready.update(self._together(planned[0], chunk, place, ready))
                 if planned is None:
                     yield self._passed(settings, read, tests)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,20 @@ class Jacobian(np.ndarray[Any, np.dtype[np.float64]]):
         self.error = None
 
 
+@dataclass(frozen=True)
+class RestrictedPlan:
+    """A plan with its restriction to some outputs. `traced` are the names that it traces by index, with the indices of their variables."""
+
+    plan: NumericPlan[ResultsShape]
+    restricted: NumericPlan[ResultsShape]
+    traced: Mapping[int, int]
+
+    @cached_property
+    def derivatives(self) -> DerivativeFunction:
+        """The outputs and their derivatives by the traced names, as a function of all variables."""
+        return derivative_function(self.restricted.program, list(self.traced.values()))
+
+
 class FamilyFunction:
     """A function from `names` to `outputs`, in SI units (`units` of names), in one mode, with other settings fixed.
 
@@ -77,7 +92,7 @@ class FamilyFunction:
         limits = [known.get(name, (None, None)) for name in self.names]
         self.bounds = np.array([(-np.inf if low is None else low, np.inf if high is None else high) for low, high in limits])
         self.outputs = self._expanded(outputs)
-        self._plans: dict[int, tuple[NumericPlan[ResultsShape], NumericPlan[ResultsShape], dict[tuple[int, ...], DerivativeFunction]]] = {}
+        self._plans: dict[int, RestrictedPlan] = {}
 
     def __repr__(self) -> str:
         return f"FamilyFunction({', '.join(self.names)} -> {', '.join(self.outputs)})"
@@ -108,23 +123,23 @@ class FamilyFunction:
         rows, single = self._rows(x)
         if not single:
             raise FamilyError(f"expected {len(self.names)} numbers, found an array of shape {np.shape(x)}: call `jacobian` for each row")
-        values = self.value(rows[0])
-        if not values.ok:
-            errors = _errors(values.problems[0])
-            missing = [f"there is no `{name}`" for name, value in zip(self.outputs, values, strict=True) if np.isnan(value)]
-            raise FamilyError(f"there are no results at {self._shown(rows[0])}: {errors or '; '.join(missing)}")
+        shape = (len(self.outputs), len(self.names))
         read = self._item(rows[0])[1]
-        plan, _ = self._evaluation.plan_at(read)
-        entries, error = np.zeros((len(self.outputs), len(self.names))), np.zeros((len(self.outputs), len(self.names)))
-        free = {read.names[place] for place in plan.free} if plan is not None and plan.exchange is None else set()
-        traced = tuple(place for place, name in enumerate(self.names) if name in free)
-        if plan is not None and traced:
-            entries[:, traced] = self._exact(plan, read, traced)
-        for place in sorted(set(range(len(self.names))) - set(traced)):
-            entries[:, place], error[:, place] = self._estimated(rows[0], place)
-        made = entries.view(Jacobian)
-        made.error = error
-        return made
+        found = self._exact(read)
+        if found is None:
+            self._require(rows[0])
+            plan, _ = self._evaluation.plan_at(read)
+            if plan is not None and plan.exchange is None:
+                self._restricted(plan)
+                found = self._exact(read)
+        traced, exact = found or ((), np.empty((shape[0], 0)))
+        made, error = np.zeros(shape), np.zeros(shape)
+        made[:, traced] = exact
+        for place in sorted(set(range(shape[1])) - set(traced)):
+            made[:, place], error[:, place] = self._estimated(rows[0], place)
+        jacobian = made.view(Jacobian)
+        jacobian.error = error
+        return jacobian
 
     # --- implementation -------------------------------------------------------------------------------------------------
 
@@ -155,28 +170,43 @@ class FamilyFunction:
             problems[place] = plan.made.problems
         return np.flatnonzero(~applies).tolist()
 
+    def _require(self, row: Floats) -> None:
+        """Raise `FamilyError` if the settings of a row are refused or lack a result."""
+        values = self.value(row)
+        if not values.ok:
+            missing = "; ".join(f"there is no `{name}`" for name, value in zip(self.outputs, values, strict=True) if np.isnan(value))
+            raise FamilyError(f"there are no results at {self._shown(row)}: {_errors(values.problems[0]) or missing}")
+
     def _restricted(self, plan: NumericPlan[ResultsShape]) -> NumericPlan[ResultsShape]:
         """Return a plan that computes `outputs` only."""
         if id(plan) not in self._plans:
             while len(self._plans) >= MOST:
                 self._plans.pop(next(iter(self._plans)))
             outputs = tuple(plan.made.argument(name, plan.program) for name in self.outputs)
-            self._plans[id(plan)] = (plan, replace(plan, program=replace(plan.program, outputs=outputs)), {})
-        return self._plans[id(plan)][1]
+            names = {self.names.index(name): place for place, name in enumerate(self._item(self.start)[1].names) if name in self.names}
+            self._plans[id(plan)] = RestrictedPlan(
+                plan=plan, restricted=replace(plan, program=replace(plan.program, outputs=outputs)),
+                traced={name: plan.free.index(place) for name, place in sorted(names.items()) if place in plan.free},
+            )
+        return self._plans[id(plan)].restricted
 
-    def _exact(self, plan: NumericPlan[ResultsShape], read: ParsedSettings, traced: tuple[int, ...]) -> Floats:
-        """Return the derivatives of the outputs by the names at the indices `traced`."""
-        program, functions = self._restricted(plan).program, self._plans[id(plan)][2]
-        if traced not in functions:
-            functions[traced] = derivative_function(program, [plan.free.index(read.names.index(self.names[place])) for place in traced])
-        try:
-            found = functions[traced]([read.values[place] for place in plan.free])
-        except NotSmooth as fault:
-            where = self._shown([read.values[read.names.index(name)] for name in self.names])
-            message = f"`{self.outputs[fault.output]}` is not differentiable at {where}: a value that it depends on {fault.why}"
-            raise NotDifferentiable(f"{message}; choose other settings, or leave out `{self.outputs[fault.output]}`") from None
-        assert found is not None  # the plan applies
-        return found.jacobian
+    def _exact(self, read: ParsedSettings) -> tuple[tuple[int, ...], Floats] | None:
+        """Return the derivatives of the outputs by the names that a known plan traces, with the indices of these names."""
+        known = self._evaluation.forms.of(read).plans if read.report is None else ()
+        for one in self._plans.values():
+            if not any(one.plan is other for other in known) or any(read.values[at] != value for at, value in one.plan.fixed):
+                continue
+            try:
+                found = one.derivatives([read.values[at] for at in one.plan.free])
+            except NotSmooth as fault:
+                where = self._shown([read.values[read.names.index(name)] for name in self.names])
+                message = f"`{self.outputs[fault.output]}` is not differentiable at {where}: a value that it depends on {fault.why}"
+                raise NotDifferentiable(f"{message}; choose other settings, or leave out `{self.outputs[fault.output]}`") from None
+            except (ArithmeticError, ValueError):
+                continue
+            if found is not None and not np.isnan(found.values).any():
+                return tuple(one.traced), found.jacobian
+        return None
 
     def _estimated(self, x: Floats, place: int) -> tuple[Floats, Floats]:
         """Return the derivatives by one name from five settings near `x`, and the estimates of their errors."""

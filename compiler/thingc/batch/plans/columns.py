@@ -6,6 +6,7 @@ the last bit from those of Python, which are therefore applied to one value afte
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import repeat
@@ -24,7 +25,12 @@ ColumnFunction = Callable[[Floats], "tuple[Floats, Booleans]"]
 """Maps `(k, n)` values of the variables to `(k, m)` outputs and `(k,)` flags: whether the program applies to a row."""
 
 _LAST = 1e-9
-"""`_hypot` computes a length again if it is nearer than this to the middle of two floats, in units of their distance."""
+"""A result that is nearer than this to the middle of two floats, in units of their distance, is computed again by Python."""
+
+_DECIDED = 1e-11
+"""Relative difference above which values that need not be exact decide a comparison."""
+
+MOMENTS = "_principal_moments"
 
 
 def column_function(program: Program) -> ColumnFunction:
@@ -38,13 +44,14 @@ def column_function(program: Program) -> ColumnFunction:
     unused: list[list[int]] = [[] for _ in (*program.statements, None)]
     for index, place in last.items():
         unused[place].append(index)
+    near = _guards_only(program)
 
     def run(values: Floats) -> tuple[Floats, Booleans]:
         columns: dict[int, Any] = dict(zip(program.variables, np.ascontiguousarray(values.T, dtype=np.float64), strict=True))
         ok = np.ones(len(values), dtype=np.bool_)
         with np.errstate(all="ignore"):
             for statement, dropped in zip(program.statements, unused[:-1], strict=True):
-                _execute(statement, columns, ok, functions)
+                _execute(statement, columns, ok, near, functions)
                 for index in dropped:
                     columns.pop(index, None)
         outputs = np.empty((len(values), len(program.outputs)))
@@ -55,14 +62,38 @@ def column_function(program: Program) -> ColumnFunction:
     return run
 
 
-def _execute(statement: Line | Guard, columns: dict[int, Any], ok: Booleans, functions: Mapping[str, Callable[..., Any]]) -> None:
-    """Compute a line, or clear the flags of rows that a guard excludes or for which an operation fails."""
+def _guards_only(program: Program) -> set[int]:
+    """Return the values that depend on principal moments and that only guards need: they need not be exact."""
+    lines = {one.target: one for one in program.statements if isinstance(one, Line)}
+    waiting, exact = [int(one) for one in program.outputs if isinstance(one, Ref)], set()
+    while waiting:
+        index = waiting.pop()
+        if index in lines and index not in exact:
+            exact.add(index)
+            waiting += [int(one) for one in lines[index].arguments if isinstance(one, Ref)]
+    near: set[int] = set()
+    for line in lines.values():
+        moments = line.operation == MOMENTS or any(int(one) in near for one in line.arguments if isinstance(one, Ref))
+        if moments and line.target not in exact:
+            near.add(line.target)
+    return near
+
+
+def _execute(
+    statement: Line | Guard, columns: dict[int, Any], ok: Booleans, near: set[int], functions: Mapping[str, Callable[..., Any]],
+) -> None:
+    """Compute a line, or clear the flags of rows that a guard excludes or for which an operation fails.
+
+    A guard also excludes rows for which values `near` the exact ones do not decide it.
+    """
     arguments = [_value(one, columns) for one in statement.arguments]
-    result = _operation(statement.operation, arguments, ok, functions)
     if isinstance(statement, Line):
-        columns[statement.target] = result
-    else:
-        ok &= np.asarray(result, dtype=np.bool_) == statement.outcome
+        approximate = statement.operation == MOMENTS and statement.target in near
+        columns[statement.target] = _moments(arguments, ok) if approximate else _operation(statement.operation, arguments, ok, functions)
+        return
+    ok &= np.asarray(_operation(statement.operation, arguments, ok, functions), dtype=np.bool_) == statement.outcome
+    if len(arguments) == 2 and any(int(one) in near for one in statement.arguments if isinstance(one, Ref)):
+        ok &= np.abs(np.subtract(*arguments)) > _DECIDED * np.maximum(*map(np.abs, arguments))
 
 
 def _value(argument: Argument, columns: dict[int, Any]) -> Any:
@@ -70,7 +101,9 @@ def _value(argument: Argument, columns: dict[int, Any]) -> Any:
 
 
 def _operation(name: str, arguments: Sequence[Any], ok: Booleans, functions: Mapping[str, Callable[..., Any]]) -> Any:
-    if name == "item":  # of a column of tuples
+    if name == "item" and isinstance(arguments[0], np.ndarray):  # moments
+        return arguments[0][arguments[1]]
+    if name == "item":  # of a list of tuples
         items = [one[arguments[1]] for one in arguments[0]]
         return items if isinstance(items[0], tuple) else np.array(items, dtype=np.float64)
     if name in EXACT:
@@ -83,6 +116,8 @@ def _operation(name: str, arguments: Sequence[Any], ok: Booleans, functions: Map
         return np.sqrt(arguments[0])
     if name == "hypot":
         return _hypot(arguments, ok)
+    if name == "_fsum":
+        return _fsum(arguments, ok)
     return _each(functions[name], arguments, ok)
 
 
@@ -121,10 +156,9 @@ def _hypot(arguments: Sequence[Any], ok: Booleans) -> Any:
     tiny = np.any([(one < 1e-120) & (one != 0.0) for one in sizes], axis=0)
     high, low = _square(components[0])
     for one in components[1:]:
-        (square, rest), before = _square(one), high
-        high = before + square
-        part = high - before
-        low = low + rest + ((before - (high - part)) + (square - part))
+        square, rest = _square(one)
+        high, error = _sum(high, square)
+        low = low + rest + error
     root = np.sqrt(high)
     square, rest = _square(root)
     change = (((high - square) - rest) + low) / (2.0 * root)
@@ -136,6 +170,62 @@ def _hypot(arguments: Sequence[Any], ok: Booleans) -> Any:
         ok[row] &= length is not None
         result[row] = np.nan if length is None else length
     return result
+
+
+def _moments(arguments: Sequence[Any], ok: Booleans) -> Floats:
+    """Return principal moments, ascending, `(3, k)`, by the rotations of `principal_axes`, with a relative error of about 1e-12.
+
+    Python computes those of very different size, for which the relative error is greater.
+    """
+    entries = [np.broadcast_to(np.asarray(one, dtype=np.float64), ok.shape) for one in arguments]
+    m = [[(entries[3 * row + column] + entries[3 * column + row]) / 2.0 for column in range(3)] for row in range(3)]
+    for _ in range(8):
+        for p, q, r in ((0, 1, 2), (0, 2, 1), (1, 2, 0)):
+            theta = (m[q][q] - m[p][p]) / (2.0 * m[p][q])
+            t = np.where(m[p][q] == 0.0, 0.0, np.copysign(1.0, theta) / (np.abs(theta) + np.sqrt(theta * theta + 1.0)))
+            c = 1.0 / np.sqrt(t * t + 1.0)
+            m[p][p], m[q][q] = m[p][p] - t * m[p][q], m[q][q] + t * m[p][q]
+            x, y = m[p][r], m[q][r]
+            m[p][r] = m[r][p] = c * (x - t * y)
+            m[q][r] = m[r][q] = c * (y + t * x)
+            m[p][q] = m[q][p] = np.zeros(ok.shape)
+    moments: Floats = np.sort([m[0][0], m[1][1], m[2][2]], axis=0)
+    rest = np.abs(m[0][1]) + np.abs(m[0][2]) + np.abs(m[1][2])
+    for row in np.flatnonzero(~((rest <= 1e-15 * moments[2]) & (moments[0] > 1e-3 * moments[2]))):
+        exact = _attempt(numeric.OPERATIONS[MOMENTS], [float(one[row]) for one in entries])
+        ok[row] &= exact is not None
+        moments[:, row] = np.nan if exact is None else exact
+    return moments
+
+
+def _fsum(arguments: Sequence[Any], ok: Booleans) -> Any:
+    """Return `math.fsum`, which rounds once: the sum of floats and of their rounding errors (Ogita, Rump and Oishi 2005).
+
+    Python adds values whose sum is near the middle of two floats, or much smaller than the values.
+    """
+    values = [np.broadcast_to(np.asarray(one, dtype=np.float64), ok.shape) for one in arguments]
+    total, errors, rest = values[0], np.zeros(ok.shape), np.zeros(ok.shape)
+    for one in values[1:]:
+        total, error = _sum(total, one)
+        errors, lost = _sum(errors, error)
+        rest = rest + np.abs(lost)
+    result = total + errors
+    spacing = np.spacing(np.abs(result))
+    distance = np.abs(errors - (result - total)) / spacing
+    sure = (np.abs(distance - 0.5) > _LAST) & (np.abs(distance - 0.25) > _LAST) & (rest < _LAST / 4.0 * spacing)
+    result = result + 0.0  # of zeros with a sign, `math.fsum` is 0.0
+    for row in np.flatnonzero(~((rest == 0.0) | sure) | ~np.isfinite(result)):
+        exact = _attempt(math.fsum, [[float(one[row]) for one in values]])
+        ok[row] &= exact is not None
+        result[row] = np.nan if exact is None else exact
+    return result
+
+
+def _sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """Return the sum of numbers and its rounding error (Knuth 1969)."""
+    total = a + b
+    part = total - a
+    return total, (a - (total - part)) + (b - part)
 
 
 def _square(value: Floats) -> tuple[Floats, Floats]:

@@ -48,7 +48,7 @@ which it was made.
 """
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class NumericPlan(Generic[Made]):
     """A function from numbers to the inputs of `made`.
 

@@ -38,7 +38,7 @@ class Guard:
     outcome: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Program:
     """Computes `outputs` from the values with the indices `variables`.
 

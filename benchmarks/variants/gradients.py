@@ -1,0 +1,185 @@
+"""Check and time families as functions: `make gradients`.
+
+For each robot, with numbers of its document and results that depend on them:
+
+- `bits`: settings whose results over columns have the bits of `evaluate`, of all;
+- `value`: settings per second by `function.value` for all at once, in those of `evaluate` for one after the other;
+- `jacobian`: time of a Jacobian in evaluations;
+- `error`: greatest difference between a derivative and a difference quotient with 60 digits, relative to the greatest derivative by the
+  same number. The program is repeated with numbers of mpmath for this, so only its rules for derivatives are not used twice.
+
+Then derivatives by numbers on which modelled parts depend: the greatest difference from those of a polynomial through nine other settings,
+relative to the greatest derivative, and how many of them are within the stated errors of both.
+
+Exits with 1 if a figure misses its bound.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import statistics
+import sys
+import tempfile
+import textwrap
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+
+import thingc
+from thingc.batch.families import FamilyFunction
+from thingc.batch.plans.program import Line, Program, expression, word
+from thingc.batch.plans.tape import Ref
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from families.documents import WORKSPACE  # noqa: E402
+
+ALL = ("mass", "centre", "inertia")
+ROBOTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
+    "boom": ("boom.yaml", ("length", "load"), (*ALL, "site:hook", "torque_margin")),
+    "tendons": ("strung.yaml", ("thickness", "axle", "reach", "components.foot.mass"), (*ALL, "box", "site:thigh.drum")),
+    "loops": ("everything.yaml", ("load", "length"), (*ALL, "length")),
+    "arm": (str(ROOT / "assemblies/arm.yaml"), ("components.bus_board.mass", "components.bus_board.at.xyz.2"), (*ALL, "box")),
+    "MInchW": (
+        str(ROOT / "assemblies/minchw/minchw.yaml"),
+        ("components.harness.mass", "components.harness.at.xyz.0", "components.magnet_driver.mass"), (*ALL, "box"),
+    ),
+}
+"""Documents by name, with numbers and results. A torque margin of a robot with tendons has no plan, and a box of parts none of boards."""
+MODELLED = {"arm": ("assemblies/arm.yaml", "reach", 0.122), "MInchW": ("assemblies/minchw/minchw.yaml", "leg_length", 0.071)}
+ERROR, COST, RATIO, ESTIMATED = 1e-13, 3.0, 20.0, 1e-4
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=4096, help="settings of each robot (default: %(default)s)")
+    parser.add_argument("--no-parts", action="store_true", help="without modelled parts")
+    options = parser.parse_args()
+    missed = []
+    print(f"{'':9} {'lines':>6} {'bits':>11} {'value':>8} {'jacobian':>9} {'error':>8}")
+    with tempfile.TemporaryDirectory() as folder:
+        write_documents(Path(folder))
+        for name, (document, names, outputs) in ROBOTS.items():
+            with thingc.family(Path(folder) / document, verify=0) as family:
+                missed += report(name, family, family.function(names, outputs), options.count)
+    for name, (document, parameter, value) in {} if options.no_parts else MODELLED.items():
+        with thingc.family(ROOT / document, verify=0) as family:
+            missed += estimated(name, family.function([parameter], ALL), value)
+    print(f"must      {'':6} {'all':>11} {RATIO:8.0f} {COST:9.1f} {ERROR:8.0e}; estimated {ESTIMATED:.0e}")
+    for one in missed:
+        print(f"MISSED {one}")
+    return bool(missed)
+
+
+def write_documents(folder: Path) -> None:
+    """Write the documents of robots that are not in the repository."""
+    boom = re.search(r"```yaml\n(# boom\.yaml.*?)```", (ROOT / "docs/learning.md").read_text(), re.DOTALL)
+    assert boom is not None
+    for name, text in {**WORKSPACE, "boom.yaml": boom[1]}.items():
+        (folder / name).write_text(textwrap.dedent(text))
+
+
+def report(name: str, family: thingc.RobotFamily, function: FamilyFunction, count: int) -> list[str]:
+    """Print the row of a robot, and return what misses its bound."""
+    rows = function.start * np.random.default_rng(1).uniform(0.98, 1.02, (count, len(function.names)))
+    settings = [dict(zip(function.names, row, strict=True)) for row in rows.tolist()]
+    function.value(rows[:64])
+    family.evaluate(settings[:64])
+    values, alone = function.value(rows), [family.evaluate(one) for one in settings]
+    expected = np.array([[one.results.get(output, np.nan) for output in function.outputs] for one in alone], dtype=np.float64)
+    if any(output.startswith("site:") for output in function.outputs):  # which `evaluate` does not have
+        for row, own in zip(expected, map(function.value, rows), strict=True):
+            row[np.isnan(row)] = np.asarray(own)[np.isnan(row)]
+    same = int((values.view(np.ndarray).view(np.uint64) == expected.view(np.uint64)).all(axis=1).sum())
+    evaluations = seconds_of(lambda: [family.evaluate(one) for one in settings[:512]]) / 512
+    together = seconds_of(lambda: function.value(rows)) / count
+    jacobian = seconds_of(lambda: [function.jacobian(row) for row in rows[:128]]) / 128
+    error = max(error_of(function, row) for row in rows[:3])
+    plan, why = function._evaluation.plan_at(function._item(rows[0])[1])
+    assert plan is not None, why
+    ratio, cost = evaluations / together, jacobian / evaluations
+    print(f"{name:9} {len(plan.program.statements):6} {same:5} /{count:5} {ratio:7.1f}x {cost:9.2f} {error:8.1e}", flush=True)
+    bounds = {"bits": same == count, "value": ratio >= RATIO, "jacobian": cost <= COST, "error": error <= ERROR}
+    return [f"{figure} of {name}" for figure, holds in bounds.items() if not holds]
+
+
+def seconds_of(job: Callable[[], Any]) -> float:
+    """Return the median time of a job."""
+    times = []
+    for _ in range(5):
+        before = time.perf_counter()
+        job()
+        times.append(time.perf_counter() - before)
+    return statistics.median(times)
+
+
+def error_of(function: FamilyFunction, x: np.ndarray) -> float:
+    """Return the greatest relative error of the derivatives at `x`."""
+    found = function.jacobian(x)
+    assert found.error is not None and not found.error.any(), function._evaluation.plan_at(function._item(x)[1])[1]
+    read = function._item(x)[1]
+    plan, _ = function._evaluation.plan_at(read)
+    assert plan is not None
+    program = function._restricted(plan).program
+    run = in_many_digits(program)
+    greatest = 0.0
+    with mpmath.workdps(60):
+        given = [mpmath.mpf(read.values[place]) for place in plan.free]
+        for column, name in enumerate(function.names):
+            place, step = plan.free.index(read.names.index(name)), mpmath.mpf(10) ** -20
+            ends = [run(*(value + side * step * (at == place) for at, value in enumerate(given))) for side in (1, -1)]
+            exact = [(one - other) / (2 * step) for one, other in zip(*ends, strict=True)]
+            scale = max(map(abs, exact)) or mpmath.mpf(1)
+            derivatives = found[:, column].tolist()
+            greatest = max(greatest, *(float(abs(one - other) / scale) for one, other in zip(exact, derivatives, strict=True)))
+    return greatest
+
+
+def in_many_digits(program: Program) -> Callable[..., Sequence[Any]]:
+    """Return a program that computes its outputs with numbers of mpmath."""
+    lines = {one.target: one for one in program.statements if isinstance(one, Line)}
+    waiting, needed = [int(one) for one in program.outputs if isinstance(one, Ref)], set()
+    while waiting:
+        index = waiting.pop()
+        if index in lines and index not in needed:
+            needed.add(index)
+            waiting += [int(one) for one in lines[index].arguments if isinstance(one, Ref)]
+    text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
+    text += [f" v{index} = {expression(lines[index].operation, lines[index].arguments)}" for index in sorted(needed)]
+    text.append(f" return [{', '.join(f'mpf({word(one)})' for one in program.outputs)}]")
+    same = ("mpf", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "radians", "degrees")
+    names = {
+        **{name: getattr(mpmath, name) for name in same},
+        "hypot": lambda *given: mpmath.sqrt(sum(one * one for one in given)), "_fsum": lambda *given: mpmath.fsum(given),
+        "quarter_exact": lambda angle: (mpmath.cos(angle), mpmath.sin(angle)), "copysign": lambda a, b: abs(a) * mpmath.sign(b),
+        "inf": mpmath.inf, "nan": mpmath.nan,
+    }
+    exec("\n".join(text), names)
+    run: Callable[..., Sequence[Any]] = names["run"]
+    return run
+
+
+def estimated(name: str, function: FamilyFunction, value: float) -> list[str]:
+    """Print the row of a derivative by a number on which modelled parts depend, and return what misses its bound."""
+    found = function.jacobian([value])
+    assert found.error is not None
+    offsets = value * 0.002 * np.array([-4.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0])
+    results = np.asarray(function.value((value + offsets)[:, None]))
+    middle = [np.polynomial.Polynomial.fit(offsets, column, 8).deriv()(0.0) for column in results.T]
+    other = [np.polynomial.Polynomial.fit(offsets[1:-1], column[1:-1], 6).deriv()(0.0) for column in results.T]
+    difference = np.abs(found[:, 0] - middle)
+    error = float(difference.max() / np.abs(middle).max())
+    within = int((difference <= found.error[:, 0] + np.abs(np.array(middle) - other)).sum())
+    print(f"{name}: by {function.names[0]}, modelled: error {error:.1e}, {within} of {len(middle)} within the stated errors", flush=True)
+    missed = [] if error <= ESTIMATED else [f"estimate of {name}"]
+    return missed if within == len(middle) else [*missed, f"stated errors of {name}"]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
