@@ -78,7 +78,7 @@ def test_guards_exclude_rows_and_tuples_are_taken_apart() -> None:
     source = random.Random(2)
     rows = [[source.uniform(-1.0, 3.0), source.uniform(-1.0, 2.0)] for _ in range(1000)]
     applied = assert_same(program_of(tape, answers), np.array([*rows, [1.25, 0.1], [math.inf, 0.1], [1.0, math.nan]]))
-    assert applied == sum(a > 0.5 and b <= 1.0 for a, b in rows) > 100
+    assert applied - 1 == sum(a > 0.5 and b <= 1.0 for a, b in rows) > 100  # and the row with an infinite moment
 
 
 def test_moments_that_only_guards_need_decide_them_or_exclude_a_row() -> None:

@@ -189,8 +189,10 @@ def _moments(arguments: Sequence[Any], ok: Booleans) -> Floats:
             m[p][r] = m[r][p] = c * (x - t * y)
             m[q][r] = m[r][q] = c * (y + t * x)
             m[p][q] = m[q][p] = np.zeros(ok.shape)
+        rest = np.abs(m[0][1]) + np.abs(m[0][2])
+        if not np.any(rest > 1e-16 * np.abs(m[0][0])):
+            break
     moments: Floats = np.sort([m[0][0], m[1][1], m[2][2]], axis=0)
-    rest = np.abs(m[0][1]) + np.abs(m[0][2]) + np.abs(m[1][2])
     for row in np.flatnonzero(~((rest <= 1e-15 * moments[2]) & (moments[0] > 1e-3 * moments[2]))):
         exact = _attempt(numeric.OPERATIONS[MOMENTS], [float(one[row]) for one in entries])
         ok[row] &= exact is not None
