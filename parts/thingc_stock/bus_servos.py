@@ -1,5 +1,4 @@
-"""Small bus servos: ROBOTIS Dynamixel XL330 and Feetech STS3215. (XL430, XM430 and XM540 are in
-`thingc_stock.dynamixel`.)"""
+"""Small bus servos: ROBOTIS Dynamixel XL330 and Feetech STS3215. XL430, XM430 and XM540 are in `thingc_stock.dynamixel`."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from thingc.batch.planning import Variant
 LOADING = 120.0
 """Time limit [s] for a runner to read the documents."""
 STARTS = 3
-"""Number of attempts to start a runner."""
+"""Maximum number of attempts to start a runner."""
 
 T = TypeVar("T")
 OnRow = Callable[[Row], None]

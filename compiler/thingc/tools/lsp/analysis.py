@@ -47,7 +47,7 @@ class Analysis(FrozenStruct, eq=False):
         workspace: The workspace, or None if none was found.
         documents: The document and the documents that it refers to, or None if the text cannot be parsed.
         schemas: The schemas of its parts, by reference.
-        model: Like `records` (by definition text), `assembly` and `robots`, the result of a pass, if the input is valid.
+        model: The result of a pass, if its input is valid. So are `records` (by definition text), `assembly` and `robots`.
         findings: The diagnostics of `check`, in order.
         whole: Whether the text is well-formed. If not, names may be missing because of a syntax error.
         last: The last analysis of well-formed text, if `whole` is false.

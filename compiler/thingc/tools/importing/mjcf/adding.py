@@ -26,7 +26,7 @@ class Added:
     """Collects the elements to add, in order.
 
     `kept` contains the numbers of imported joints, sites, geoms and actuators. `tendons` are the imported tendons. `heads` maps each body
-    to the first body of its link.
+    to the first body of its link. References to bodies are allowed only if merging did not change their inertial frames.
     """
 
     def __init__(self, original: CompiledSource, kept: Mapping[str, Set[int]], tendons: Tendons, heads: Mapping[int, int]) -> None:

@@ -250,7 +250,7 @@ class _Reader:
         return on
 
     def _heads(self, on: dict[int, tuple[int, Pose]], root: int) -> dict[int, int]:
-        """Return the first body of each group of rigidly connected bodies, by body."""
+        """Return for each body the first body of its group of rigidly connected bodies."""
         heads = {root: root}
         for body in sorted(on):
             if body != root:

@@ -77,8 +77,8 @@ class Geoms:
     def _mesh(self, geom: int, centred: Pose) -> tuple[Vector, Pose, str]:
         """Return the scale, pose and URI of a mesh.
 
-        MuJoCo moves the vertices of a mesh to its principal axes. In the source, vertices are as in the file, transformed by `scale R^T (v
-        - p)` with the reference pose.
+        MuJoCo moves the vertices of a mesh to its principal axes. In the source, vertices are as in the file, transformed by
+        `scale R^T (v - p)` with the reference pose.
         """
         written = self.original.written["geom"][geom]
         mesh = self.original.spec.mesh(written.meshname)
