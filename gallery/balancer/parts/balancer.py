@@ -1,4 +1,4 @@
-"""Parts of the balancer: three decks on posts, brackets for the motors, and a face. All in mm."""
+"""Parts of the balancer: three decks on posts, brackets for the motors, and a face. All lengths are in mm."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from thingc_stock.motors import FLANGE, HOLES, PILOT
 from thingc_stock.shapes import bevelled, block, disc, prism, softened
 
 POSTS = ((42.0, 46.0), (-42.0, 46.0), (-42.0, -46.0), (42.0, -46.0))
-"""Where the posts stand."""
+"""Positions of the posts (x, y)."""
 
 AXLE = FLANGE / 2 + 4.0
-"""From the underside of the lowest deck down to the axle."""
+"""Distance from the underside of the lowest deck down to the axle."""
 
 TRACK = 55.0
-"""From the middle to the flange of a motor."""
+"""Distance from the middle to the flange of a motor."""
 
 
 class Deck(Thing):
-    """A plate of plywood. The origin is in the middle of its underside; x points ahead, z up.
+    """A plywood plate. The origin is in the middle of its underside; x points forwards, and z up.
 
-    Mounts: `post_0` and on, above; `below_0` and on, where posts from below end; `bracket_0` (left) and `bracket_1`, below; `top`;
-    `bottom`; `front`, the front edge above.
+    Mounts: `post_0`, `post_1` ... are on the upper side. `below_0`, `below_1` ... are for the posts below. `bracket_0` (left) and
+    `bracket_1` are on the underside. `top` and `bottom` are the faces, and `front` is the upper front edge.
     """
 
     def __init__(self, thickness: Annotated[Length, Range(3, 12)] = 5.0):
@@ -40,7 +40,7 @@ class Deck(Thing):
         self.front = MountPoint(Location((50, 0, thickness)))
 
     def result(self) -> Solid:
-        """A plate with cut corners, a window and the holes of the posts."""
+        """A plate with cut corners, a window, and the holes for the posts."""
         t = self.p.thickness
         plate = softened(block((108, 122, t), (0, 0, t / 2), corner=14), 0.6)
         window = block((34, 52, 3 * t), corner=8)
@@ -53,10 +53,10 @@ class Deck(Thing):
 
 
 class Post(Thing):
-    """A hexagonal standoff. Mounts: `foot` and `head`.
+    """A hexagonal standoff. Its mounts are `foot` and `head`.
 
     Args:
-        length: of the post
+        length: length of the post
     """
 
     bom = {"make": "buy"}
@@ -67,19 +67,19 @@ class Post(Thing):
         self.head = MountPoint(Location((0, 0, length)))
 
     def result(self) -> Solid:
-        """A hexagon of 5.5 mm across flats."""
+        """A hexagonal prism with 5.5 mm across flats."""
         r = 5.5 / 2 / cos(radians(30))
         return prism([(r * cos(radians(60 * k)), r * sin(radians(60 * k))) for k in range(6)], 0, self.p.length)
 
     def collision(self) -> list[Solid]:
-        """The cylinder around it."""
+        """The enclosing cylinder."""
         return [disc(6.3, self.p.length)]
 
 
 class Bracket(Thing):
-    """An angle of aluminium for a NEMA 17. The origin is on top; the motor lies below it, its shaft along y.
+    """An aluminium angle bracket for a NEMA 17. The origin is on top; the motor is below it, with its shaft along y.
 
-    Mounts: `top`, against the deck; `motor`, the inner face of the upright side.
+    Mounts: `top` is the face on the deck, and `motor` is the inner face of the vertical side.
     """
 
     bom = {"make": "buy"}
@@ -90,7 +90,7 @@ class Bracket(Thing):
         self.motor = MountPoint(Location(Plane((0, 0, -AXLE), x_dir=(1, 0, 0), z_dir=(0, -1, 0))), "nema17")
 
     def result(self) -> Solid:
-        """Two plates of 3 mm, with the holes of the motor's flange."""
+        """Two plates of 3 mm, with the holes for the flange of the motor."""
         lying = block((46, 45, 3), (0, -19.5, -1.5), corner=2)
         standing = block((46, 3, AXLE + FLANGE / 2 + 1), (0, 1.5, -(AXLE + FLANGE / 2 + 1) / 2))
         spots = [(0, 0, PILOT + 0.5), *((x * HOLES / 2, z * HOLES / 2, 3.2) for x in (1, -1) for z in (1, -1))]
@@ -98,17 +98,17 @@ class Bracket(Thing):
         return lying.fuse(standing).cut(*holes).solid()
 
     def collision(self) -> list[Solid]:
-        """The upright plate."""
+        """The vertical plate."""
         return [block((46, 3, AXLE + FLANGE / 2), (0, 1.5, -(AXLE + FLANGE / 2) / 2))]
 
 
 class Face(Thing):
-    """What it looks with: a plate between two decks with eyes and a smile. The origin is in the middle of its lower edge's back; x ahead.
+    """A face: a plate between two decks with eyes and a smile. The origin is in the middle of its lower rear edge; x points forwards.
 
-    Mounts: `foot`, below; `gaze`, between the eyes.
+    Mounts: `foot` is the lower face, and `gaze` is between the eyes.
 
     Args:
-        height: between the decks
+        height: distance between the decks
     """
 
     def __init__(self, height: Annotated[Length, Range(30, 120)] = 60.0):
@@ -117,7 +117,7 @@ class Face(Thing):
         self.gaze = MountPoint(Location(Plane((4, 0, 0.62 * height), x_dir=(0, -1, 0), z_dir=(1, 0, 0))))
 
     def result(self) -> Solid:
-        """A plate with two rings around the eyes and a slot that smiles."""
+        """A plate with two rings around the eyes, and a slot in the shape of a smile."""
         h = self.p.height
         upright = Plane((0, 0, 0), x_dir=(0, 1, 0), z_dir=(1, 0, 0))
         plate = softened(block((86, h, 4), (0, h / 2, 2), corner=8), 0.8)

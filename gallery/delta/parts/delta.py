@@ -1,4 +1,4 @@
-"""Parts of the delta robot: a top of plywood, three arms, six rods with balls at their ends, a platform. All in mm."""
+"""Parts of the delta robot: a plywood top, three arms, six rods with ball joints at their ends, and a platform. All lengths are in mm."""
 
 from __future__ import annotations
 
@@ -12,27 +12,28 @@ from thingc_stock.bus_servos import STS3215
 from thingc_stock.shapes import bar, bevelled, block, disc, softened, turned
 
 BASE = 62.0
-"""From the middle to the axes of the servos."""
+"""Distance from the middle to the axes of the servos."""
 
 PLATFORM = 30.0
-"""From the middle of the platform to the balls of a pair of rods."""
+"""Distance from the middle of the platform to the balls of a pair of rods."""
 
 SPACING = 64.0
-"""Between the two rods of an arm."""
+"""Distance between the two rods of an arm."""
 
 HORN = STS3215.drawing.depth / 2 + STS3215.drawing.horn[1]
-"""From the middle of a servo to the face of its horn."""
+"""Distance from the middle of a servo to the face of its horn."""
 
 
 def around(angle: float, radius: float) -> tuple[float, float]:
-    """A place at an angle [deg] around the middle."""
+    """Return the position (x, y) at an angle [deg] around the middle."""
     return radius * cos(radians(angle)), radius * sin(radians(angle))
 
 
 class Top(Thing):
-    """The plate that everything hangs from. The origin is in the middle of its underside, z up.
+    """The plate that carries all other parts. The origin is in the middle of its underside; z points up.
 
-    Mounts: `servo_0` to `servo_2`, below, for the servos' left sides; `leg_0` to `leg_2`, below, between them; `lid`, above.
+    Mounts: `servo_0` to `servo_2` on the underside are for the left sides of the servos. `leg_0` to `leg_2` are between them, and `lid` is
+    the upper side.
     """
 
     def __init__(self, legs: Annotated[Length, Range(120, 300)] = 168.0, thickness: Annotated[Length, Range(4, 20)] = 9.0):
@@ -47,7 +48,7 @@ class Top(Thing):
         return MountPoint(Location(Plane((x * radius, y * radius, 0), x_dir=(-x, -y, 0), z_dir=(0, 0, -1))))
 
     def result(self) -> Solid:
-        """A disc with three arms for the legs, a window in the middle, and one over each servo's cable."""
+        """A disc with three arms for the legs, a window in the middle, and a window for the cable of each servo."""
         legs, t = self.p.legs, self.p.thickness
         arms = [Location((0, 0, 0), (0, 0, angle - 90)) * bar(legs, 52, 22, t) for angle in (60, 180, 300)]
         windows = [disc(64, 3 * t, -t), *(disc(16, 3 * t, -t, *around(angle, 0.66 * legs)) for angle in (60, 180, 300))]
@@ -59,13 +60,13 @@ class Top(Thing):
 
 
 class Arm(Thing):
-    """An arm on a servo's horn with an axle across its end, on which two balls sit.
+    """An arm on the horn of a servo, with an axle across its end that carries two balls.
 
-    The origin is on the servo's axis, on the horn; y points along the arm, z out of the horn. Mounts: `horn`, behind; `ball_0`
-    and `ball_1`, the middles of the balls, looking down when the arm points outwards.
+    The origin is on the axis of the servo, on the horn; y points along the arm, and z out of the horn. Mounts: `horn` is the rear face.
+    `ball_0` and `ball_1` are the centres of the balls, with z down when the arm points outwards.
 
     Args:
-        length: from axis to axis
+        length: distance between the axes
     """
 
     def __init__(self, length: Annotated[Length, Range(50, 200)] = 90.0):
@@ -76,7 +77,7 @@ class Arm(Thing):
         ]
 
     def result(self) -> Solid:
-        """Bar, hub, axle and balls."""
+        """The bar, the hub, the axle and the balls."""
         length = self.p.length
         body = softened(bar(length, 12, 7, 6), 1)
         holes = [disc(3.2, 20, -5, x, y) for x, y in ((4.95, 4.95), (-4.95, 4.95), (4.95, -4.95), (-4.95, -4.95))]
@@ -92,12 +93,12 @@ class Arm(Thing):
 
 
 class Rod(Thing):
-    """A tube of carbon with a socket at each end. The origin is in the middle of the upper ball, z along the rod.
+    """A carbon tube with a socket at each end. The origin is in the centre of the upper ball; z is along the rod.
 
-    Mounts: `upper` and `lower`, the middles of both balls.
+    Mounts: `upper` and `lower` are the centres of both balls.
 
     Args:
-        length: from ball to ball
+        length: distance between the centres of the balls
     """
 
     def __init__(self, length: Annotated[Length, Range(80, 500)] = 196.0):
@@ -106,7 +107,7 @@ class Rod(Thing):
         self.lower = MountPoint(Location((0, 0, length)))
 
     def result(self) -> Solid:
-        """Tube and sockets, with room for the balls."""
+        """The tube and the sockets, with space for the balls."""
         end = self.p.length
         sockets = [turned([(0, -6), (4.5, -6), (6.8, -3.5), (6.8, 4), (3.6, 14), (3.6, 22), (0, 22)])]
         sockets.append(Location((0, 0, end), (180, 0, 0)) * sockets[0])
@@ -120,9 +121,9 @@ class Rod(Thing):
 
 
 class Platform(Thing):
-    """What is moved: a plate with three pairs of balls. The origin is in the middle of its underside, z up.
+    """The moving platform: a plate with three pairs of balls. The origin is in the middle of its underside; z points up.
 
-    Mounts: `ball_0` to `ball_5`, two for each arm; `tool`, below.
+    Mounts: `ball_0` to `ball_5` are the balls, two for each arm. `tool` is the underside.
     """
 
     def __init__(self) -> None:
@@ -136,7 +137,7 @@ class Platform(Thing):
         self.tool = MountPoint(MATE)
 
     def result(self) -> Solid:
-        """A plate, and an axle with two balls for each arm."""
+        """A plate, with an axle and two balls for each arm."""
         plate = softened(disc(52, 7).cut(disc(20, 20, -5)).solid(), 1)
         sides = []
         for k, angle in enumerate((0, 120, 240)):
@@ -156,7 +157,7 @@ class Platform(Thing):
 
 
 class Cup(Thing):
-    """A suction cup with bellows on a nozzle. Mounts: `seat`, above; `lip`, its end, looking down."""
+    """A suction cup with bellows on a nozzle. Mounts: `seat` is the upper end, and `lip` the lower end, with z down."""
 
     def __init__(self) -> None:
         super().__init__(material="silicone", color="#d9542c")
@@ -164,19 +165,19 @@ class Cup(Thing):
         self.lip = MountPoint(Location((0, 0, -34)) * MATE)
 
     def result(self) -> Solid:
-        """Nozzle and three bellows."""
+        """The nozzle and three bellows."""
         outline = [(0, 8), (9.8, 8), (9.8, 0), (12, 0), (12, -3), (6, -6), (6, -10)]
         for k in range(3):
             outline += [(12.5, -13.5 - 7 * k), (7.5, -17 - 7 * k)]
         return turned([*outline[:-1], (14, -33), (13, -34), (0, -30)])
 
     def collision(self) -> list[Solid]:
-        """The cylinder around it."""
+        """The enclosing cylinder."""
         return [disc(24, 34, -34)]
 
 
 class LegFoot(Thing):
-    """A foot of rubber below a profile. Mounts: `seat`, above; `sole`."""
+    """A rubber foot below a profile. Mounts: `seat` is the upper side, and `sole` the underside."""
 
     def __init__(self) -> None:
         super().__init__(material="rubber")

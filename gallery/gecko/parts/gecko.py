@@ -1,4 +1,4 @@
-"""Parts of the gecko: two plates that a servo joins to a spine, shells over them, legs with a pad of five toes. All in mm."""
+"""Parts of the gecko: two plates connected by a servo as a spine, shells, and legs with a pad of five toes. All lengths are in mm."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from thingc_stock.shapes import bar, block, disc, prism, softened
 
 CASE = XL330.drawing
 BACK = CASE.axis_to_top - CASE.height / 2
-"""From the axis of a servo to the middle of its case, outwards."""
+"""Distance from the axis of a servo to the middle of its case."""
 
 THICKNESS = 4.0
-"""Of the plates."""
+"""Thickness of the plates."""
 
 HORN = CASE.depth / 2 + CASE.horn[1]
-"""From the middle of a servo to the face of its horn."""
+"""Distance from the middle of a servo to the face of its horn."""
 
 
 def seat_below(x: float, y: float, angle: float) -> MountPoint:
-    """Where a servo hangs with its back against the underside of a plate, its axis at (x, y), pointing at `angle` [deg]."""
+    """Return the mount for the back of a servo on the underside of a plate, with its axis at (x, y) and its end pointing to `angle` [deg].
+    """
     out = (cos(radians(angle)), sin(radians(angle)))
     return MountPoint(
         Location(Plane((x + BACK * out[0], y + BACK * out[1], 0), x_dir=(-out[0], -out[1], 0), z_dir=(0, 0, -1))), "xl330-back",
@@ -31,7 +32,7 @@ def seat_below(x: float, y: float, angle: float) -> MountPoint:
 
 
 def shell(outline: list[tuple[float, float]], height: float) -> Solid:
-    """A hollow cover with bevelled upper edges over an outline, its lower edge at z = 0."""
+    """Return a hollow cover with bevelled upper edges over an outline. Its lower edge is at z = 0."""
     whole = prism(outline, 0, height)
     top = whole.faces().sort_by(lambda face: face.center().Z)[-1]
     whole = whole.chamfer(0.45 * height, None, top.outer_wire().edges())
@@ -49,10 +50,10 @@ REAR = [(-24.0, 8.0), (24.0, 8.0), (36.0, 30.0), (36.0, 72.0), (22.0, 92.0), (-2
 
 
 class Chest(Thing):
-    """The front plate, with a wall behind that carries the servo of the spine.
+    """The front plate, with a rear wall that carries the servo of the spine.
 
-    The origin is on the plate's underside; x points ahead, z up. Mounts: `hip_0` (left) and `hip_1`, below; `spine`, behind; `top`;
-    `belly`, below; `neck`, ahead.
+    The origin is on the underside of the plate; x points forwards, and z up. Mounts: `hip_0` (left), `hip_1` and `belly` are on the
+    underside. `spine` is behind, `top` on the upper side, and `neck` in front.
     """
 
     def __init__(self) -> None:
@@ -74,9 +75,9 @@ class Chest(Thing):
 
 
 class Pelvis(Thing):
-    """The rear plate, on the horn of the spine. The origin is on the spine's axis; y points to the tail, x to the left, z up.
+    """The rear plate, on the horn of the spine. The origin is on the axis of the spine; y points to the tail, x to the left, and z up.
 
-    Mounts: `spine`; `hip_0` (left) and `hip_1`, below; `top`; `tail`, behind.
+    Mounts: `spine` is on the horn. `hip_0` (left) and `hip_1` are on the underside, `top` is on the upper side, and `tail` behind.
     """
 
     def __init__(self) -> None:
@@ -87,7 +88,7 @@ class Pelvis(Thing):
         self.tail = MountPoint(Location((0, 90, 0)))
 
     def result(self) -> Solid:
-        """The plate, round about the spine."""
+        """The plate, with a round end at the spine."""
         tongue = disc(26, THICKNESS).fuse(block((26, 20, THICKNESS), (0, 10, THICKNESS / 2)))
         holes = [disc(2.2, 20, -5, x, y) for x, y in ((6, 0), (-6, 0), (0, 6), (0, -6))]
         return prism(REAR, 0, THICKNESS).fuse(tongue).cut(*holes).solid()
@@ -98,7 +99,7 @@ class Pelvis(Thing):
 
 
 class ChestShell(Thing):
-    """The cover over the chest. Mounts: `seat`, below."""
+    """The cover of the chest. Its mount `seat` is the underside."""
 
     def __init__(self) -> None:
         super().__init__(material="pla_green")
@@ -114,7 +115,7 @@ class ChestShell(Thing):
 
 
 class PelvisShell(Thing):
-    """The cover over the pelvis. Mounts: `seat`, below."""
+    """The cover of the pelvis. Its mount `seat` is the underside."""
 
     def __init__(self) -> None:
         super().__init__(material="pla_green")
@@ -130,7 +131,7 @@ class PelvisShell(Thing):
 
 
 class Head(Thing):
-    """A flat head. The origin is at the neck; x points ahead. Mounts: `neck`; `eye_0` (left) and `eye_1`; `snout`."""
+    """A flat head. The origin is at the neck; x points forwards. Its mounts are `neck`, `eye_0` (left), `eye_1` and `snout`."""
 
     def __init__(self) -> None:
         super().__init__(material="pla_green")
@@ -154,7 +155,7 @@ class Head(Thing):
 
 
 class Eye(Thing):
-    """An eye: a ball with a slit. Mounts: `socket`, in its middle."""
+    """An eye: a ball with a slit. Its mount `socket` is the centre."""
 
     def __init__(self) -> None:
         super().__init__(material="pla_yellow")
@@ -170,7 +171,7 @@ class Eye(Thing):
 
 
 class Tail(Thing):
-    """A tail of plates that get smaller. The origin is at its root; y points to the tip. Mounts: `base` and `tip`."""
+    """A segmented tail with decreasing size. The origin is at its root; y points to the tip. Its mounts are `base` and `tip`."""
 
     def __init__(self, length: Annotated[Length, Range(60, 240)] = 150.0):
         super().__init__(material="pla_green")
@@ -178,7 +179,7 @@ class Tail(Thing):
         self.tip = MountPoint(Location(Plane((0, length, 0), x_dir=(1, 0, 0), z_dir=(0, 1, 0))))
 
     def result(self) -> Solid:
-        """Segments in an arc to the left, each a bevelled bar."""
+        """Segments in an arc to the left. Each segment is a bevelled bar."""
         pieces, place, turn = [], Location((0, -4, 2)), 9.0
         for k in range(6):
             reach = self.p.length / 7.2 * (1 - 0.06 * k)
@@ -193,11 +194,12 @@ class Tail(Thing):
 
 
 class Shoulder(Thing):
-    """The tray on the horn of a hip, in which the servo of the arm lies. The origin is on the hip's axis, on the horn; y points outwards, z
-    out of the horn. Mounts: `hip` and `seat`.
+    """The tray on the horn of a hip that carries the servo of the arm. Its mounts are `hip` and `seat`.
+
+    The origin is on the hip axis, on the horn; y points outwards, and z out of the horn.
 
     Args:
-        length: from the axis of the hip to that of the arm
+        length: distance between the axes of the hip and of the arm
     """
 
     def __init__(self, length: Annotated[Length, Range(28, 60)] = 31.0):
@@ -206,7 +208,7 @@ class Shoulder(Thing):
         self.seat = MountPoint(Location(Plane((0, length + BACK, 3), x_dir=(0, -1, 0), z_dir=(0, 0, 1))))
 
     def result(self) -> Solid:
-        """A plate that is round about the hip."""
+        """A plate with a round end at the hip."""
         reach = self.p.length + CASE.axis_to_top
         tongue = block((23, reach, 3), (0, reach / 2, 1.5), corner=2.5)
         holes = [disc(2.2, 20, -5, x, y) for x, y in ((6, 0), (-6, 0), (0, 6), (0, -6))]
@@ -219,13 +221,14 @@ class Shoulder(Thing):
 
 
 class Arm(Thing):
-    """The arm with the palm at its end. The origin is on its axis, on the horn; y points outwards, z out of the horn, -x to the floor.
+    """The arm with the palm at its end.
 
-    Mounts: `hip`; `palm`, where the toes are, looking to the floor.
+    The origin is on its axis, on the horn; y points outwards, z out of the horn, and -x to the floor. Mounts: `hip` is on the horn. `palm`
+    is for the toes, with z to the floor.
 
     Args:
-        length: from the axis to the middle of the paw
-        drop: from the axis down to the palm
+        length: distance from the axis to the middle of the paw
+        drop: distance from the axis down to the palm
     """
 
     def __init__(self, length: Annotated[Length, Range(40, 120)] = 56.0, drop: Annotated[Length, Range(12, 60)] = 17.0):
@@ -234,7 +237,7 @@ class Arm(Thing):
         self.palm = MountPoint(Location(Plane((-drop, length, -HORN), x_dir=(0, 1, 0), z_dir=(-1, 0, 0))))
 
     def result(self) -> Solid:
-        """A bar, and a palm under its end."""
+        """A bar with a palm below its end."""
         length, drop = self.p.length, self.p.drop
         upper = softened(bar(length - 16, 10, 8, 4.5), 0.8)
         holes = [disc(2.2, 20, -5, x, y) for x, y in ((6, 0), (-6, 0), (0, 6), (0, -6))]
@@ -253,7 +256,8 @@ class Arm(Thing):
 
 
 class Toes(Thing):
-    """A pad of five toes that sticks. The origin is on its back, z out of the sole, x outwards. Mounts: `back` and `sole`."""
+    """An adhesive pad of five toes. The origin is on its back; z points out of the sole, and x outwards. Its mounts are `back` and `sole`.
+    """
 
     def __init__(self) -> None:
         super().__init__(material="tpu", color="#e8a23c")

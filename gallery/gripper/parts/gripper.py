@@ -1,4 +1,4 @@
-"""Parts of the gripper: a base on a robot's flange, two geared cranks, two followers, two fingers with pads. All in mm."""
+"""Parts of the gripper: a base on a robot's flange, two geared cranks, two followers, and two fingers with pads. All lengths are in mm."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from thingc_stock.bus_servos import STS3215
 from thingc_stock.shapes import bar, bevelled, block, disc, prism, softened
 
 PITCH = 11.5
-"""Pitch radius of the gears, and half the distance of the cranks."""
+"""Pitch radius of the gears, which is half the distance of the cranks."""
 
 FOLLOWER = (-19.0, -7.0)
-"""From the axis of the left crank to that of its follower, on the base and on the finger."""
+"""Offset from the axis of the left crank to the axis of its follower, on the base and on the finger."""
 
 LENGTH = 42.0
-"""Of cranks and followers, from axis to axis."""
+"""Distance between the axes of cranks and followers."""
 
 LAYER = 5.0
-"""Thickness of cranks and followers; they run half a millimetre over the base."""
+"""Thickness of cranks and followers, which are 0.5 mm above the base."""
 
 PLATE = STS3215.drawing.horn[1]
-"""Thickness of the base: the servo's horn is flush with it."""
+"""Thickness of the base, which is flush with the horn of the servo."""
 
 
 class Base(Thing):
-    """The plate with the servo below and a flange behind.
+    """The plate with the servo below it and a flange behind.
 
-    The origin is on the plate between the cranks; y points to the fingers, z out of the plate. Mounts: `servo_seat`, below;
-    `right_crank`, `left_follower` and `right_follower`, the pivots; `flange`, behind, with the bolt circle of ISO 9409-1-50-4-M6.
+    The origin is on the plate between the cranks; y points to the fingers, and z out of the plate. Mounts: `servo_seat` is the underside.
+    `right_crank`, `left_follower` and `right_follower` are the pivots. `flange` is behind, with the bolt circle of ISO 9409-1-50-4-M6.
     """
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class Base(Thing):
         ]
 
     def result(self) -> Solid:
-        """Plate, flange, and two ribs between them."""
+        """The plate, the flange, and two ribs between them."""
         wide = PITCH - FOLLOWER[0] + 8
         outline = [(wide, -13), (wide, 1), (PITCH + 6, 14), (-PITCH - 6, 14), (-wide, 1), (-wide, -13), (-25, -46), (25, -46)]
         plate = softened(prism(outline, -PLATE, PLATE), 0.6)
@@ -68,12 +68,12 @@ class Base(Thing):
 
 
 class Crank(Thing):
-    """A crank with a gear about its axis. The origin is on the axis, on what carries it; y points along the crank.
+    """A crank with a gear about its axis. The origin is on the axis, on the supporting part; y points along the crank.
 
-    Mounts: `axis`, below; `tip`, above the other end; `screw`, above the axis.
+    Mounts: `axis` is the underside at the axis, `tip` the upper side at the other end, and `screw` the upper side at the axis.
 
     Args:
-        gear: `tooth` has a tooth, `gap` a gap where it meets the other crank
+        gear: whether the gear has a `tooth` or a `gap` at the contact with the other crank
     """
 
     def __init__(self, gear: Literal["tooth", "gap"] = "tooth"):
@@ -83,7 +83,7 @@ class Crank(Thing):
         self.screw = MountPoint(Location((0, 0, LAYER)), "m3-head")
 
     def result(self) -> Solid:
-        """A bar and a gear of 23 straight teeth, module 1."""
+        """A bar and a gear with 23 straight teeth of module 1."""
         teeth, half = 23, pi / 23 / 2
         start = 0.0 if self.p.gear == "tooth" else 2 * half
         outline = []
@@ -101,7 +101,7 @@ class Crank(Thing):
 
 
 class Follower(Thing):
-    """The other side of the parallelogram: a plain bar. Origin and mounts as of `Crank`."""
+    """The other side of the parallelogram: a bar without a gear. Origin and mounts are as for `Crank`."""
 
     def __init__(self) -> None:
         super().__init__(material="pla_orange")
@@ -120,12 +120,12 @@ class Follower(Thing):
 
 
 class Finger(Thing):
-    """The left finger, on top of its crank and follower. The origin is on the crank's tip; y points ahead, x inwards.
+    """The left finger, on top of its crank and follower. The origin is on the tip of the crank; y points forwards, and x inwards.
 
-    Mounts: `crank` and `follower`, below; `pad`, where the pad sits, looking inwards; `screw_0` and `screw_1`.
+    Mounts: `crank` and `follower` are on the underside. `pad` is for the pad, with z inwards. `screw_0` and `screw_1` are for its screws.
 
     Args:
-        reach: from the crank's tip to the middle of the pad
+        reach: distance from the tip of the crank to the middle of the pad
     """
 
     def __init__(self, reach: Annotated[Length, Range(40, 90)] = 52.0):
@@ -137,7 +137,7 @@ class Finger(Thing):
         self.screw = [MountPoint(Location((0, 0, 7)), "m3-head"), MountPoint(Location((*FOLLOWER, 7)), "m3-head")]
 
     def result(self) -> Solid:
-        """A plate over both pivots, narrower ahead, and a wall for the pad."""
+        """A plate over both pivots that becomes narrower to the front, and a wall for the pad."""
         reach, x = self.p.reach, self.inside
         outline = [
             (-26, -9), (-22, -13.5), (-15, -13.5), (3, -7), (7, -1), (x - 1, 22), (x, 30), (x, reach + 19), (x - 5, reach + 21),
@@ -149,13 +149,13 @@ class Finger(Thing):
         return plate.fuse(wall).cut(*holes).solid()
 
     def collision(self) -> list[Solid]:
-        """The wall and the plate ahead of the pivots."""
+        """The wall, and the plate in front of the pivots."""
         reach, x = self.p.reach, self.inside
         return [block((6, reach - 10, 17), (x - 3, (reach + 50) / 2, -1.5)), block((26, 34, 6.5), (-6, 4, 3.75))]
 
 
 class Pad(Thing):
-    """A pad with ridges. The origin is in the middle of its back, z looks inwards; mounts: `back` and `face`."""
+    """A pad with ridges. The origin is in the middle of its back; z points inwards. Its mounts are `back` and `face`."""
 
     def __init__(self, length: Annotated[Length, Range(15, 60)] = 32.0, width: Annotated[Length, Range(8, 30)] = 15.0):
         super().__init__(material="tpu")
@@ -163,7 +163,7 @@ class Pad(Thing):
         self.face = MountPoint(Location((0, 0, 4)))
 
     def result(self) -> Solid:
-        """A block with seven grooves across."""
+        """A block with seven transverse grooves."""
         length, width = self.p.length, self.p.width
         grooves = [block((1.2, 2 * width, 1.6), (k * length / 8, 0, 4)) for k in range(-3, 4)]
         return softened(block((length, width, 4), (0, 0, 2), corner=1.5), 0.6).cut(*grooves).solid()

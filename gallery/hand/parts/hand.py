@@ -1,4 +1,4 @@
-"""Parts of the hand: a forearm full of servos, a palm, and bones with forks and tongues. All in mm."""
+"""Parts of the hand: a forearm with servos, a palm, and bones with forks and tongues. All lengths are in mm."""
 
 from __future__ import annotations
 
@@ -12,46 +12,46 @@ from thingc_stock.servos import SG90
 from thingc_stock.shapes import bar, bevelled, block, prism, softened
 
 KNUCKLES = ((-31.5, 84.0), (-10.5, 91.0), (10.5, 90.0), (31.5, 80.0))
-"""Where the fingers begin on the palm: index, middle, ring and little finger (a right hand, seen from its back)."""
+"""Positions of the fingers on the palm: index, middle, ring and little finger (a right hand, seen from its back)."""
 
 PULLS = -46.0
-"""Where the shafts of the servos are that pull the fingers, along y."""
+"""Position along y of the shafts of the servos that pull the fingers."""
 
 THUMB = 43.0
-"""How far the thumb stands off the palm, from x [deg]."""
+"""Angle between the thumb and the x axis of the palm [deg]."""
 
 SIDE = Plane((0, 0, 0), x_dir=(0, 1, 0), z_dir=(-1, 0, 0))
-"""A turn that curls: its axis points to the left, so that positive angles go from the bone's y to the palm."""
+"""A plane for joints that curl. Its axis points to the left, so that positive angles turn from the bone's y to the palm."""
 
 EDGE = 6.0
-"""Height of the forearm's plate, on which the ears of the servos lie."""
+"""Height of the plate of the forearm, which carries the ears of the servos."""
 
 
 def curling(y: float) -> Location:
-    """The frame of a joint at a place along a bone."""
+    """Return the frame of a joint at a position along a bone."""
     return Location((0, y, 0)) * Location(SIDE)
 
 
 def forked(body: Solid, y: float, radius: float) -> Solid:
-    """A body with a slot about the axis at y, for a tongue."""
+    """Return a body with a slot about the axis at y, for a tongue."""
     return body.cut(block((8.8, 2 * radius + 3, 60), (0, y + 0.4, 0))).solid()
 
 
 def tongued(body: Solid, radius: float) -> Solid:
-    """A body whose end about the origin is a tongue that fits a slot."""
+    """Return a body whose end at the origin is a tongue that fits into a slot."""
     sides = [block((20, 2 * radius + 1.6, 60), (x, 0, 0)) for x in (14.2, -14.2)]
     return body.cut(*sides).solid()
 
 
 def across(solid: Solid) -> Solid:
-    """What was made with z through it, laid across: its z along x."""
+    """Return a solid after rotating its z axis to x."""
     return (Location(Plane((0, 0, 0), x_dir=(0, 0, -1), z_dir=(1, 0, 0))) * solid).solid()
 
 
 class Forearm(Thing):
-    """A tray with six servos. The origin is at the wrist, y points to the palm, z out of the back.
+    """A tray with six servos. The origin is at the wrist; y points to the palm, and z out of the back.
 
-    Mounts: `palm`; `thumb_0` and `thumb_1`, for the servos of the thumb; `elbow`, the other end.
+    Mounts: `palm` is at the wrist. `thumb_0` and `thumb_1` are for the servos of the thumb, and `elbow` is at the other end.
     """
 
     def __init__(self) -> None:
@@ -62,7 +62,7 @@ class Forearm(Thing):
         self.elbow = MountPoint(Location(Plane((0, -118, 0), x_dir=(1, 0, 0), z_dir=(0, -1, 0))))
 
     def result(self) -> Solid:
-        """A plate with walls, and a pocket and holes for each servo."""
+        """A plate with walls, and with a pocket and holes for each servo."""
         outline = [(-42, -20), (-36, 0), (36, 0), (42, -20), (42, -80), (32, -118), (-32, -118), (-42, -80)]
         tray = softened(prism(outline, -19, 19 + EDGE), 2.5)
         room = prism([(0.88 * x, -4 + 0.93 * y) for x, y in outline], -30, 30)
@@ -72,12 +72,12 @@ class Forearm(Thing):
         return tray.cut(room, *cuts).solid()
 
     def collision(self) -> list[Solid]:
-        """The box around it."""
+        """The bounding box."""
         return [block((80, 118, 25), (0, -59, -6.5))]
 
 
 class Stand(Thing):
-    """A heavy foot. Mounts: `top` and `floor`."""
+    """A heavy base. Its mounts are `top` and `floor`."""
 
     def __init__(self) -> None:
         super().__init__(material="steel", color="#4a4e55")
@@ -94,9 +94,9 @@ class Stand(Thing):
 
 
 class Palm(Thing):
-    """The palm with four forks. The origin is at the wrist, y points to the fingers, z out of the back.
+    """The palm with four forks. The origin is at the wrist; y points to the fingers, and z out of the back.
 
-    Mounts: `wrist`; `finger_0` (index) to `finger_3`, and `thumb`, the axes of the first joints.
+    Mounts: `wrist` is at the origin. `finger_0` (index) to `finger_3` and `thumb` are the axes of the first joints.
     """
 
     def __init__(self) -> None:
@@ -106,7 +106,7 @@ class Palm(Thing):
         self.thumb = MountPoint(Location(Plane((-44, 30, -4), x_dir=(0, 0, 1), z_dir=(0, -1, 0))))
 
     def result(self) -> Solid:
-        """A bevelled block, forks at its end, and a post for the thumb."""
+        """A bevelled block with forks at its end and a post for the thumb."""
         outline = [(-26, 0), (26, 0), (41, 26), (42, 66), (22, 74), (0, 77), (-21, 75), (-41, 70), (-42, 40), (-36, 16)]
         body = softened(prism(outline, -11, 22), 3.5)
         forks = []
@@ -126,16 +126,16 @@ class Palm(Thing):
 
 
 class Bone(Thing):
-    """A bone of a finger: a tongue where it begins, a fork where the next one is, or a rounded end.
+    """A bone of a finger: a tongue at its beginning, and at its end a fork for the next bone or a rounded end.
 
-    The origin is on its own axis, which lies along -x; y points along the bone, -z to the palm. Mounts: `knuckle`, its axis; `next`,
-    that of the next bone; `tip`, the end; `pad`, near the end on the side of the palm.
+    The origin is on its own axis, which is along -x; y points along the bone, and -z to the palm. Mounts: `knuckle` is its axis, and `next`
+    the axis of the next bone. `tip` is the end, and `pad` is near the end on the side of the palm.
 
     Args:
-        length: from axis to axis, or to the end
-        thickness: at its beginning
-        taper: how much thinner its end is
-        last: whether it ends the finger
+        length: distance between the axes, or from the axis to the end
+        thickness: thickness at its beginning
+        taper: thickness at its end, relative to the beginning
+        last: whether it is the last bone of the finger
     """
 
     def __init__(
@@ -154,7 +154,7 @@ class Bone(Thing):
         self.pad = MountPoint(Location(Plane((0, length - self.end, -self.end), x_dir=(0, 1, 0), z_dir=(0, 0, -1))))
 
     def result(self) -> Solid:
-        """The bone, its edges bevelled."""
+        """The bone with bevelled edges."""
         reach = self.p.length - (self.end if self.p.last else 0)
         body = tongued(across(softened(bar(reach, self.radius, self.end, 16.4, -8.2), 2.6 if self.p.last else 1.6)), self.radius)
         return body if self.p.last else forked(body, reach, self.end)
@@ -166,12 +166,12 @@ class Bone(Thing):
 
 
 class Metacarpal(Thing):
-    """The first bone of the thumb, which turns on the palm. The origin is on that axis; y points along the bone.
+    """The first bone of the thumb, which turns on the palm. The origin is on its axis; y points along the bone.
 
-    Mounts: `axis`, along the palm; `next`, the axis of the next bone.
+    Mounts: `axis` is along the palm, and `next` is the axis of the next bone.
 
     Args:
-        length: from axis to axis
+        length: distance between the axes
     """
 
     def __init__(self, length: Annotated[Length, Range(25, 70)] = 38.0):
@@ -181,7 +181,7 @@ class Metacarpal(Thing):
         self.next = MountPoint(curling(length))
 
     def result(self) -> Solid:
-        """A bar with a fork, and a sleeve about the axis."""
+        """A bar with a fork, and a sleeve around the axis."""
         body = forked(across(softened(bar(self.p.length, 8.5, 8, 17, -8.5), 1.6)), self.p.length, 8)
         lean = (0, -sin(radians(THUMB)), cos(radians(THUMB)))
         start = Plane((0, 4.2 * sin(radians(THUMB)), -4.2 * cos(radians(THUMB))), z_dir=lean)
