@@ -258,7 +258,7 @@ def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Seque
 
 
 class _Lost:
-    """Find the features that a robot uses, and yield a loss for each one without full support. Losses common to all modes have no mode."""
+    """Finds the features of a robot, and yields a loss for each one without full support. Losses common to all modes have no mode."""
 
     def __init__(self, target: str, says: AnyCapabilities, cut: bool) -> None:
         self.target = target

@@ -232,7 +232,7 @@ class _Collector:
     def shape(self, occurrence: Occurrence, surface: Surface, stem: str, suffix: str = "") -> Shape | None:
         """Return a shape in the frame of its occurrence, and store the asset of a mesh.
 
-        The name of the mesh begins with `stem`. If another definition uses the same file name, report it and return None.
+        The name of the mesh begins with `stem`. If another definition uses the same file name, report an error and return None.
         """
         mesh, title = surface.solid, occurrence.name_in_files(surface)
         if isinstance(mesh, Primitive):

@@ -111,7 +111,7 @@ def _autofix(
 def safe_edits(
     now: CheckResult, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
 ) -> list[TextEdit]:
-    """Return the unambiguous fixes that do not overlap. `texts`, `allowed`, `read`: as for `autofix`."""
+    """Return the unambiguous fixes that do not overlap. `texts`, `allowed` and `read` are as for `autofix`."""
     words, given = _word_counts(now.documents)
     edits: list[TextEdit] = []
     decoded: dict[str, str | None] = {}

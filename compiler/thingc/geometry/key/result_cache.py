@@ -43,7 +43,7 @@ class Results:
     def state(self, path: str, like: str) -> str:
         """Return the state of `path` (relative to the workspace, or absolute).
 
-        `like` is an earlier state: a listed folder is listed again.
+        `like` is an earlier state. If it is the state of a listed folder, the folder is listed again.
         """
         self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
         return self._seen(path, like)

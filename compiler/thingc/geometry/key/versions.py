@@ -56,7 +56,7 @@ def _file_version(file: str | None) -> str:
 
 
 def platform_versions() -> dict[str, str]:
-    """Return Python, the machine, and the variables that workers get from the environment."""
+    """Return the versions of Python and of the machine, and the variables that workers get from the environment."""
     return {
         **{f"variable {name}": value for name, value in passed().items()},
         "version Python": f"{platform.python_implementation()} {'.'.join(map(str, sys.version_info[:3]))}",
@@ -66,7 +66,7 @@ def platform_versions() -> dict[str, str]:
 
 @cache
 def compiler_version() -> dict[str, str]:
-    """Return the state of thingc's own code that makes records: its version, for people, and a digest of its files.
+    """Return the state of thingc's own code that makes records: its version (for people) and a digest of its files.
 
     `base` is included, because its structs define the form of records.
     """

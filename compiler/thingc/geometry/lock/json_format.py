@@ -46,7 +46,7 @@ _POSE = 12
 
 
 class BadLock(Exception):
-    """An invalid value in the lock: `path` is its place (`things.arm:Pen.parameters.length`), the text the reason."""
+    """An invalid value in the lock. `path` is its place (`things.arm:Pen.parameters.length`), the message is the reason."""
 
     def __init__(self, path: str, message: str) -> None:
         super().__init__(message)

@@ -1,4 +1,4 @@
-"""Read part schemas and records from `parts.lock.json`, in addition to the store, or alone if no code of the workspace may run."""
+"""Read part schemas and records from `parts.lock.json`, in addition to the store, or as the only source if no code may run."""
 
 from __future__ import annotations
 

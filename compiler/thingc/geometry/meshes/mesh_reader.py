@@ -69,7 +69,7 @@ class _Beside(trimesh.resolvers.Resolver):
 
 
 def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
-    """Return the record of a file, after writing its triangles, and its bytes if MuJoCo reads them, to the store. Raises `BadMesh`."""
+    """Write the triangles of a file to the store, and its bytes if MuJoCo reads them. Return its record. Raises `BadMesh`."""
     data = read_bounded(os.path.join(file.folder, os.path.basename(file.path)), file.suffix)
     if hashlib.sha256(data).hexdigest() != file.sha256:
         raise BadMesh("changed while it was read")

@@ -98,8 +98,8 @@ class MissingMember:
 def lacking_result(part: PartLike) -> MissingMember | None:
     """Return why a Thing class has no geometry, or None if it has.
 
-    The class has no `result()` of its own, or its `result()` has no `return`. A part that has no geometry on purpose has `return None`.
-    The answer is also None if `part` is not a Thing class.
+    Possible reasons are that the class has no `result()` of its own, or that its `result()` has no `return`. A part without geometry must
+    have `return None`. The answer is also None if `part` is not a Thing class.
     """
     if not isinstance(part, type) or not issubclass(part, Thing):
         return None

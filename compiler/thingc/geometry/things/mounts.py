@@ -84,7 +84,7 @@ class MountPoint(Framed):
 
     @property
     def expected(self) -> tuple[tuple[Thing, str], ...]:
-        """Mounts that were aligned to this one while its Thing was made: the other Thing and the name of its mount, for each."""
+        """Mounts that were aligned to this one while its Thing was made, each as the other Thing and the name of its mount."""
         return tuple(self._expected)
 
     def align(self, other: MountPoint) -> Any:

@@ -49,7 +49,7 @@ def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
 
 
 def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> bool:
-    """Return whether the `side` of a shape, if any, is on the same link as the shape. Report it if not."""
+    """Return whether the `side` of a shape, if any, is on the same link as the shape. Report an error if it is not."""
     if step.mount is None or step.side is None or link_of[step.mount.occurrence] == link_of[step.side.occurrence]:
         return True
     findings.error(

@@ -153,7 +153,7 @@ def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSp
 
 
 def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> bool:
-    """Return whether a chosen part is available. Report it if not."""
+    """Return whether a chosen part is available. Report an error if it is not."""
     schema = context.schemas.get(reference)
     if schema is not None and not isinstance(schema, PartFailure):
         return True

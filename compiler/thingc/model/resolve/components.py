@@ -87,7 +87,7 @@ def _define(context: ResolveRun, table: DocumentScope, node: ComponentScope, nes
 
 
 def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefinition, axis: str) -> AssemblyDefinition | None:
-    """Return the mirror image of a nested assembly. Report it and return None if a component in it is mirrored along another axis."""
+    """Return the mirror image of a nested assembly. Report an error and return None if a component in it has another mirror axis."""
     other = other_axis(definition, axis)
     if other is not None:
         name, its = other

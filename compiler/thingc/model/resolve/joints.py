@@ -440,7 +440,7 @@ def _drive(table: DocumentScope, scope: Scope, name: str, coordinate: Dimension,
 
 
 def _driving_part(table: DocumentScope, scope: Scope, name: str, text: str, path: Path) -> Reference | None:
-    """Return the reference to the part with the actuator of joint `name`. Report it and return None if it is not a part."""
+    """Return the reference to the part with the actuator of joint `name`. Report an error and return None if it is not a part."""
     component = references.component(table, scope, text, path)
     if component is None:
         return None

@@ -106,7 +106,7 @@ class _Followed(FrozenStruct, kw_only=False):
 
 
 def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, path: Path) -> _Followed | None:
-    """Resolve `mimic.joint`. Report it and return None if no joint can follow it."""
+    """Resolve `mimic.joint`. Report an error and return None if no joint can follow it."""
     scope, place = item.scope, (*path, "joint")
     said = CoordinateName(spec.joint)
     parts = references.words(scope, said.joint, place)

@@ -100,7 +100,7 @@ def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
 
 
 def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, path: Path) -> Value | None:
-    """Return the canonical value of a parameter. Report it and return None if it does not match its schema."""
+    """Return the canonical value of a parameter. Report an error and return None if the value does not match its schema."""
     what = f"parameter `{parameter.name}` of `{schema.reference}`"
     written = scope.written(path)
     literal = written is not None and not written.lstrip().startswith("=")

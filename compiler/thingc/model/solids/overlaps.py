@@ -17,7 +17,7 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Occurrence, Surface
 
 SHARE = 0.2
-"""Largest accepted overlap of two equal links of shapes, relative to the smaller one."""
+"""Largest accepted overlap of two equal links that list shapes, relative to the smaller one."""
 
 DIGITS = 12
 """Number of decimals [m] of the relative poses of parts. Further digits are rounding errors."""

@@ -123,7 +123,7 @@ def _fall(robot: Robot, stands: Support) -> Topple | None:
 
 
 def edges(friction: float) -> Array:
-    """Return the edges (n x 3) of the pyramid inside the cone of a foot on the floor, with 1 along its axis z."""
+    """Return the edges `(n, 3)` of the pyramid inside the cone of a foot on the floor, with 1 along its axis z."""
     if friction == 0.0:
         return np.array([[0.0, 0.0, 1.0]])
     angles = 2.0 * pi * np.arange(EDGES) / EDGES

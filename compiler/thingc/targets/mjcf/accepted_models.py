@@ -153,13 +153,13 @@ def tetrahedron(file: str) -> bytes:
 
 
 def box_bytes(file: str, points: Sequence[Sequence[float]]) -> bytes:
-    """Return the bytes of a mesh file with this name that contains the bounding box of points [n x 3]."""
+    """Return the bytes of a mesh file with this name that is the bounding box of points `(n, 3)`."""
     low, high = (tuple(map(side, zip(*points, strict=True))) for side in (min, max))
     return mesh_bytes(file, [*itertools.product(*zip(low, high, strict=True))], _BOX_SIDES)
 
 
 def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Sequence[int]]) -> bytes:
-    """Return the bytes of a mesh file with this name (OBJ or binary STL), with these corners [n x 3] and triangles [n x 3]."""
+    """Return the bytes of a mesh file with this name (OBJ or binary STL), with these corners `(n, 3)` and triangles `(n, 3)`."""
     if file.endswith(".obj"):
         lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in sides]
         return "\n".join(lines).encode() + b"\n"

@@ -56,9 +56,9 @@ class CentreTest(Model):
     """A component, or a pattern for several; default: the whole robot."""
     in_: ShownMountField | None = Field(default=None, alias="in", description="The frame, a mount; default: the world of the mode.")
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Modes, patterns allowed, or `all`; default: the first."""
+    """Names or patterns of modes, or `all`; default: the first mode."""
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
-    """Poses, patterns allowed, or `all` keyframes of the mode; default: where the mode starts."""
+    """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     within: WithinSpec = Field(examples=[{"x": ["-10 mm", "10 mm"], "y": ["-10 mm", "10 mm"]}])
     """Bounds on its coordinates in that frame."""
 

@@ -38,9 +38,9 @@ class GroundClearanceTest(Model):
     """The robot keeps a distance from a level plane, in poses."""
 
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Modes, patterns allowed, or `all`; default: the first."""
+    """Names or patterns of modes, or `all`; default: the first mode."""
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
-    """Poses, patterns allowed, or `all` keyframes of the mode; default: where the mode starts."""
+    """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     plane: LengthField | None = None
     """Height of the plane (its z) in the world of the mode; default: 0, the floor of the scene."""
     at_least: LengthField

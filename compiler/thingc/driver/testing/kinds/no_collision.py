@@ -40,12 +40,12 @@ class CollisionCode(DiagnosticCode):
 
 
 class AllowSpec(Model):
-    """Two components that may touch, and why."""
+    """Two components that may touch, and the reason."""
 
     pair: Annotated[list[ComponentField], Field(min_length=2, max_length=2)] = Field(examples=[["finger_*", "palm"]])
     """The two components; patterns allowed; a nested assembly means all its components."""
     reason: str = Field(examples=["the gripper closes on its stop"])
-    """Why contact is acceptable, for reviewers of the document."""
+    """The reason why contact is acceptable, for reviewers of the document."""
 
     @model_validator(mode="after")
     def _said(self) -> AllowSpec:
@@ -60,9 +60,9 @@ class NoCollisionTest(Model):
     model_config = ConfigDict(json_schema_extra={"dependentRequired": {"samples": ["joints"]}})
 
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Modes, patterns allowed, or `all`; default: the first."""
+    """Names or patterns of modes, or `all`; default: the first mode."""
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
-    """Poses, patterns allowed, or `all` keyframes of the mode; default: where the mode starts."""
+    """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     joints: dict[JointPattern, Literal["all"] | Annotated[list[JointBoundField], Field(min_length=2, max_length=2)]] = Field(
         default={}, examples=[{"elbow": "all", "yaw": ["-30 deg", "30 deg"]}],
     )

@@ -41,7 +41,7 @@ class PointTest(Model):
     mount: ShownMountField
     """The mount that must reach the point."""
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Modes, patterns allowed, or `all`; default: the first."""
+    """Names or patterns of modes, or `all`; default: the first mode."""
     in_: ShownMountField | None = Field(
         default=None, alias="in", description="The frame of the point, a mount; default: the world of the mode.",
     )

@@ -41,14 +41,14 @@ class SettlesTest(Model):
     """The simulated robot comes to rest when released in a pose with its drives set to that pose."""
 
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Modes, patterns allowed, or `all`; default: the first."""
+    """Names or patterns of modes, or `all`; default: the first mode."""
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
-    """Poses, patterns allowed, or `all` keyframes of the mode; default: where the mode starts."""
+    """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     within: TimeField
     """The time until it must be at rest."""
     for_: TimeField | None = Field(default=None, alias="for", description="How long it must stay at rest; default: 1 s.")
     drift: LengthField
-    """The definition of rest: from then on, no point of a link is further than this from its final position."""
+    """The largest allowed distance of any point of a link from its final position while the robot is at rest."""
     moved: LengthField | None = None
     """The largest allowed distance of any point of a link from the pose at the end; default: unlimited."""
     penetration: LengthField | None = None

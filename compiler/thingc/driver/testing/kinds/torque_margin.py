@@ -42,11 +42,11 @@ class TorqueMarginTest(Model):
     """Drives hold the robot still against gravity, with a margin: their effort limit over the static torque."""
 
     drive: JointNames = Field(examples=["shoulder", ["shoulder", "leg_*"]])
-    """Driven joints, patterns allowed."""
+    """Names or patterns of driven joints."""
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Modes whose base is `fixed` or `held`, patterns allowed, or `all`; default: the first."""
+    """Names or patterns of modes whose base is `fixed` or `held`, or `all`; default: the first mode."""
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
-    """Poses, patterns allowed, or `all` keyframes of the mode; default: where the mode starts."""
+    """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     min: NumberField
     """The smallest allowed margin: 1.5 requires a limit of 1.5 times the needed torque."""
 
