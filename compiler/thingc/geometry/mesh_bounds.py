@@ -71,7 +71,7 @@ def bounded(suffix: str, data: bytes, most: int = MOST) -> None:
     elif suffix == ".obj":
         told = sum(1 for _ in _FACE.finditer(data))
     elif suffix == ".dae":
-        with contextlib.suppress(ElementTree.ParseError, ValueError, LookupError):  # its reader reports these
+        with contextlib.suppress(ElementTree.ParseError, ValueError, LookupError):  # the reader of the file reports these errors
             _unfold_collada(ElementTree.fromstring(data))
     elif suffix in (".glb", ".gltf"):
         told = _told_by_gltf(data if suffix == ".gltf" else data[20 : 20 + int.from_bytes(data[12:16], "little")])

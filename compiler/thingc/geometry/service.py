@@ -258,7 +258,7 @@ class GeometryService:
         if "failure" in value:
             return self._parts.with_namesakes(from_json(value["failure"], self.workspace.root, PartFailure))
         schema = from_json(value["schema"], self.workspace.root, PartSchema)
-        if isinstance(code, CodeIngredients) and code.place is not None:  # comments move lines without a rebuild
+        if isinstance(code, CodeIngredients) and code.place is not None:  # new comments change line numbers without a rebuild
             schema = replace(schema, file=code.place[0], line=code.place[1])
         self._requests.schemas[reference] = schema
         return schema

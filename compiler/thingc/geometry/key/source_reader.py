@@ -127,7 +127,7 @@ def _digest(lines: list[str]) -> str:
 def _word(node: Any) -> tuple[str, Sequence[Any]]:
     """Return the line of text for a node, a list of nodes or a value, and its children in order."""
     if isinstance(node, ast.AST):
-        # fields without a value are left out, since other versions of Python have more fields
+        # fields without a value are omitted, because other versions of Python have more fields
         fields = {
             name: value for name in node._fields
             if name not in _IMPLIED and (value := getattr(node, name, None)) is not None and value != []

@@ -46,7 +46,7 @@ class SharedStore(Store):
     __slots__ = ("_base", "_damaged", "_made", "_sent", "_system", "url")
 
     def __init__(self, url: str, root: str | None = None) -> None:
-        self.url = re.sub(r"://[^/@]*@", "://", url)  # for messages: without a password
+        self.url = re.sub(r"://[^/@]*@", "://", url)  # the URL in messages has no password
         super().__init__(root or os.path.join(cache_root(), "shared", hashlib.sha256(url.encode()).hexdigest()[:12]))
         try:
             import fsspec

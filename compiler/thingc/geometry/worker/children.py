@@ -139,7 +139,7 @@ class Child:
         elif over in ("swarmed", "starved"):
             process_tree.stop(self.process)
             process_tree.end_descendants(self.process)
-            self._kill(signal.SIGABRT)  # makes it write its traceback
+            self._kill(signal.SIGABRT)  # the signal makes the child write its traceback
             self._kill(signal.SIGCONT)
             self._wait()
         left = self._end_processes(others)

@@ -75,7 +75,7 @@ class PartSession:
     def __enter__(self) -> PartSession:
         from thingc.geometry.things import assets
 
-        self._before = os.open(os.curdir, os.O_RDONLY)  # it may have been deleted, and then has no name
+        self._before = os.open(os.curdir, os.O_RDONLY)  # the folder may have been deleted, and then has no name
         os.chdir(self.around.root)
         self.importer.install()
         executed_functions.begin()
@@ -156,7 +156,7 @@ class PartSession:
         from thingc.geometry.things.parameters import ParameterError, SignatureError
 
         if isinstance(fault, MemoryError):
-            raise fault  # memory depends on the machine, so this must not be cached
+            raise fault  # available memory depends on the machine, so this failure must not be cached
         detail: str | None = "".join(traceback.format_exception(fault))
         places = [(one.filename, one.lineno) for one in traceback.extract_tb(fault.__traceback__) if self.is_own(one.filename)]
         if isinstance(fault, SyntaxError) and fault.filename is not None and self.is_own(fault.filename):

@@ -99,7 +99,7 @@ def _load(answers: int) -> bool:
         _answer(answers, {"broken": f"{type(fault).__name__}: {fault}", "detail": traceback.format_exc()})
         return False
     gc.freeze()
-    gc.set_threshold(400_000, 20, 100)  # meshes are many small tuples
+    gc.set_threshold(400_000, 20, 100)  # meshes consist of many small tuples
     gc.enable()
     _answer(answers, {"ready": True})
     return True

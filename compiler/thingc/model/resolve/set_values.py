@@ -77,7 +77,7 @@ def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, val
             context.say_of_option(closest(values, fault.path or ""), fault.message, fault.help)
     if not isinstance(sound, AssemblySpec):
         return document, spec
-    return changed, sound.model_copy(update={"parameters": spec.parameters})  # which cannot be set by path
+    return changed, sound.model_copy(update={"parameters": spec.parameters})  # parameters cannot be set by path
 
 
 def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
