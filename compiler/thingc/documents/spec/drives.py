@@ -36,7 +36,7 @@ class DynamicsSpec(Model):
     armature: ArmatureField | None = None
     """Reflected rotor inertia; default: from the drive."""
     stiffness: StiffnessField | None = None
-    """A spring towards its `rest`: torque or force per turn or length."""
+    """Stiffness of a spring towards its `rest`: torque or force per angle or length."""
     rest: JointValueField | None = Field(default=None, examples=["20 deg"])
     """The rest position of the spring; default: 0."""
 

@@ -53,7 +53,7 @@ def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -
     for path, joint in by_path.items():
         leader, multiplier, offset, mimic = path, 1.0, 0.0, joint.mimic
         met = [path]
-        while mimic is not None and mimic.joint.path in by_path and mimic.joint.path not in met:  # cycles are reported as errors of the document
+        while mimic is not None and mimic.joint.path in by_path and mimic.joint.path not in met:  # cycles are reported elsewhere
             slope, start = mimic.tangent(q[mimic.joint.path])
             offset += multiplier * start
             multiplier *= slope

@@ -80,20 +80,20 @@ def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
 
 
 TURNS = 2.0
-"""Number of turns beyond which hinge limits are suspicious. Joints without limits are `continuous`."""
+"""Threshold for hinge limits, in turns. Joints without limits are `continuous`."""
 FAR = 10.0
-"""Ratio of offsets and travels to the diagonal of the largest part, and of roots to the robot's reach, from which they are suspicious."""
+"""Threshold for offsets and travels relative to the diagonal of the largest part, and for roots relative to the robot's reach."""
 FEATHER, ELEPHANT = 1e-3, 1e4
 """Range of plausible masses of robots [kg]."""
 DRAG = 0.5
-"""Dry friction of a joint relative to the effort of its drive from which it is suspicious. Typical gears have about 0.1."""
+"""Threshold for the dry friction of a joint, relative to the effort of its drive. Typical gears have about 0.1."""
 SLOW = 0.05
-"""Speed of a damped joint, relative to the no-load speed of its drive, below which it is suspicious."""
+"""Threshold for the speed of a damped joint, relative to the no-load speed of its drive. Lower speeds are suspicious."""
 SPREAD, COMPACT = 3.0, 200.0
 """Plausible radii of gyration: at most `SPREAD` times the diagonal of the part, and at least the diagonal divided by `COMPACT`."""
 BURDEN = 10.0
 """Mass of a component without a shape, relative to the mass of the rest of the robot, from which it is suspicious."""
-
+"""Threshold for the mass of a component without a shape, relative to the mass of the rest of the robot."""
 _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 
 

@@ -15,7 +15,7 @@ from thingc.model.resolve.types import AssemblyDefinition, Mode
 WEAK, STRONG = 0.1, 1000.0
 """Range of plausible forces of a magnet, relative to the weight of the robot."""
 LONG_STEP = 10e-3
-"""Time step [s] from which it is suspicious. Contacts in MuJoCo need about a fifth of it."""
+"""Threshold for time steps [s]. Contacts in MuJoCo need about a fifth of it."""
 GRAVITY = 9.81
 """Gravity [m/s^2] for weights, independent of the gravity of a mode."""
 

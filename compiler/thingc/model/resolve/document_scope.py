@@ -136,7 +136,7 @@ class DocumentScope:
 
 
 class DeclaredParameters(FrozenStruct):
-    """Parameters of a document with their own values: the valid values, and the names of invalid parameters."""
+    """Parameters of a document with the values that it specifies: the valid values, and the names of invalid parameters."""
 
     values: Mapping[str, ExpressionValue]
     broken: frozenset[str]

@@ -233,7 +233,7 @@ class _Slicer:
         return _grown(_grown(core, -half), half + self.how.overlap * self.lengths.spacing)
 
     def opening(self, outline: Region, other: Region) -> Region:
-        """Return the part of this layer that another layer does not cover, without hairlines."""
+        """Return the part of this layer that another layer does not cover. Very narrow pieces are removed."""
         return _opened(_without(outline, other), self.lengths.width / 10.0)
 
     def uncovered(self, outline: Region, above: Region, bottom: Region) -> Region:
