@@ -201,7 +201,7 @@ def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
 
 @contextlib.contextmanager
 def cleared(folder: str) -> Iterator[None]:
-    """Delete folders that were set aside in the background, because deleting thousands of variants takes seconds.
+    """Delete in the background the folders that were set aside. Deleting thousands of variants takes seconds.
 
     Leaving the context waits for the deletion. After an exception, the remaining folders are deleted by the next batch.
     """

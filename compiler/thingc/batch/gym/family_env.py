@@ -36,7 +36,7 @@ try:
     from gymnasium.utils import seeding
     from gymnasium.vector import AutoresetMode, VectorEnv
     from gymnasium.vector.utils import batch_space
-except ImportError as fault:  # pragma: no cover - said in words
+except ImportError as fault:  # pragma: no cover - reported with a help text
     raise ImportError("environments need Gymnasium: pip install 'thingc[learning]'") from fault
 
 if TYPE_CHECKING:

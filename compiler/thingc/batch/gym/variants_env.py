@@ -26,7 +26,7 @@ from thingc.batch.run_options import as_names, at_least
 
 try:
     import gymnasium
-except ImportError as fault:  # pragma: no cover - said in words
+except ImportError as fault:  # pragma: no cover - reported with a help text
     raise ImportError("environments need Gymnasium: pip install 'thingc[learning]'") from fault
 
 if TYPE_CHECKING:

@@ -51,7 +51,7 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
     moved = {words.poses[state.name]: pose_words(state.at) or "xyz: 0 0 0" for state in words.robot.poses if state.at is not None}
     place += f", at_in: {{{', '.join(f'{name}: {{{said}}}' for name, said in moved.items())}}}" if moved else ""
     yield f"  {SOURCE_MODE}: {{root: {words.links[words.robot.root]}, base: {words.robot.base}{place}{begin}{more}}}"
-    # if the source moves a fixed base, its pose could be below the floor of a new mode; with collision shapes, thingc computes the height
+    # a new mode holds the robot at another link, so it could be below the floor; with collision shapes, `on: floor` computes the height
     floor = any(shape.use == "collision" for link in words.robot.links for shape in link.shapes)
     taken = [SOURCE_MODE]
     for name in roots:
