@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from thingc.base.suggestions import text_of
 from thingc.base.units import ANGLE, AREA, LENGTH, LENGTH_PER_ANGLE, MASS, NUMBER, Dimension, Quantity, parse_quantity
 from thingc.documents.expressions.evaluation import evaluate
 from thingc.documents.expressions.parsing import parse_expression
@@ -133,7 +134,7 @@ def test_what_is_said(text: str, message: str, kind: str, place: tuple[int, int]
     with pytest.raises(ExpressionError) as caught:
         value(text)
     error = caught.value
-    assert (error.message, error.kind, (error.offset, error.end), error.help) == (message, kind, place, help)
+    assert (str(error.message), error.kind, (error.offset, error.end), text_of(error.help)) == (message, kind, place, help)
 
 
 def test_names_in_order_with_places() -> None:

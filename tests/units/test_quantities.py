@@ -12,6 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from thingc.base.diagnostics import Code, Report
+from thingc.base.source import Span
+from thingc.base.suggestions import Suggestion, text_of
 from thingc.base.units import (
     ACCELERATION,
     ANGLE,
@@ -160,7 +163,7 @@ def test_dimensions_of_products(text: str, dimension: Dimension) -> None:
 def test_what_is_said(text: str, message: str, kind: str, place: tuple[int, int] | None) -> None:
     with pytest.raises(UnitError) as caught:
         parse_quantity(text)
-    assert caught.value.message == message
+    assert str(caught.value.message) == message
     assert caught.value.kind == kind
     assert (caught.value.offset, caught.value.end) == (place or (None, None))
 
@@ -181,8 +184,24 @@ def test_what_is_said(text: str, message: str, kind: str, place: tuple[int, int]
 def test_wrong_dimensions_name_both(text: str, expected: tuple[Dimension, ...], message: str, help: str | None) -> None:
     with pytest.raises(UnitError) as caught:
         checked(parse_quantity(text), expected, text)
-    assert caught.value.message == message
-    assert caught.value.help == help
+    assert str(caught.value.message) == message
+    assert text_of(caught.value.help) == help
+
+
+def test_a_suggestion_has_its_text_and_its_edit() -> None:
+    """Of a unit that can only mean one; they are fields, and the text alone has no edit."""
+    with pytest.raises(UnitError) as caught:
+        parse_quantity("12 mmm")
+    message = caught.value.message
+    assert message == Suggestion("unknown unit `mmm`; did you mean `mm`?", ("mmm", "mm"))
+    assert not isinstance(message, str) and type(str(message)) is str
+    with pytest.raises(AttributeError):
+        message.fix = None  # type: ignore[misc]
+    report = Report()
+    report.add(Code.BAD_UNIT, message, Span(file="a.yaml", line=1, column=4, end_line=1, end_column=10))
+    report.add(Code.BAD_UNIT, str(message), None)
+    assert [[(edit.written, edit.replacement) for edit in one.fixes] for one in report.diagnostics] == [[("mmm", "mm")], []]
+    assert {type(one.message) for one in report.diagnostics} == {str}
 
 
 def test_angle_counts_only_where_there_is_no_mass() -> None:
@@ -241,7 +260,7 @@ def test_a_unit_that_may_be_another_is_not_fixed(written: str) -> None:
 def test_what_is_said_of_vectors(text: str, message: str) -> None:
     with pytest.raises(UnitError) as caught:
         parse_vector(text)
-    assert caught.value.message == message
+    assert str(caught.value.message) == message
 
 
 @pytest.mark.parametrize(("text", "shown"), [

@@ -16,7 +16,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.safe_text import shortened
 from thingc.base.source import Edit, Node, Origin, Span, stands_in
-from thingc.base.suggestions import Suggestion
+from thingc.base.suggestions import Hint, Suggestion, text_of
 
 
 class Severity(str, Enum):
@@ -345,7 +345,7 @@ class Report:
     _known: set[Diagnostic] = field(default_factory=set, repr=False)
 
     def add(
-        self, code: DiagnosticCode, message: str, where: Span | Origin | None, *, help: str | None = None, path: str | None = None,
+        self, code: DiagnosticCode, message: Hint, where: Span | Origin | None, *, help: Hint | None = None, path: str | None = None,
         notes: Iterable[Note] = (), severity: Severity = Severity.ERROR, detail: str | None = None,
     ) -> bool:
         """Add a diagnostic. The location is `where`, or the innermost span of an `Origin`. The other spans of the `Origin` become notes.
@@ -360,8 +360,8 @@ class Report:
             span = where[0] if where else None
             extra.extend(Note(message="included from here", span=outer) for outer in where[1:])
         diagnostic = Diagnostic(
-            code=code, severity=severity, message=message, span=span, path=path, help=help, notes=tuple(extra),
-            detail=detail, fixes=_fixes(span, message, help),
+            code=code, severity=severity, message=str(message), span=span, path=path, help=text_of(help),
+            notes=tuple(extra), detail=detail, fixes=_fixes(span, message, help),
         )
         return self.say(diagnostic)
 
@@ -384,7 +384,7 @@ class Report:
         return bool(covering)
 
     def warn(
-        self, code: DiagnosticCode, message: str, where: Span | Origin | None, *, help: str | None = None, path: str | None = None,
+        self, code: DiagnosticCode, message: Hint, where: Span | Origin | None, *, help: Hint | None = None, path: str | None = None,
         notes: Iterable[Note] = (),
     ) -> bool:
         """Add a warning (see `add`)."""
@@ -446,7 +446,7 @@ MAX_FAULTS = 200
 """Maximum number of faults reported per document or pass."""
 
 
-def _fixes(span: Span | None, *words: str | None) -> tuple[Edit, ...]:
+def _fixes(span: Span | None, *words: Hint | None) -> tuple[Edit, ...]:
     fix = next((hint.fix for hint in words if isinstance(hint, Suggestion) and hint.fix is not None), None)
     return (Edit(span=span, written=fix[0], replacement=fix[1]),) if fix is not None and span is not None else ()
 

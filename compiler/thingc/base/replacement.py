@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.base.filesystem import NO_ROOM, opened, write_whole
+from thingc.base.suggestions import Hint, text_of
 
 Change = tuple[bytes | None, bytes | None]
 """Content of a file as it was read, and its new content. None means that the file does not exist."""
@@ -20,9 +21,9 @@ ATTEMPTS, PAUSE = 200, 0.01
 class ReplacementRefused(Exception):
     """Files were not replaced. `diagnostic` is the reason."""
 
-    def __init__(self, message: str, help: str | None = None) -> None:
+    def __init__(self, message: str, help: Hint | None = None) -> None:
         super().__init__(message)
-        self.diagnostic = Diagnostic(code=Code.OUTPUT, severity=Severity.ERROR, message=message, help=help)
+        self.diagnostic = Diagnostic(code=Code.OUTPUT, severity=Severity.ERROR, message=message, help=text_of(help))
 
 
 def replace_files(changes: Mapping[str, Change]) -> None:

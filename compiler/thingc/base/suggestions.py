@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable
 from itertools import islice
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import quoted
 
 
@@ -33,16 +34,23 @@ def _is_slip(name: str, candidate: str) -> bool:
     return short[2:] == long[2:] and short[:2] == long[1::-1] or (len(name) >= 5 and short[1:] == long[1:])
 
 
-class Suggestion(str):
-    """A hint. If it is unambiguous, `fix` is (written, replacement), which `Report.add` adds to the diagnostic."""
+class Suggestion(FrozenStruct, kw_only=False):
+    """A hint with its text. `fix` is (written, replacement) if it is unambiguous: `Report.add` then adds it to the diagnostic."""
 
-    fix: tuple[str, str] | None
+    text: str
+    fix: tuple[str, str] | None = None
 
-    def __new__(cls, words: str, fix: tuple[str, str] | None = None) -> Suggestion:
-        """Create a hint with the text `words`."""
-        hint = super().__new__(cls, words)
-        hint.fix = fix
-        return hint
+    def __str__(self) -> str:
+        return self.text
+
+
+Hint = str | Suggestion
+"""A message or a help: a text, or a suggestion that may have a fix."""
+
+
+def text_of(hint: Hint | None) -> str | None:
+    """Return the text of a hint, or None."""
+    return None if hint is None else str(hint)
 
 
 MAX_NAME = 100
@@ -86,7 +94,7 @@ def near_hint(name: str, candidates: Iterable[str]) -> Suggestion | None:
     return Suggestion(f"did you mean `{close}`?", (name, close) if closest_name(name, known) == close else None)
 
 
-def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> str:
+def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> Hint:
     """Return a hint for an unknown name that shows the most similar name, or else the known names (at most twelve)."""
     known = sorted(set(candidates))
     close = near_hint(name, known)
@@ -97,7 +105,7 @@ def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -
     return f"known {what}: {quoted(known, 12)}"
 
 
-def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> str:
+def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> Hint:
     """Return a hint as `did_you_mean` does for file names, which are compared without their extensions."""
     by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
     close = nearest(os.path.splitext(name)[0], by_stem)

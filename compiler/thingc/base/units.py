@@ -11,7 +11,7 @@ import re
 from typing import TYPE_CHECKING, Union
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.suggestions import Suggestion, closest_name, nearest
+from thingc.base.suggestions import Hint, Suggestion, closest_name, nearest
 from thingc.base.unit_spellings import SYNONYMS, spellings
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class UnitError(ValueError):
     """
 
     def __init__(
-        self, message: str, *, kind: str = "quantity", help: str | None = None, offset: int | None = None, end: int | None = None,
+        self, message: Hint, *, kind: str = "quantity", help: Hint | None = None, offset: int | None = None, end: int | None = None,
     ) -> None:
         super().__init__(message)
         self.message = message

@@ -8,6 +8,7 @@ from typing import Any
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, Path, ScalarNode, dotted, node_at
+from thingc.base.suggestions import Hint
 from thingc.base.units import NUMBER, Quantity, shortened
 from thingc.batch.values import Paths, as_value, is_whole, of_kind, spaced, spaced_si
 from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, plain, words_of
@@ -75,7 +76,7 @@ class AxisParser:
         if "." in name:
             return self._by_path(name, stated, path)
 
-        def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: Iterable[Note] = ()) -> None:
+        def complain(name: str, code: Code, message: str, *, help: Hint | None = None, notes: Iterable[Note] = ()) -> None:
             key = code is Code.UNKNOWN_PARAMETER
             where = self._key(path) if key else path
             self.report.add(code, message, self.document.span(where, key=key), help=help, notes=notes, path=dotted(where))
@@ -197,5 +198,5 @@ class AxisParser:
             path = path[:-1]
         return path
 
-    def _error(self, code: Code, message: str, path: Path, *, help: str | None = None) -> None:
+    def _error(self, code: Code, message: str, path: Path, *, help: Hint | None = None) -> None:
         self.report.add(code, message, self.document.span(path), help=help, path=dotted(path))

@@ -16,6 +16,7 @@ from typing import Any
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.base.filesystem import BadPath, listing
 from thingc.base.safe_text import quoted
+from thingc.base.suggestions import Hint, text_of
 from thingc.batch import folder_layout
 from thingc.batch.packed_layout import DamagedChunk, complete
 from thingc.driver.output import NOTHING, same_file
@@ -40,9 +41,9 @@ MANY = 2000
 class BatchFault(Exception):
     """Raised if a batch cannot start or continue. `diagnostic` is the reason. Built variants are not deleted."""
 
-    def __init__(self, code: Code, message: str, help: str | None = None, detail: str | None = None) -> None:
+    def __init__(self, code: Code, message: str, help: Hint | None = None, detail: str | None = None) -> None:
         super().__init__(f"{message}: {help}" if help else message)
-        self.diagnostic = Diagnostic(code=code, severity=Severity.ERROR, message=message, help=help, detail=detail)
+        self.diagnostic = Diagnostic(code=code, severity=Severity.ERROR, message=message, help=text_of(help), detail=detail)
 
 
 @contextlib.contextmanager

@@ -41,7 +41,7 @@ class UnknownMount(Exception):
     def __init__(self, text: str, known: Sequence[str]) -> None:
         super().__init__(text)
         message, help = f"there is no mount `{text}`", did_you_mean(text, known, what="mounts")
-        self.diagnostic = Diagnostic(code=Code.RESULT, severity=Severity.ERROR, message=message, help=help)
+        self.diagnostic = Diagnostic(code=Code.RESULT, severity=Severity.ERROR, message=message, help=str(help))
 
 
 def measure(

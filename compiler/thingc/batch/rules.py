@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, Path
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean, text_of
 from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER, Dimension, Quantity
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
 from thingc.documents.expressions.terms import Expression, ExpressionError
@@ -74,7 +74,7 @@ def unkept(
                 help="choose another mode or pose for the results, or remove the rule",
             )
         except ExpressionError as fault:
-            wrong = Diagnostic(code=Code.RULE, severity=Severity.ERROR, message=f"`{rule.text}`: {fault.message}", help=fault.help)
+            wrong = Diagnostic(code=Code.RULE, severity=Severity.ERROR, message=f"`{rule.text}`: {fault.message}", help=text_of(fault.help))
         yield rule, wrong
 
 
@@ -119,7 +119,7 @@ def read_rules(
         names: dict[str, str | None] = {}
         sound = True
         for use in expression.names:
-            help = None
+            help: Hint | None = None
             try:
                 result = meaning(use.name, parameters, lengths)
                 if result != "reach" or reach:
@@ -153,6 +153,6 @@ def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule
     return True
 
 
-def _report(report: Report, document: Document, path: Path, message: str, offset: int, end: int, help: str | None) -> None:
+def _report(report: Report, document: Document, path: Path, message: Hint, offset: int, end: int, help: Hint | None) -> None:
     where = within(document, path, offset, end) or document.span(path)
     report.add(Code.RULE, message, where, help=help, path=f"keep[{path[-1]}]")

@@ -9,7 +9,7 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Note, Report, Severity
 from thingc.base.source import SET, Document, Path, ScalarNode, closest, dotted, node_at
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.base.units import shortened
 from thingc.batch import values
 from thingc.batch.axes import MOST_VALUES, Axis, AxisParser
@@ -457,7 +457,7 @@ class _Planner:
                 digests.setdefault(name, state)
         return dict(sorted(digests.items()))
 
-    def error(self, code: Code, message: str, path: Path, help: str | None = None) -> None:
+    def error(self, code: Code, message: str, path: Path, help: Hint | None = None) -> None:
         """Report an error at a value of the document."""
         self.report.add(code, message, self.document.span(path), help=help, path=dotted(path), severity=Severity.ERROR)
 

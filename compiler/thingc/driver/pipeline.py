@@ -22,7 +22,7 @@ from thingc.base.filesystem import beginning
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.safe_text import shortened
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.driver.environment import Environment, Options
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ _LEADS_TO_PARTS = re.compile(rb"\b(?:part|file|assembly)[\"']?\s*[:=]")
 class UnknownChoice(Exception):
     """An unknown mode, target or program was requested. It is a command line error."""
 
-    def __init__(self, message: str, hint: str) -> None:
+    def __init__(self, message: str, hint: Hint) -> None:
         super().__init__(f"{message}: {hint}")
         self.message = message
         self.hint = hint

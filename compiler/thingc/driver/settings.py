@@ -11,7 +11,7 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.source import SET, Document, MappingNode, Node, entries_of
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
 from thingc.documents.expressions.parsing import parse_expression
@@ -95,7 +95,7 @@ class SettingsReader:
             self._meant[name] = known
         return known
 
-    def _hint(self, name: str) -> str:
+    def _hint(self, name: str) -> Hint:
         """Return a hint for a pattern that matches nothing."""
         if "." not in name:
             return did_you_mean(name, self.parameters, what="parameters")

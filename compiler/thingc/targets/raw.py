@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.types import RawAttribute
 from thingc.model.robot.types import Robot
@@ -39,7 +39,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sd
                 report.add(Code.RAW_UNKNOWN, message, attribute.at_key(key), help=hint, path=attribute.dotted)
 
 
-Fault = tuple[str, str, int]
+Fault = tuple[str, Hint, int]
 """The fault of an attribute: a message, a hint, and the index of its key."""
 
 

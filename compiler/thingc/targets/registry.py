@@ -20,7 +20,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code
 from thingc.base.filesystem import listing
 from thingc.base.safe_text import shortened
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.targets.target import Target
 
 if TYPE_CHECKING:
@@ -35,8 +35,8 @@ GROUP = "thingc.emitters"
 
 def _declared() -> dict[str, Target]:
     """Return the targets of thingc: the folders here whose package has a `TARGET`. No emitter is imported for this."""
-    folders = (entry.name for entry in os.scandir(os.path.dirname(__file__)) if "." not in entry.name)
-    packages = {name: import_module(f"{__package__}.{name}") for name in folders if not name.startswith("_")}
+    folders = (entry for entry in os.scandir(os.path.dirname(__file__)) if os.path.isfile(os.path.join(entry.path, "__init__.py")))
+    packages = {entry.name: import_module(f"{__package__}.{entry.name}") for entry in folders}
     declared: dict[str, Target] = {name: package.TARGET for name, package in packages.items() if hasattr(package, "TARGET")}
     return dict(sorted(declared.items(), key=lambda item: (item[1].position, item[0])))
 
@@ -86,7 +86,7 @@ def targets() -> tuple[str, ...]:
     return (*TARGETS, *sorted(name for name in _installed() if name not in TARGETS))
 
 
-def unknown(words: Sequence[str]) -> tuple[tuple[int, str, str], ...]:
+def unknown(words: Sequence[str]) -> tuple[tuple[int, str, Hint], ...]:
     """Return a message and a hint for each unknown target, with the index of its argument."""
     known = [*targets(), ALL]
     wrong = [(index, word) for index, text in enumerate(words) for word in text.split(",") if word not in ("", *known)]

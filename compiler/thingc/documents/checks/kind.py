@@ -59,7 +59,7 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     position: int
     summary: str
     examples: Sequence[Mapping[str, Any]]
-    stub: Mapping[str, Any]
+    stub: Mapping[str, str | Sequence[str] | Mapping[str, Sequence[str]]]
     page: str
     model: type[Written]
     codes: type[DiagnosticCode]

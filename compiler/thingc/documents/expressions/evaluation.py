@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Union
 
 from thingc.base import numeric
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.base.units import ANGLE, NUMBER, UNITS, Dimension, Quantity, fits, shortened
 from thingc.documents.expressions.terms import CONSTANTS, Binary, Call, Expression, ExpressionError, Literal, NameUse, Term, Unary
 
@@ -52,7 +52,7 @@ class _Evaluator:
         if term.name in CONSTANTS:
             return CONSTANTS[term.name]
         if term.name in UNITS:
-            help = f"a unit must follow a number: `2 {term.name}`"
+            help: Hint = f"a unit must follow a number: `2 {term.name}`"
         else:
             help = did_you_mean(term.name, [*self.names, *CONSTANTS], what="names")
         raise ExpressionError(f"unknown name `{term.name}`", term.offset, term.end, kind="name", help=help)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Union
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.suggestions import Hint
 from thingc.base.units import Quantity, scan_number
 
 
@@ -17,7 +18,7 @@ class ExpressionError(ValueError):
     finite). `offset` and `end` are character positions in the expression's text, including its `=`, if any.
     """
 
-    def __init__(self, message: str, offset: int, end: int, *, kind: str = "expression", help: str | None = None) -> None:
+    def __init__(self, message: Hint, offset: int, end: int, *, kind: str = "expression", help: Hint | None = None) -> None:
         super().__init__(message)
         self.message = message
         self.kind = kind

@@ -10,7 +10,7 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.filesystem import beginning
 from thingc.base.safe_text import escape_control, is_text, unseen
 from thingc.base.source import Span
-from thingc.base.suggestions import file_meant
+from thingc.base.suggestions import Hint, file_meant
 from thingc.base.units import shortened
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def refuse_name(name: str, where: Span | None, report: Report) -> None:
     )
 
 
-def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> str:
+def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> Hint:
     """Return a hint that shows a similar file in the folder, or the existing files."""
     folder = os.path.dirname(path)
     prefix = text[: len(text) - len(os.path.basename(text))]

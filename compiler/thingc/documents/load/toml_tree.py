@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Union
 
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
+from thingc.base.suggestions import Hint
 from thingc.base.units import shortened
 from thingc.documents.load.text import MAX_FAULTS, MAX_LEVELS, MAX_NODES, Source
 
@@ -211,7 +212,7 @@ class _Joiner:
         self.report = report
         self.before = len(report.diagnostics)
 
-    def fault(self, code: Code, message: str, span: Span, help: str | None = None) -> None:
+    def fault(self, code: Code, message: str, span: Span, help: Hint | None = None) -> None:
         """Report an error, unless the maximum number of errors has been reported."""
         if len(self.report.diagnostics) - self.before < MAX_FAULTS:
             self.report.add(code, message, span, help=help)

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Note, Report
 from thingc.base.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
-from thingc.base.suggestions import Suggestion, did_you_mean
+from thingc.base.suggestions import Hint, Suggestion, did_you_mean
 from thingc.base.units import scan_number, shortened
 from thingc.documents.load.text import MAX_ALIAS_NODES, MAX_FAULTS, MAX_LEVELS, MAX_NODES, Source
 from thingc.documents.load.yaml_scalars import core_value
@@ -151,7 +151,7 @@ class _Builder:
     def alias(self, event: Any, level: int) -> Node:
         anchored = self.anchors.get(event.anchor)
         if anchored is None:
-            help = f'a value that starts with `*` needs quotes: `"*{event.anchor}..."`'
+            help: Hint = f'a value that starts with `*` needs quotes: `"*{event.anchor}..."`'
             if self.anchors:
                 help = did_you_mean(event.anchor, self.anchors, what="anchors")
             self.report.add(Code.ALIAS, f"`*{event.anchor}` refers to an unknown anchor", self.span(event), help=help)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pydantic import BaseModel, ConfigDict
 from pydantic_core import PydanticCustomError
 
+from thingc.base.suggestions import Hint
+
 
 class Model(BaseModel):
     """A mapping of a document: unknown keys are errors, values are immutable.
@@ -16,6 +18,6 @@ class Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
-def rule(message: str, help: str = "", key: str | None = None) -> PydanticCustomError:
+def rule(message: str, help: Hint = "", key: str | None = None) -> PydanticCustomError:
     """Return an error for a violated rule of a mapping; `key` is the key that causes it."""
     return PydanticCustomError("rule", "{message}", {"message": message, "help": help, "path": (key,) if key is not None else ()})

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic_core import PydanticCustomError, core_schema
 
-from thingc.base.suggestions import Suggestion, near_hint
+from thingc.base.suggestions import Hint, Suggestion, near_hint
 from thingc.base.units import (
     ACCELERATION,
     ANGLE,
@@ -75,7 +75,7 @@ class FieldValidator:
         return {"pydantic_js_functions": [describe]}
 
 
-def fault(kind: str, message: str, *, help: str | None = None, offset: int | None = None, end: int | None = None) -> PydanticCustomError:
+def fault(kind: str, message: Hint, *, help: Hint | None = None, offset: int | None = None, end: int | None = None) -> PydanticCustomError:
     """Return an error for `spec.validation`. The module docstring describes its fields."""
     context: dict[str, Any] = {"message": message}
     if help:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from pydantic import BaseModel
 
-from thingc.base.suggestions import Suggestion
+from thingc.base.suggestions import Hint, Suggestion
 from thingc.base.units import shortened
 from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, modes, poses, sensors, variants, workspace
 from thingc.documents.spec.annotation_types import model_keys, one_of
@@ -170,7 +170,7 @@ def key_for(model: type[BaseModel], key: str) -> str | None:
     return None
 
 
-def choice_hint(word: str, choices: list[str]) -> str | None:
+def choice_hint(word: str, choices: list[str]) -> Hint | None:
     """Return a hint for a foreign word that is not one of the choices, or None."""
     plain = word.lower().replace("-", "_").replace(" ", "_")
     names = [one for one in WORDS.get(plain, ()) if one in choices]

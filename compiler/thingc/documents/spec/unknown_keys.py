@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, node_at
-from thingc.base.suggestions import Suggestion, closest_name, did_you_mean, near_hint, nearest
+from thingc.base.suggestions import Hint, Suggestion, closest_name, did_you_mean, near_hint, nearest
 from thingc.base.units import shortened
 from thingc.documents.spec.annotation_types import FieldType, alternatives, branch_of, likeness, model_keys, one_of, shape_of
 from thingc.documents.spec.base import Model
@@ -31,6 +31,7 @@ class UnknownKey:
         absent = [key for key in self.known if key not in self.present]
         told = key_for(self.model, self.key) if self.model is not None else None
         self.instead: str | None = None
+        self.help: Hint
         if told is not None:
             self.help = self._called(told)
             return
@@ -41,14 +42,14 @@ class UnknownKey:
         self.instead = nearest(self.key, absent)
         if self.instead is not None:
             self.help = near_hint(self.key, self.known) or ""
-            if self.help != f"did you mean `{self.instead}`?":
+            if str(self.help) != f"did you mean `{self.instead}`?":
                 self.help = f"did you mean `{self.instead}`?"
         elif close := nearest(self.key, self.known):
             self.help = f"`{close}` already exists here"
         else:
             self.help = did_you_mean(self.key, self.known, what="keys")
 
-    def _called(self, told: str) -> str:
+    def _called(self, told: str) -> Hint:
         """Return the help for the intended key `told`, or `told` itself if it is a sentence about what to use instead."""
         if told not in self.known:
             return told

@@ -18,7 +18,7 @@ from pydantic_core import PydanticCustomError, ValidationError
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.source import Document, MappingNode, Path, ScalarNode, Span, node_at
-from thingc.base.suggestions import Suggestion
+from thingc.base.suggestions import Hint, Suggestion
 from thingc.base.units import shortened
 from thingc.documents.spec.annotation_types import FieldType, branch_of, model_keys, shape_of
 from thingc.documents.spec.base import Model
@@ -74,7 +74,7 @@ def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: 
     for path, node in empty.items():
         paths.add(path)
         named = next((f"`{shortened(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
-        help: str = "write a value after the colon, indent the lines that belong to the key, or remove it"
+        help: Hint = "write a value after the colon, indent the lines that belong to the key, or remove it"
         key = document.span(path, key=True)
         behind = document.line(key.end_line)[key.end_column - 1 :]
         comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", behind)

@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 from thingc.base.diagnostics import Code, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, node_at
-from thingc.base.suggestions import Suggestion, near_hint
+from thingc.base.suggestions import Hint, Suggestion, near_hint
 from thingc.base.units import shortened
 from thingc.documents.spec.annotation_types import FieldType, alternatives, model_keys, one_of, spoken
 from thingc.documents.spec.base import Model
@@ -90,7 +90,7 @@ class FaultReporter(FrozenStruct, eq=False):
         else:
             self._wrong_type(fault)
 
-    def _add(self, code: Code, message: str, where: Span, path: Path, help: str | None) -> None:
+    def _add(self, code: Code, message: Hint, where: Span, path: Path, help: Hint | None) -> None:
         self.report.add(code, message, where, help=help or None, path=dotted(path) or None)
 
     def _place(self, path: Path, *, key: bool = False) -> Span:
@@ -155,7 +155,7 @@ class FaultReporter(FrozenStruct, eq=False):
 
     def _wrong_type(self, fault: Fault) -> None:
         shape, value = fault.shape, fault.value
-        help: str | None = _mapping_hint(self.document, fault.path, value, shape) if shape.kind in ("model", "dict", "union") else None
+        help: Hint | None = _mapping_hint(self.document, fault.path, value, shape) if shape.kind in ("model", "dict", "union") else None
         if shape.kind == "text" and isinstance(value, (int, float)):
             node = node_at(self.document.tree, fault.path)
             if isinstance(node, ScalarNode):

@@ -13,7 +13,7 @@ from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Mirror, Pose
 from thingc.base.source import Origin
-from thingc.base.suggestions import closest_name, did_you_mean
+from thingc.base.suggestions import Hint, closest_name, did_you_mean
 from thingc.model.assembly.part_instances import PartInstances
 from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.types import MountAt, MountFrame, PartInstance
@@ -63,7 +63,7 @@ class _Fault(FrozenStruct):
 
     code: Code = Code.INCOMPLETE
     message: str = ""
-    help: str = ""
+    help: Hint = ""
     notes: tuple[Note, ...] = ()
     silent: bool = False
 
@@ -252,7 +252,7 @@ def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> 
     )
 
 
-def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:
+def _mount_help(name: str, mounts: Collection[str], document: Instance) -> Hint:
     """Suggest a fix for an unknown mount.
 
     Suggest the valid indices of a list, the most similar name, the existing mounts, or the only other component with such a mount.

@@ -12,7 +12,7 @@ from thingc.base.memo import Memo
 from thingc.base.one_line_repr import counted
 from thingc.base.pose import NO_POSE, Mirror
 from thingc.base.source import Origin, line_of
-from thingc.base.suggestions import did_you_mean, nearest
+from thingc.base.suggestions import Hint, did_you_mean, nearest
 from thingc.geometry.print_slices import SliceFailure
 from thingc.geometry.record import FailureKind, ImpureInputs, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.model.assembly.hag import FRAME, Definition
@@ -111,8 +111,8 @@ class PartInstances:
             hint = did_you_mean(name, scope.materials, what="materials")
             near = nearest(name, scope.materials)
             if near is None:
-                hint += "; list a document that defines it under `materials:` (`thingc_stock.materials` defines common ones)"
-                hint += ", or set `material:` here"
+                hint = f"{hint}; list a document that defines it under `materials:` (`thingc_stock.materials` defines common ones)"
+                hint = f"{hint}, or set `material:` here"
             notes = list(noted(f"`{near}` is defined here", scope.materials[near].origin)) if near is not None else []
             notes += written_at(f"`{component.label}`", record.code)
             places = {place: other for other, _, _, _, place in reversed(users[1:]) if place[:1] != origin[:1]}
@@ -133,6 +133,7 @@ class PartInstances:
             component, path, origin = users[0]
             if not isinstance(failure, PartFailure) or not isinstance(component.definition, PartDefinition):
                 continue
+            help: Hint
             code, what, help = _FAILED[failure.kind]
             notes = [note for other, _, place in users[1:_SHOWN_PLACES] for note in noted(f"`{other.name}` also uses this part", place)]
             if len(users) > _SHOWN_PLACES:
@@ -261,7 +262,7 @@ class PartInstances:
         elif weighed is None and record is not None and material is None:
             findings.error(
                 Code.NO_MATERIAL, f"`{component.name}` (`{component.label}`) has neither a material nor a mass", origin, path=path, help=(
-                    "add `material:` (" + did_you_mean("", scope.materials, what="materials") + ") or `mass:`" if scope.materials
+                    f"add `material:` ({did_you_mean('', scope.materials, what='materials')}) or `mass:`" if scope.materials
                     else "list a document under `materials:` and set `material:` to one of its materials, or add `mass:`"
                 ),
             )
@@ -420,7 +421,7 @@ class PartInstances:
         return mounts
 
 
-def doubted(help: str | None) -> str:
+def doubted(help: Hint | None) -> str:
     """Return the help for an implausible density."""
     return f"{help}; {allow_hint(Code.DENSITY)}" if help is not None else allow_hint(Code.DENSITY)
 

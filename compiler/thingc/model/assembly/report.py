@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from thingc.base.diagnostics import MAX_FAULTS, Code, Note, Report
 from thingc.base.source import Origin, Span, line_of
+from thingc.base.suggestions import Hint
 
 _Key = tuple[Code, str, Span | None]
 
@@ -26,7 +27,7 @@ class LinkReport:
         self._said: set[_Key] = set()
 
     def error(
-        self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: str | None = None, notes: Iterable[Note] = (),
+        self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: Hint | None = None, notes: Iterable[Note] = (),
         detail: str | None = None,
     ) -> None:
         """Report an error at `origin`, unless it is a duplicate."""
@@ -37,7 +38,7 @@ class LinkReport:
             self.report.add(code, message, origin or None, help=help, path=path, notes=notes, detail=detail)
 
     def warn(
-        self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: str | None = None, notes: Iterable[Note] = (),
+        self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: Hint | None = None, notes: Iterable[Note] = (),
     ) -> bool:
         """Report a warning at `origin`, unless it is a duplicate. Return False if it is suppressed there."""
         key = _key(code, message, origin)

@@ -7,6 +7,7 @@ from functools import partial
 
 from thingc.base.diagnostics import Code, Note
 from thingc.base.source import Path
+from thingc.base.suggestions import Hint
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
 from thingc.geometry.record import PartDefinition
@@ -139,7 +140,7 @@ def _given(context: ResolveRun, node: ComponentScope, relative: str, spec: Assem
         if value is not None:
             values[name] = value
 
-    def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: Iterable[Note] = ()) -> None:
+    def complain(name: str, code: Code, message: str, *, help: Hint | None = None, notes: Iterable[Note] = ()) -> None:
         scope.error(code, message, (*path, name), help=help, notes=notes, key=code is Code.UNKNOWN_PARAMETER)
 
     document = context.documents.by_path[relative]

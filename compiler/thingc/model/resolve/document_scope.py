@@ -13,6 +13,7 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.source import SET, Document, Path
+from thingc.base.suggestions import Hint
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.expressions.terms import Expression
 from thingc.documents.spec.invalid_entries import NO_DOUBTS, InvalidEntries
@@ -253,7 +254,7 @@ class ResolveRun:
         """Convert a path in the current document to a path from the top document."""
         return ".".join((*(f"components.{name}" for name in self.route), path))
 
-    def say_of_option(self, path: str, message: str, help: str | None) -> None:
+    def say_of_option(self, path: str, message: str, help: Hint | None) -> None:
         """Report an error of `--set` at a path in the current document."""
         self.report.add(Code.CHOICE_OPTION, message, None, path=f"{SET}{self.from_top(path)}", help=help)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.graphs import MAX_CIRCLE, circle_words
 from thingc.base.source import Document, Path
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity, shortened
 from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, plain, words_of
 from thingc.documents.expressions.parsing import parse_expression
@@ -296,7 +296,7 @@ def from_command_line(
     """Return the values of `-p NAME=VALUE`, parsed as in the document. Errors include the parameter, but no location."""
     report = context.report
 
-    def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: object = ()) -> None:
+    def complain(name: str, code: Code, message: str, *, help: Hint | None = None, notes: object = ()) -> None:
         del code  # all errors of -p have the same code, because it determines the exit status
         report.add(Code.PARAMETER_OPTION, message, None, help=help, path=f"-p {name}", notes=notes)  # type: ignore[arg-type]
 

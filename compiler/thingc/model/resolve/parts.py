@@ -10,7 +10,7 @@ from thingc.base.diagnostics import MAX_FAULTS, Code, Note
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import quoted
 from thingc.base.source import Path, Span, line_of
-from thingc.base.suggestions import did_you_mean, near_hint, nearest
+from thingc.base.suggestions import Hint, did_you_mean, near_hint, nearest
 from thingc.base.units import NUMBER, Quantity, shortened
 from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, words_of
 from thingc.documents.load.paths import PART_SUFFIXES, named
@@ -188,7 +188,7 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
     if failure.file is not None and failure.line is not None:
         place = line_of(failure.file, failure.line)
         notes.append(Note(message="in the part file, here", span=place))
-    help: str | None = None if failure.kind == "missing" else "fix the part file"
+    help: Hint | None = None if failure.kind == "missing" else "fix the part file"
     message = f"part `{reference}`: {failure.message}"
     if failure.kind == "raised":
         message = f"part `{reference}` cannot be loaded: {failure.message}"
@@ -249,7 +249,7 @@ def _reference_hint(context: ResolveRun, text: str) -> str:
     return "write `module:Class`, for example `arm:BasePlate`"
 
 
-def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> str:
+def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> Hint:
     """Return a hint for an unknown part: the class with the same name in another module, or a similar name in the same module."""
     classes = [one for one in failure.candidates if ":" in one]
     namesakes = [one for one in classes if one.partition(":")[2] == reference.rpartition(":")[2]]
@@ -260,7 +260,7 @@ def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> s
     return _module_hint(context, reference, failure.candidates)
 
 
-def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) -> str:
+def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) -> Hint:
     """Return a hint for an unknown module: a similar name, or the location of modules."""
     module, _, name = reference.partition(":")
     close = near_hint(module, known)

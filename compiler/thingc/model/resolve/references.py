@@ -9,7 +9,7 @@ from itertools import islice
 
 from thingc.base.diagnostics import Code, Note
 from thingc.base.source import Origin, Path, Span
-from thingc.base.suggestions import did_you_mean, nearest
+from thingc.base.suggestions import Hint, did_you_mean, nearest
 from thingc.documents.spec.name_types import RESERVED
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope
 from thingc.model.resolve.scope import Scope
@@ -209,7 +209,7 @@ def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentSco
     return level
 
 
-def suggested(name: str, names: Iterable[str], *, what: str) -> str:
+def suggested(name: str, names: Iterable[str], *, what: str) -> Hint:
     """Return `did_you_mean` for the first names only, because a comparison with 100 000 names takes seconds per error."""
     return did_you_mean(name, islice(names, MAX_SUGGESTED), what=what)
 
@@ -301,7 +301,7 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
     names = [*node.table.exports, ORIGIN, *node.mounts]
     help = suggested(name, names, what="mounts that it exports")
     if nearest(name, names) is None:
-        help += ", or export it there under `mounts:`"
+        help = f"{help}, or export it there under `mounts:`"
     scope.error(
         Code.UNKNOWN_MOUNT, f"{what} exports no mount `{name}`", path, help=help, key=key,
         notes=[*defined(node.table), *_repeated(scope, path, key)],
@@ -328,6 +328,7 @@ def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, ke
     if _unbuilt(table.unbuilt, name):
         return
     notes: list[Note] = []
+    help: Hint
     if name in table.nodes:
         message, help = f"`{name}` is a component, but a mount is required here", f"use one of its mounts, for example `{name}.{ORIGIN}`"
         notes = declared(table.nodes[name])
@@ -340,7 +341,7 @@ def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, ke
         if 0 < len(having) <= 3:
             help = f"did you mean {' or '.join(having)}?"
         elif nearest(name, islice(table.nodes, MAX_SUGGESTED)) is not None:
-            help = f"{help[:-1]}, with one of its mounts after a `.`?"
+            help = f"{str(help)[:-1]}, with one of its mounts after a `.`?"
     scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
 
 
@@ -371,7 +372,7 @@ def _report_component(
     repeated = inner.spec.components.get(name)
     if repeated is not None and repeated.repeat is not None:
         copies = [one for one in inner.nodes.values() if one.path == ("components", name)]
-        help = f"`{name}` is repeated: `{copies[0].name}` to `{copies[-1].name}`" if copies else f"`{name}` is repeated 0 times"
+        help: Hint = f"`{name}` is repeated: `{copies[0].name}` to `{copies[-1].name}`" if copies else f"`{name}` is repeated 0 times"
         scope.error(
             Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path, help=help, key=key,
             notes=[Note(message=f"`{name}` is repeated here", span=inner.scope.span(("components", name, "repeat")))],

@@ -15,6 +15,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Matrix, Pose, Vector, placed, rotation_of
 from thingc.base.primitives import FARTHEST
 from thingc.base.source import Document, Origin, Path, ScalarNode, Span, dotted, node_at, walk
+from thingc.base.suggestions import Hint
 from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shortened
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, kind_of, words_of
 from thingc.documents.expressions.parsing import expression_hint
@@ -75,7 +76,7 @@ class Scope(FrozenStruct):
         return node is not None and any(isinstance(inner, ScalarNode) and str(inner.value).startswith("=") for _, inner in walk(node))
 
     def error(
-        self, code: Code, message: str, path: Path, *, help: str | None = None, notes: Iterable[Note] = (), key: bool = False,
+        self, code: Code, message: Hint, path: Path, *, help: Hint | None = None, notes: Iterable[Note] = (), key: bool = False,
         span: Span | None = None,
     ) -> None:
         """Report an error once, at the value (or `key`) at `path` or a narrower `span`. Skip locations in `doubts`."""
@@ -219,11 +220,11 @@ class Scope(FrozenStruct):
 
 def dimension_message(
     value: ExpressionValue, expected: tuple[Dimension, ...], what: str, written: str | None, names: Collection[str] = (),
-) -> tuple[str, str | None]:
+) -> tuple[str, Hint | None]:
     """Return the message and the help for a value of the wrong dimension. `names` are the names that an expression can use there."""
     wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
     text = shortened((written if written is not None else words_of(value)).strip())
-    help: str | None = expression_hint(value, names) if isinstance(value, str) else None
+    help: Hint | None = expression_hint(value, names) if isinstance(value, str) else None
     if isinstance(value, str) and help is not None and text.startswith("="):
         help = f"`{shortened(value)}` is a string here; an expression begins with `=`: `={shortened(value)}`"
     if isinstance(value, Quantity) and value.dimension == NUMBER and not text.startswith("="):

@@ -188,7 +188,7 @@ class _Reader:
             if not table.unsure_joints():
                 help = suggested(wanted, moving, what="joints")
                 if unnamed and moving:
-                    help += "; set `joint: ...`"
+                    help = f"{help}; set `joint: ...`"
                 scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{wanted}`", place, key=unnamed, help=help)
             return None
         joint = joints[wanted]

@@ -16,7 +16,7 @@ from msgspec import structs
 from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span, closest, entries_of, option_span
-from thingc.base.suggestions import did_you_mean, nearest
+from thingc.base.suggestions import Hint, did_you_mean, nearest
 from thingc.base.units import shortened
 from thingc.documents.load.text import forbidden
 from thingc.documents.load.yaml_scalars import core_value
@@ -39,7 +39,7 @@ class PathNotFound(FrozenStruct, kw_only=False):
     """The reason why a text cannot be set at a path, and a help text."""
 
     message: str
-    help: str | None
+    help: Hint | None
 
 
 def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str]) -> tuple[Document, AssemblySpec]:
@@ -155,7 +155,7 @@ def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Itera
     sections = [name for name, node in document.tree.entries.items() if isinstance(node, MappingNode) and keys[0] in node.entries]
     near = nearest(key, known)
     if depth == 0 and sections:
-        help = f"did you mean `{whole('.'.join((sections[0], *keys)))}`?"
+        help: Hint = f"did you mean `{whole('.'.join((sections[0], *keys)))}`?"
     elif near is not None:
         help = f"did you mean `{whole('.'.join((*keys[:depth], near, *keys[depth + 1:])))}`?"
     else:

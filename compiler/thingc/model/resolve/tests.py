@@ -11,6 +11,7 @@ from thingc.base import numeric
 from thingc.base.diagnostics import Code
 from thingc.base.pose import Vector
 from thingc.base.source import MappingNode, Origin, Path, SequenceNode, node_at, walk
+from thingc.base.suggestions import Hint
 from thingc.base.units import Dimension, Quantity
 from thingc.documents.checks import kinds
 from thingc.documents.spec.tests import TestSpec
@@ -83,7 +84,7 @@ class Reader:
         """Return the origin of a value."""
         return self.scope.origin(self.at(key))
 
-    def error(self, code: Code, message: str, key: Key, *, help: str | None = None, on_key: bool = False) -> None:
+    def error(self, code: Code, message: str, key: Key, *, help: Hint | None = None, on_key: bool = False) -> None:
         """Report an error at a value, or at its key if `on_key`. The test is then omitted."""
         self.sound = False
         self.scope.error(code, message, self.at(key), help=help, key=on_key)

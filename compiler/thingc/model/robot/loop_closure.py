@@ -11,7 +11,7 @@ from thingc.base.joints.kinds import stays
 from thingc.base.memo import Memo
 from thingc.base.numeric import isfinite, pi, radians, sum_of
 from thingc.base.pose import MATE, NO_POSE, Pose
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.model.assembly.kinematics import coordinates, joints_of, on_loops
 from thingc.model.assembly.types import Assembly, LinkedHold, LinkedMode
 from thingc.model.resolve.types import NamedPose
@@ -80,6 +80,7 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Repo
         closed = closing(assembly, taken, joints[one.joint])
         fixed = next((mate for mate in closed if not mate.joints), None)
         notes: list[Note] = []
+        help: Hint
         if fixed is not None:
             why = f"whose loop is already cut at the fixed joint `{fixed.loop}`"
             help = "remove it: a loop that a fixed joint closes is cut at that joint"

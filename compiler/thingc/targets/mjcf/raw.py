@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.raw import IN_ORDER, ORDERED
 from thingc.model.resolve.types import RawAttribute
@@ -86,7 +86,7 @@ def _sort(model: Element, ranks: Mapping[int, int]) -> None:
                 keys.children[number].attributes["ctrl"] = " ".join(controls[place] for place in places)
 
 
-def _shape_fault(attribute: RawAttribute) -> tuple[str, str] | None:
+def _shape_fault(attribute: RawAttribute) -> tuple[str, Hint] | None:
     """Return a message and a hint if the path itself is invalid, else None."""
     path = attribute.path
     kind = path[0] if path else ""

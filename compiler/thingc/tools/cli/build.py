@@ -206,6 +206,6 @@ def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list
     if workspace is None:  # the loader of the document reports errors of the workspace
         return chosen(()), []
     return chosen(workspace.emit), [
-        Diagnostic(code=Code.UNKNOWN_CHOICE, severity=Severity.ERROR, message=message, help=hint, span=workspace.span(("emit", index)))
+        Diagnostic(code=Code.UNKNOWN_CHOICE, severity=Severity.ERROR, message=message, help=str(hint), span=workspace.span(("emit", index)))
         for index, message, hint in unknown(workspace.emit)
     ]

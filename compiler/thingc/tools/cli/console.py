@@ -18,7 +18,7 @@ from thingc.base.filesystem import NO_ROOM, listing, working_folder
 from thingc.base.pose import Matrix, Vector
 from thingc.base.replacement import ReplacementRefused
 from thingc.base.safe_text import escape_control, json_text, shown_line
-from thingc.base.suggestions import did_you_mean, file_meant, nearest
+from thingc.base.suggestions import Hint, did_you_mean, file_meant, nearest, text_of
 from thingc.driver.environment import Options
 
 USAGE = 2
@@ -26,15 +26,15 @@ FINDINGS = ("text", "json", "github", "sarif")
 """Output formats of diagnostics."""
 
 
-def error(message: str, help: str | None, code: Code, detail: str | None = None) -> Diagnostic:
+def error(message: str, help: Hint | None, code: Code, detail: str | None = None) -> Diagnostic:
     """Create an error without a source location."""
-    return Diagnostic(code=code, severity=Severity.ERROR, message=message, help=help, detail=detail)
+    return Diagnostic(code=code, severity=Severity.ERROR, message=message, help=text_of(help), detail=detail)
 
 
 class WrongCommandLine(Exception):
     """Raised for an invalid command line (exit code 2). `diagnostic` is the error to report."""
 
-    def __init__(self, message: str, hint: str | None = None, code: Code = Code.COMMAND_LINE) -> None:
+    def __init__(self, message: str, hint: Hint | None = None, code: Code = Code.COMMAND_LINE) -> None:
         super().__init__(message)
         self.diagnostic = error(message, hint, code)
 
@@ -243,7 +243,7 @@ def require_document(path: str) -> None:
     raise WrongCommandLine(f"there is no document `{path}`", meant, Code.NO_DOCUMENT)
 
 
-def _document_meant(path: str, folder: str, beside: Sequence[str]) -> str:
+def _document_meant(path: str, folder: str, beside: Sequence[str]) -> Hint:
     """Suggest existing documents in place of a missing one.
 
     Prefer a document with a similar name, first in `beside`, then in the rest of the workspace. Otherwise list all documents.

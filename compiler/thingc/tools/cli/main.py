@@ -97,7 +97,8 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     if command is not None and command not in COMMANDS:
         from thingc.base.suggestions import near_hint
 
-        raise WrongUsage(f"there is no command `{command}`", near_hint(command, COMMANDS) or "run `thingc --help` for a list of commands")
+        hint = near_hint(command, COMMANDS) or "run `thingc --help` for a list of commands"
+        raise WrongUsage(f"there is no command `{command}`", str(hint))
     empty = next((word for word in words if re.fullmatch(r"-\w--|--[\w-]+=--", word)), None)
     if empty is not None:  # argparse would return a list
         raise WrongUsage(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")

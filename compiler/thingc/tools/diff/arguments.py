@@ -8,7 +8,7 @@ from typing import Literal
 
 from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.tools.affected.dependents import NotARepository
 from thingc.tools.diff.revisions import DOCUMENTS, LOCK_FILE, Repository, UnknownRevision
 
@@ -20,7 +20,7 @@ CHECKOUT = "working tree"
 class UnknownComparison(Exception):
     """Raised for an argument that is not a valid side. `hint` is an instruction for the user."""
 
-    def __init__(self, message: str, hint: str) -> None:
+    def __init__(self, message: str, hint: Hint) -> None:
         super().__init__(message)
         self.hint = hint
 

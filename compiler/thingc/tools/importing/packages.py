@@ -12,6 +12,7 @@ from urllib.parse import unquote
 
 from thingc.base.diagnostics import shown_path
 from thingc.base.filesystem import beginning
+from thingc.base.suggestions import Hint
 
 MOST_BYTES = 200_000_000
 MANIFEST = "package.xml"
@@ -25,7 +26,7 @@ _NAME_OF = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
 class NotFound(Exception):
     """Raised if a file is missing or must not be read. Contains an error message and a help text."""
 
-    def __init__(self, message: str, help: str | None = None) -> None:
+    def __init__(self, message: str, help: Hint | None = None) -> None:
         super().__init__(message)
         self.help = help
 

@@ -12,6 +12,7 @@ from thingc.base.inertia import MassProperties, symmetric
 from thingc.base.numeric import hypot
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, placed, rotation_of, transpose
 from thingc.base.source import Span
+from thingc.base.suggestions import Hint
 from thingc.tools.importing.document_names import plain_name
 from thingc.tools.importing.source_model import ShapeKind, Sizes, SourceShape
 from thingc.tools.importing.xml_source import Losses, SourceElement
@@ -38,7 +39,7 @@ class Values:
         """Format a value as an example."""
         return f'{key}="{text}"'
 
-    def fault(self, element: SourceElement, attribute: str | None, message: str, help: str | None = None) -> None:
+    def fault(self, element: SourceElement, attribute: str | None, message: str, help: Hint | None = None) -> None:
         """Report an error in an element or one of its attributes."""
         where = element.where if attribute is None else self.place(element, attribute)
         self.report.add(Code.SOURCE_VALUE, message, where, help=help)
