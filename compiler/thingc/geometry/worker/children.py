@@ -29,7 +29,7 @@ from thingc.geometry.worker.scratch import settle
 KEPT = 8192
 """Bytes at the end of a child's standard error that are read."""
 FAREWELL = 1.0
-"""Time [s] that processes started by a child have to end after the child has answered."""
+"""Time [s] that processes started by a child have to end after the child has ended."""
 HELPERS = ("from multiprocessing.resource_tracker import", "from multiprocessing.forkserver import")
 """Texts in the command lines of Python's helper processes, which end with the process that uses them."""
 LAST_WORDS = 3.0

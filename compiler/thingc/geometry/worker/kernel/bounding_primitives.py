@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 BETTER = 0.99
-"""A rotated primitive is used only if its volume is less than this fraction of the best one along the part's axes."""
+"""A primitive along later candidate axes is used only if its volume is less than this fraction of the smallest so far. The axes of the part
+come first."""
 
 
 def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dict[str, Primitive]:
