@@ -15,6 +15,7 @@ from thingc.batch.measurements import Results, UnknownMount, measure
 from thingc.batch.plans import numeric_plan
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
+from thingc.batch.plans.refusals import Refusals
 from thingc.batch.plans.tape import Tape
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, trace_compilation
 from thingc.batch.rules import unkept
@@ -44,8 +45,8 @@ class Evaluation:
     """
 
     def __init__(
-        self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, *, verify: int | None, sites: tuple[str, ...] = (),
-        torques: bool = True,
+        self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, refusals: Refusals, *, verify: int | None,
+        sites: tuple[str, ...] = (), torques: bool = True,
     ) -> None:
         self.session = session
         self.reader = reader
@@ -56,7 +57,8 @@ class Evaluation:
         self.rules = tuple(plan.rules) if plan is not None else ()
         self.values: Any = plan.values if plan is not None else dict
         self.verify = verify
-        self.forms: PlanCaches[ResultsShape] = PlanCaches()
+        self.refusals = refusals
+        self.forms: PlanCaches[ResultsShape] = PlanCaches(is_refused=refusals.applies)
 
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
         """Yield the result for each of the settings, in order."""
@@ -166,7 +168,12 @@ class Evaluation:
             return {}, report, None
 
     def _passed(self, settings: Mapping[str, Any], read: ParsedSettings, tests: bool) -> Evaluated:
+        known = self.refusals.problems(read)
+        if known is not None:
+            return self._judged(settings, read, {}, known)
         results, report, compilation = self._compiled(read)
+        if report.failed and compilation is None:
+            self.refusals.learn(read, tuple(report.ordered()))
         done: tuple[Any, ...] = ()
         if tests and compilation is not None:
             from thingc.driver.testing.test_runner import Selection, run

@@ -21,6 +21,7 @@ from thingc.batch.measurements import SITE, TORQUES
 from thingc.batch.planning import Variant
 from thingc.batch.plans.build_templates import Builds
 from thingc.batch.plans.numeric_plan import PlanCache
+from thingc.batch.plans.refusals import Refusals
 from thingc.batch.results import FamilyError
 from thingc.batch.run_options import at_least, is_whole
 from thingc.batch.values import unit_in
@@ -111,6 +112,7 @@ class RobotFamily:
         self._models: dict[tuple[str, bool, bool], ModelsOfMode] = {}
         self._builds: dict[tuple[str, ...], Builds] = {}
         self._switches: dict[tuple[str, ...], Builds] = {}
+        self._refusals: dict[str, Refusals] = {}
         self._evaluations: dict[tuple[str, tuple[str, ...], bool], Evaluation] = {}
 
     def __enter__(self) -> RobotFamily:
@@ -324,14 +326,22 @@ class RobotFamily:
     def _of(self, mode: str | None, visual: bool, floor: bool = False) -> ModelsOfMode:
         key = (self.mode if mode is None else self._known(mode), visual, floor)
         if key not in self._models:
-            self._models[key] = ModelsOfMode(self._session, self._reader, key[0], visual=visual, floor=floor, verify=self._verify)
+            refusals = self._refusals_of(key[0])
+            self._models[key] = ModelsOfMode(
+                self._session, self._reader, key[0], refusals, visual=visual, floor=floor, verify=self._verify,
+            )
         return self._models[key]
+
+    def _refusals_of(self, mode: str) -> Refusals:
+        if mode not in self._refusals:
+            self._refusals[mode] = Refusals(self._session, self._reader, (mode,), verify=self._verify)
+        return self._refusals[mode]
 
     def _evaluation_of(self, mode: str, sites: tuple[str, ...] = (), *, torques: bool = True) -> Evaluation:
         key = (mode, sites, torques)
         if key not in self._evaluations:
             self._evaluations[key] = Evaluation(
-                self._session, self._reader, mode, self._plan, verify=self._verify, sites=sites, torques=torques,
+                self._session, self._reader, mode, self._plan, self._refusals_of(mode), verify=self._verify, sites=sites, torques=torques,
             )
         return self._evaluations[key]
 

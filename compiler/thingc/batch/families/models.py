@@ -18,6 +18,7 @@ from thingc.batch.mujoco_arrays.equality import different_fields
 from thingc.batch.plans import numeric_plan
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches
 from thingc.batch.plans.part_exchange import Exchange
+from thingc.batch.plans.refusals import Refusals
 from thingc.batch.plans.trace_compilation import TraceResult, trace_compilation, written
 from thingc.driver import pipeline
 from thingc.driver.settings import ParsedSettings, SettingsReader
@@ -45,14 +46,17 @@ class ModelsOfMode:
     For each plan, the first model and then one in `verify` is compared with a compilation (None: the first, second, fourth, eighth ...).
     """
 
-    def __init__(self, session: Session, reader: SettingsReader, mode: str, *, visual: bool, floor: bool, verify: int | None) -> None:
+    def __init__(
+        self, session: Session, reader: SettingsReader, mode: str, refusals: Refusals, *, visual: bool, floor: bool, verify: int | None,
+    ) -> None:
         self.session = session
         self.reader = reader
         self.mode = mode
         self.visual = visual
         self.floor = floor
         self.verify = verify
-        self.forms: PlanCaches[Arrays | ModelTemplate] = PlanCaches()
+        self.refusals = refusals
+        self.forms: PlanCaches[Arrays | ModelTemplate] = PlanCaches(is_refused=refusals.applies)
         self._files: mujoco.MjVfs | None = None
         self._held: dict[str, StoredArtifact] = {}
         self._specs: WeakKeyDictionary[ModelTemplate, RecompiledSpec | None] = WeakKeyDictionary()
@@ -223,8 +227,11 @@ class ModelsOfMode:
         settings, read = item
         known = self._kept.get((read, share)) if read.report is None else None
         if known is None:
-            outcome = self._compiled(read)
+            refused = self.refusals.problems(read)
+            outcome = self._compiled(read) if refused is None else refused
             if isinstance(outcome, tuple):
+                if refused is None:
+                    self.refusals.learn(read, outcome)
                 return NoModel(settings=settings, problems=outcome)
             known = outcome
         self._keep(read, share, known)

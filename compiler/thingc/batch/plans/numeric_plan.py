@@ -149,11 +149,11 @@ class PlanCache(Generic[Made]):
         return len(self.why) < len(read.names) and seen >= self.patience and seen & (seen - 1) == 0
 
     def planned(
-        self, read: ParsedSettings, make: Callable[[], NumericPlan[Made] | None],
+        self, read: ParsedSettings, make: Callable[[], NumericPlan[Made] | None], is_refused: Callable[[ParsedSettings], bool],
     ) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """Return `plan_for`; if there is no plan, make one if it is `worth_it`."""
+        """Return `plan_for`; if there is no plan, and the settings are not known to be refused, make one if it is `worth_it`."""
         known = self.plan_for(read)
-        if known is not None or not self.worth_it(read):
+        if known is not None or is_refused(read) or not self.worth_it(read):
             return known
         plan = make()
         if plan is None:
@@ -173,10 +173,14 @@ class PlanCache(Generic[Made]):
 
 
 class PlanCaches(Generic[Made]):
-    """The caches of plans by names and texts of settings; `patience` is as in `PlanCache`."""
+    """The caches of plans by names and texts of settings; `patience` is as in `PlanCache`.
 
-    def __init__(self, patience: int = 2) -> None:
+    No plan is made for settings that `is_refused` returns True for.
+    """
+
+    def __init__(self, patience: int = 2, is_refused: Callable[[ParsedSettings], bool] = lambda read: False) -> None:
         self._patience = patience
+        self._is_refused = is_refused
         self.kept: dict[Hashable, PlanCache[Made]] = {}
 
     def of(self, read: ParsedSettings) -> PlanCache[Made]:
@@ -196,7 +200,7 @@ class PlanCaches(Generic[Made]):
         if read.report is not None or not read.names:
             return None
         form = self.of(read)
-        return form.planned(read, partial(make, read, form))
+        return form.planned(read, partial(make, read, form), self._is_refused)
 
 
 class TracedResults:
@@ -257,7 +261,7 @@ def _rehearsed(
     """Trace the numbers that `form` does not exclude; None if `form` was changed, and another attempt is necessary."""
     quantities = reader.quantities(read)
     free = {name: quantities[name] for name in read.names if name not in form.why}
-    texts = {**dict(read.texts), **{name: text_of(quantities[name]) for name in read.names if name in form.why}}
+    texts = {**{name: text_of(one) for name, one in quantities.items()}, **dict(read.texts)}  # in the order of `SettingsReader.settings`
     exact = [name for name in free if name in form.modelled]
     near = {name: one if name in exact else _near(one, random.Random(name)) for name, one in free.items()}
     attempt = partial(_attempt, partial(rehearse, exact=exact))

@@ -100,6 +100,14 @@ class TracedParts:
         """The traced numbers of the definitions, in order."""
         return [number for one in self.definitions for number in _numbers_of(one)]
 
+    @property
+    def words(self) -> list[str]:
+        """Texts of records that messages may quote, and that may contain numbers of other parts."""
+        records = self._records.values()
+        found = [one.interface or "" for record in records for one in record.mounts.values()]
+        found += [text for record in records for one in record.expectations for text in (one.label, one.text)]
+        return [text for text in found if any(map(str.isdigit, text))]
+
     def slice(self, definitions: Sequence[PartDefinition], records: Any, slicings: Mapping[str, Collection[Slicing]]) -> Any:
         """See `PartSource`."""
         for one in definitions:

@@ -36,6 +36,8 @@ class Tape:
         self.guards: list[tuple[int, str, tuple[Any, ...], Any]] = []
         self.pinned: list[Traced] = []
         self.writing = False
+        self.reporting = False
+        self.quoted: set[str] = set()  # texts of numbers without slots while reporting
         self.operations: dict[str, Callable[..., Any]] = {}  # of this tape, in addition to those of `base/numeric.py`
         self._known: dict[tuple[str, tuple[Any, ...]], int] = {}
 
@@ -179,10 +181,13 @@ class Traced(Recorded):
         return self.tape.apply("round", (self, digits), round(self.value, digits))
 
     def __repr__(self) -> str:
-        return repr(self.tape.pin(self) if self.tape.writing else self.value)  # labels and messages are not part of files
+        text = repr(self.tape.pin(self) if self.tape.writing else self.value)  # labels and messages are not part of files
+        if self.tape.reporting:
+            self.tape.quoted.add(text)
+        return text
 
     def __format__(self, form: str) -> str:
-        return self.slot(f":{form}") if self.tape.writing else format(self.value, form)
+        return self.slot(f":{form}") if self.tape.writing or self.tape.reporting else format(self.value, form)
 
     def operate(self, name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
         """Record a function as one line, without the decisions in it; a test is recorded as a guard."""

@@ -56,30 +56,34 @@ class TraceResult(FrozenStruct):
 
 def trace_compilation(
     session: Session, modes: Sequence[str], numbers: Mapping[str, Quantity], texts: Mapping[str, str],
-    make: Callable[[Compilation, Tape], Any], exact: Collection[str] = (),
+    make: Callable[[Compilation, Tape], Any], exact: Collection[str] = (), *,
+    refused: bool = False,
 ) -> TraceResult:
-    """Compile modes (none: all) with `numbers` traced and `texts` unchanged, both by parameter or path, and return the result of `make`.
+    """Compile modes (none: all) with `numbers` traced and other `texts` unchanged, both by parameter or path; return the result of `make`.
 
-    Parts may depend on numbers in `exact`. Raises `NotTraceable`.
+    Parts may depend on numbers in `exact`. If `refused`, the compilation may fail, and its diagnostics have slots for numbers. Raises
+    `NotTraceable`.
     """
     tape = Tape()
+    tape.reporting = refused
     parts = TracedParts(session.environment.parts, lambda number: set(_names(tape, list(numbers), number)) <= set(exact))
     environment = copy.copy(session.environment)
     environment.memo = SearchMemo(tape)
     environment.__dict__["parts"] = parts
     traced = {name: Quantity(tape.variable(one.value), one.dimension) for name, one in numbers.items()}  # type: ignore[arg-type]
-    by_path = _ByPath({name: one for name, one in traced.items() if "." in name})
+    changed = {} if refused else {name: one for name, one in traced.items() if "." not in name}  # in the document, which is fewer plans
+    quantities = _Quantities({name: one for name, one in traced.items() if name not in changed})
+    given = {**texts, **{name: text_of(one) for name, one in (traced if refused else numbers).items()}}
     settings = Settings(
-        parameters={name: text for name, text in texts.items() if "." not in name},
-        choices={name: text for name, text in texts.items() if "." in name} | {name: text_of(numbers[name]) for name in by_path},
-        quantities=by_path,
+        parameters={name: text for name, text in given.items() if "." not in name and name not in changed},
+        choices={name: text for name, text in given.items() if "." in name}, quantities=quantities,
     )
-    sources = _with_parameters(session, {name: one for name, one in traced.items() if "." not in name})
+    sources = _with_parameters(session, changed)
     try:
         compilation = pipeline.recompile(environment, sources, settings, modes)
-        if lost := [name for name in by_path if name not in by_path.used]:
+        if lost := [name for name in quantities if name not in quantities.used]:
             raise NotTraceable("it is not used", lost, unused=True)
-        if compilation.report.failed or not compilation.robots:
+        if not refused and (compilation.report.failed or not compilation.robots):
             raise NotTraceable("it is not valid there")
         made = make(compilation, tape)
     except PartDependsOnNumber as fault:
@@ -122,17 +126,17 @@ def _names(tape: Tape, names: Sequence[str], number: Traced) -> list[str]:
     return [names[k] for k in variables_of(tape, number) if k < len(names)]
 
 
-class _ByPath(dict[str, Quantity]):
-    """Traced numbers by path. `used` are the paths that were looked up."""
+class _Quantities(dict[str, Quantity]):
+    """Traced numbers by parameter or path. `used` are those that were looked up."""
 
     def __init__(self, numbers: Mapping[str, Quantity]) -> None:
         super().__init__(numbers)
         self.used: set[str] = set()
 
-    def get(self, path: str, default: Any = None) -> Any:
-        """Look up the number at a path, and record the path in `used`."""
-        self.used.add(path)
-        return super().get(path, default)
+    def get(self, name: str, default: Any = None) -> Any:
+        """Look up a number, and record its name in `used`."""
+        self.used.add(name)
+        return super().get(name, default)
 
 
 def _with_parameters(session: Session, numbers: Mapping[str, Quantity]) -> Sources:

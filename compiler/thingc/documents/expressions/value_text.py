@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from decimal import Decimal
+from typing import Any
 
 from thingc.base import numeric
 from thingc.base.units import FREQUENCY, NUMBER, Quantity, Unit, UnitError, converted, scan_unit
@@ -20,16 +21,21 @@ def text_of(value: ExpressionValue, unit: str = "") -> str:
         return "true" if value else "false"
     if isinstance(value, str):
         return value
-    number = plain(value)
+    number: Any = plain(value)
     if unit and (short := _in_unit(value, unit)) is not None:
         return short
     if value.dimension == NUMBER:
-        return repr(number)
+        return _exact(number)
     if value.dimension == FREQUENCY:
-        return f"{number!r} Hz"
+        return f"{_exact(number)} Hz"
     symbol = value.dimension.symbol
     above, _, below = symbol.partition("/")
-    return f"={number!r} / (1 {below})" if above == "1" else f"{number!r} {symbol}"
+    return f"={_exact(number)} / (1 {below})" if above == "1" else f"{_exact(number)} {symbol}"
+
+
+@numeric.formatter("exact")
+def _exact(number: float) -> str:
+    return repr(number)
 
 
 def _in_unit(quantity: Quantity, unit: str) -> str | None:

@@ -334,7 +334,7 @@ def _as_written(
             complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {bad[1]}", help="remove it")
             continue
         try:
-            value = _parse_parameter(text, table.values.get(name))
+            value = context.quantities.get(name) or _parse_parameter(text, table.values.get(name))
         except (UnitError, ExpressionError) as error:
             complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {error.message}", help=error.help)
             continue

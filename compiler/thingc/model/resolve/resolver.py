@@ -26,7 +26,7 @@ class Settings(FrozenStruct):
     """Settings of one compilation.
 
     `parameters` maps names to texts as for `-p` (`{"reach": "120 mm"}`). `choices` maps dotted paths in the root document to texts
-    (`{"components.foot.part": "feet:Wide"}`). `quantities` replaces the texts of some of these paths by values.
+    (`{"components.foot.part": "feet:Wide"}`). `quantities` replaces some of these texts by values.
     """
 
     parameters: Mapping[str, str] = {}

@@ -1,0 +1,156 @@
+"""Diagnostics of refused settings by plans: a refused compilation is traced up to its diagnostics, whose texts have slots for numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable, Mapping, Sequence
+from math import isfinite
+from typing import Any
+
+from msgspec.structs import replace
+
+from thingc.base.diagnostics import Diagnostic
+from thingc.batch.plans import numeric_plan
+from thingc.batch.plans.build_templates import NumberSlots, TextTemplate
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache
+from thingc.batch.plans.part_exchange import Exchange
+from thingc.batch.plans.tape import Tape
+from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, trace_compilation
+from thingc.driver.pipeline import Compilation
+from thingc.driver.session import Session
+from thingc.driver.settings import ParsedSettings, SettingsReader
+
+CAUSES = 32
+"""Maximum number of causes with plans; the least recently used are dropped."""
+PATIENCE = 4
+"""Number of settings with the same cause to compile before a plan is made, since there may be many causes."""
+CUT = " characters) ..."
+"""Part of a text that was shortened, whose length must not depend on slots."""
+
+Diagnostics = tuple[Diagnostic, ...]
+
+
+class Refusals:
+    """The diagnostics of compilations of the modes that fail, by plans.
+
+    Each cause, which is a list of codes, locations and paths, has its own plans. `verify` is as in `ModelsOfMode`.
+    """
+
+    def __init__(self, session: Session, reader: SettingsReader, modes: Sequence[str], *, verify: int | None) -> None:
+        self._session = session
+        self._reader = reader
+        self._modes = tuple(modes)
+        self._verify = verify
+        self.causes: dict[Hashable, PlanCache[DiagnosticsTemplate]] = {}
+        self._last: tuple[ParsedSettings, Diagnostics | None] | None = None
+
+    def problems(self, read: ParsedSettings) -> Diagnostics | None:
+        """Return the diagnostics of settings if a plan shows that they are refused, otherwise None, which shows nothing."""
+        if read.report is not None or not all(map(isfinite, read.values)):  # a compilation parses no such number
+            return None
+        if self._last is None or self._last[0] is not read:
+            self._last = read, self._problems(read)
+        return self._last[1]
+
+    def applies(self, read: ParsedSettings) -> bool:
+        """Return whether a plan shows that settings are refused."""
+        return self.problems(read) is not None
+
+    def learn(self, read: ParsedSettings, problems: Diagnostics) -> None:
+        """Take note of a compilation that failed; make a plan if its cause occurs again."""
+        if not read.names or read.report is not None:
+            return
+        key = (read.names, read.texts, _cause(problems))
+        form = self.causes.pop(key, None) or PlanCache(PATIENCE)
+        self.causes = dict([*self.causes.items(), (key, form)][-CAUSES:])
+        if form.worth_it(read) and (plan := self._plan(read, problems, form)) is not None:
+            form.plans = [plan, *form.plans[: numeric_plan.MOST - 1]]
+
+    def _problems(self, read: ParsedSettings) -> Diagnostics | None:
+        for key, form in reversed(self.causes.items()):
+            if key[:2] != (read.names, read.texts) or (known := form.plan_for(read)) is None:  # type: ignore[index]
+                continue
+            problems = known[0].made.diagnostics(known[1])
+            if known[0].is_due(self._verify) and problems != self._compiled(read):
+                form.wrong(f"a plan gave different diagnostics for {dict(zip(read.names, read.values))}")
+                return None
+            self.causes[key] = self.causes.pop(key)
+            return problems
+        return None
+
+    def _compiled(self, read: ParsedSettings) -> Diagnostics:
+        report = self._session.compile(self._reader.settings(read), self._modes).report
+        return tuple(report.ordered()) if report.failed else ()
+
+    def _plan(
+        self, read: ParsedSettings, problems: Diagnostics, form: PlanCache[DiagnosticsTemplate],
+    ) -> NumericPlan[DiagnosticsTemplate] | None:
+        """Return a plan that gives the same diagnostics as compilations; None, with the reason in `form`, if there is none."""
+        if self._compiled(read) != problems:  # refused later, by MuJoCo or when it was written
+            form.refused = "it is not refused by a compilation"
+            return None
+
+        def reported(compilation: Compilation, tape: Tape) -> Diagnostics:
+            found = tuple(compilation.report.ordered())
+            if not compilation.report.failed or _cause(found) != _cause(problems):
+                raise NotTraceable("it has other diagnostics there")
+            return found
+
+        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
+            return trace_compilation(self._session, self._modes, numbers, texts, reported, exact, refused=True)
+
+        def exchanged(rehearsal: TraceResult) -> Exchange:
+            assert rehearsal.parts is not None
+            return Exchange(rehearsal.parts, self._session.environment.parts, {})
+
+        def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], DiagnosticsTemplate]:
+            template = DiagnosticsTemplate(rehearsal)
+            return template.numbers.outputs, template
+
+        plan = numeric_plan.make(read, self._reader, attempt, finish, form, exchanged)
+        if plan is None:
+            return None
+        for sample in numeric_plan.samples(read, self._reader, form):
+            outputs = plan.outputs(sample.values)
+            if outputs is not None and plan.made.diagnostics(outputs) != (problems if sample is read else self._compiled(sample)):
+                form.refused = "a plan gave different diagnostics"
+                return None
+        return plan
+
+
+class DiagnosticsTemplate:
+    """Diagnostics with slots for the numbers of `numbers`. Raises `NotTraceable` if they contain other text that depends on numbers."""
+
+    def __init__(self, rehearsal: TraceResult) -> None:
+        self._all: Diagnostics = rehearsal.made
+        texts = [text for one in self._all for text in _texts(one)]
+        fixed = [text for one in self._all for text in (one.detail or "", *(edit.replacement for edit in one.fixes))]
+        plain = [*rehearsal.tape.quoted, *(rehearsal.parts.words if rehearsal.parts is not None else ())]
+        self._templates = {text: TextTemplate(text) for text in texts if "⟦" in text}
+        if any("⟦" in text for text in fixed) or any(CUT in text for text in self._templates):
+            raise NotTraceable("a text of a diagnostic cannot have slots")
+        if any(word in text for word in plain for text in (*texts, *fixed)):
+            raise NotTraceable("a diagnostic quotes a number")
+        self.numbers = NumberSlots(rehearsal.tape, [name for one in self._templates.values() for name in one.slots])
+
+    def diagnostics(self, outputs: Sequence[float]) -> Diagnostics:
+        """Return the diagnostics with these values of the numbers. Equal ones occur once, as in a report."""
+        words = self.numbers.words(outputs)
+        texts = {text: template.fill(words) for text, template in self._templates.items()}
+        return tuple(dict.fromkeys(_filled(one, texts) for one in self._all)) if texts else self._all
+
+
+def _cause(problems: Diagnostics) -> Hashable:
+    return tuple((one.code, one.span, (one.path or "").partition("=")[0], *(note.span for note in one.notes)) for one in problems)
+
+
+def _texts(one: Diagnostic) -> list[str]:
+    return [one.message, one.path or "", one.help or "", *(note.message for note in one.notes)]
+
+
+def _filled(one: Diagnostic, texts: Mapping[str, str]) -> Diagnostic:
+    """Return a diagnostic with the texts in place of those with slots."""
+    if not any(text in texts for text in _texts(one)):
+        return one
+    notes = tuple(replace(note, message=texts.get(note.message, note.message)) for note in one.notes)
+    path, help = (None if text is None else texts.get(text, text) for text in (one.path, one.help))
+    return replace(one, message=texts.get(one.message, one.message), path=path, help=help, notes=notes)
