@@ -129,8 +129,8 @@ class Loops:
     @property
     def outside(self) -> frozenset[str]:
         """The paths of joints that do not move the closures."""
-        inside = {joint.path for body in self._needed for joint in self.bodies[body].joints}
-        inside.update(joint.path for closure in self.closures for joint in closure.joints)
+        moving = (*(self.bodies[body].joints for body in self._needed), *(closure.joints for closure in self.closures))
+        inside = [joint.path for joints in moving for joint in joints]
         moved = {self._moves[path][0] for path in inside if path in self._moves}
         return frozenset(path for path, (leader, _) in self._moves.items() if leader not in moved)
 
@@ -140,11 +140,8 @@ class Loops:
         if not all(c.lower <= q[c.path] <= c.upper for c in self.coordinates if c.path in outside):
             return self
         bodies = [body if k in self._needed else replace(body, X_PL=NO_POSE, joints=()) for k, body in enumerate(self.bodies)]
-        joints = [
-            replace(joint, limit=replace(joint.limit, lower=None, upper=None)) if joint.path in outside else joint
-            for joint in self.joints.values()
-        ]
-        return Loops(bodies, self.closures, joints, self.base)
+        free = {path: replace(joint, limit=replace(joint.limit, lower=None, upper=None)) for path, joint in self.joints.items()}
+        return Loops(bodies, self.closures, [free[path] if path in outside else one for path, one in self.joints.items()], self.base)
 
     def _above(self, body: int | None) -> tuple[int, ...]:
         """Return a body and its ancestors, with the root last. Return an empty tuple for the world."""
