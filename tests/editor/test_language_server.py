@@ -63,7 +63,7 @@ def test_params_offers_the_parameters_of_that_thing_alone(server: LanguageServer
     old = "  bracket: {part: arm:YawPitchBracket}"
     offered = server.complete(ARM, edited(arm, old, f"  {component}:\n    part: arm:RotorBrace\n    params:\n      |"))
     assert sorted(offered) == ["length", "thickness"]
-    assert said(offered["length"]) == "From axis to axis. A length such as `120 mm`, 60 mm to 200 mm; `100 mm` by default."
+    assert said(offered["length"]) == "Distance between the axes. A length such as `120 mm`, 60 mm to 200 mm; `100 mm` by default."
 
 
 def test_a_parameter_offers_its_default_and_the_documents_own_parameters(server: LanguageServer, arm: str) -> None:
@@ -206,7 +206,7 @@ mounts:
 
 def test_a_parameter_shows_unit_range_and_default(server: LanguageServer, arm: str) -> None:
     shown = server.hover(ARM, edited(arm, "params: {length: =reach, thickness", "params: {len|gth: =reach, thickness")).replace("\\", "")
-    assert "From axis to axis. A length such as `120 mm`, 60 mm to 200 mm; `100 mm` by default." in shown
+    assert "Distance between the axes. A length such as `120 mm`, 60 mm to 200 mm; `100 mm` by default." in shown
 
 
 @pytest.mark.parametrize(
