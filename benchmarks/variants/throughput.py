@@ -17,7 +17,8 @@ one process, a session for each of:
 
 They take turns, in rounds, since the speed of a machine varies; the table has the median, the worst and the best, per second of CPU time,
 including the process that models parts, and the ratio of `loaded` and `compiled` to the script. `--scale N` runs `plain` for 10, 100, ... N
-variants, and prints the growth of time and memory.
+variants, and prints the growth of time and memory. `--refused N` only compares the times of N good and N refused settings of families: an
+arm, and a gripper with loops, each by plans and by compilations, with equal diagnostics and results.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from pathlib import Path
 from typing import Any
 
 from thingc.batch.batch import SHARE
+from thingc.batch.families import RobotFamily
 from thingc.batch.mujoco_arrays.text_models import ModelText, TextModels
 from thingc.batch.plans.build_templates import Builds
 from thingc.driver.environment import Options
@@ -246,6 +248,45 @@ def lanes(document: Path, store: str | None, folder: Path, stack: contextlib.Exi
         yield label, lane
 
 
+FAMILIES: dict[str, tuple[str, Callable[[float], dict[str, Any]], Callable[[float], dict[str, Any]]]] = {
+    "arm": (
+        "assemblies/arm.yaml", lambda part: {"joints.elbow.limit.upper": 2.2 + 0.3 * part, "components.bus_board.mass": 0.01 + 0.01 * part},
+        lambda part: {"joints.elbow.limit.upper": 1.2 + 0.3 * part, "components.bus_board.mass": 0.01 + 0.01 * part},
+    ),
+    "gripper": (
+        "gallery/gripper/gripper.yaml", lambda part: {"poses.half.open": 0.4 + 0.2 * part, "joints.open.limit.upper": 0.95 + 0.04 * part},
+        lambda part: {"poses.half.open": 0.4 + 0.2 * part, "joints.open.limit.upper": 0.2 + 0.15 * part},
+    ),
+}
+"""The document, and good and refused settings for a number between 0 and 1."""
+
+
+def refusals(count: int, store: str | None) -> None:
+    """Measure good and refused settings by plans and by compilations, after a warm-up, and print the ratios."""
+    for name, (document, good, bad) in FAMILIES.items():
+        with RobotFamily(ROOT / document, store=store, verify=0) as made:
+            compiled, times = made._evaluation_of(made.mode), {}
+            for kind, draw in (("good", good), ("refused", bad)):
+                many = [draw(index * 0.6180339887498949 % 1.0) for index in range(count + 40)]
+                made.evaluate(many[:40]), [made.model(one) for one in many[:40]]
+                begun = time.process_time()
+                found = [made.evaluate(one) for one in many[40:]]
+                evaluated = time.process_time()
+                models = [made.model(one) for one in many[40:]]
+                modelled = time.process_time()
+                whole = [compiled._compiled(made._reader.read(one)) for one in many[40:]]
+                times[kind] = [1e3 * time / count for time in (evaluated - begun, modelled - evaluated, time.process_time() - modelled)]
+                if [(one.results, list(one.problems)) for one in found] != [(one[0], one[1].ordered()) for one in whole]:
+                    raise SystemExit(f"{name}: plans and compilations differ for {kind} settings")
+                if any(bool(one) is (kind == "refused") for one in models):
+                    raise SystemExit(f"{name}: not all settings are {kind}")
+                evaluate, model, passes = times[kind]
+                print(f"{name}, {kind}: evaluate {evaluate:.3f} ms, model {model:.3f} ms, compilation {passes:.3f} ms")
+            ratios = [refused / accepted for refused, accepted in zip(times["refused"], times["good"], strict=True)]
+            print(f"{name}, refused by good: evaluate {ratios[0]:.2f}, model {ratios[1]:.2f}; compiled by good evaluate "
+                  f"{times['refused'][2] / times['good'][0]:.1f}, by good model {times['refused'][2] / times['good'][1]:.1f}")
+
+
 def scales(largest: int) -> Iterator[int]:
     """Yield 10, 100, ... up to `largest`."""
     count = 10
@@ -261,10 +302,14 @@ def main() -> None:
     parser.add_argument("--models", type=int, default=40, help="variants that model a part each (default: %(default)s)")
     parser.add_argument("--rounds", type=int, default=5, help="how often each takes its turn with a part of them (default: %(default)s)")
     parser.add_argument("--scale", type=int, default=0, help="largest number of variants for growth (default: not measured)")
+    parser.add_argument("--refused", type=int, default=0, metavar="N", help="only compare N good and refused settings")
     parser.add_argument("--store", help="where modelled parts are kept")
     arguments = parser.parse_args()
     if sys.platform == "win32":
         raise SystemExit("this benchmark reads /proc")
+    if arguments.refused:
+        refusals(arguments.refused, arguments.store)
+        return
     with tempfile.TemporaryDirectory(prefix="thingc-throughput-") as name:
         folder = Path(name)
         document = workspace(folder)
