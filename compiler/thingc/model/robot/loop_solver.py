@@ -50,10 +50,7 @@ REACH = 0.5
 """Longest step of a rotation [rad], proportional for slides and bases. The linear model is inaccurate for longer steps."""
 
 TRUST = 0.25
-"""Share of the gain predicted by the linear model below which a step is too long.
-
-Without this check the method may oscillate across a valley.
-"""
+"""Share of the gain predicted by the linear model below which a step is too long. Longer steps may oscillate across a valley."""
 
 ROUNDING = 1e-13
 """Relative gain below which a step counts as having no gain.
