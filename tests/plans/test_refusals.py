@@ -40,6 +40,7 @@ from thingc import Length, Thing
 class Box(Thing):
     def __init__(self, length: Length = 100, width: Length = 60):
         self.length, self.width = length, width
+        assert length < 300
 
     def result(self):
         return Solid(self.length, self.width, 10)
@@ -136,6 +137,13 @@ def test_numbers_that_parts_depend_on(workspace: Path) -> None:
         expected = [compiled(other, one) for one in many]
         assert [family.evaluate(one).problems for one in many] == expected and sum(map(bool, expected)) >= 12
         assert any(form.plans for form in family._refusals_of(family.mode).causes.values())
+
+
+def test_a_part_that_fails_is_not_traced(workspace: Path) -> None:
+    with thingc.family(workspace / "brim.yaml", verify=0) as family:
+        found = [family.evaluate({"wide": 0.5 + k / 10, "deep": 0.09}) for k in range(5)]
+        assert all("TC401" in {problem.code.code for problem in one.problems} for one in found)
+        assert not family._refusals_of(family.mode).causes
 
 
 def template(tape: Tape, *diagnostics: Diagnostic, parts: TracedParts | None = None) -> DiagnosticsTemplate:

@@ -8,7 +8,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Diagnostic
+from thingc.base.diagnostics import Code, Diagnostic, Severity
 from thingc.batch.plans import numeric_plan
 from thingc.batch.plans.build_templates import NumberSlots, TextTemplate
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache
@@ -21,6 +21,8 @@ from thingc.driver.settings import ParsedSettings, SettingsReader
 
 CAUSES = 32
 """Maximum number of causes with plans; the least recently used are dropped."""
+PARTS = frozenset(code for code in Code if code.code.startswith("TC4"))
+"""Diagnostics of single parts."""
 PATIENCE = 4
 """Number of settings with the same cause to compile before a plan is made, since there may be many causes."""
 CUT = " characters) ..."
@@ -56,8 +58,8 @@ class Refusals:
         return self.problems(read) is not None
 
     def learn(self, read: ParsedSettings, problems: Diagnostics) -> None:
-        """Take note of a compilation that failed; make a plan if its cause occurs again."""
-        if not read.names or read.report is not None:
+        """Take note of a compilation that failed; make a plan if its cause occurs again, unless it is a part, which is built every time."""
+        if not read.names or read.report is not None or any(one.code in PARTS and one.severity is Severity.ERROR for one in problems):
             return
         key = (read.names, read.texts, _cause(problems))
         form = self.causes.pop(key, None) or PlanCache(PATIENCE)
