@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # Of two cores: many tests wait for processes that they have started.
 JOBS ?= 3
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk climb bridge-search codesign mutants mutation slips fuzz kills schemas docs site pictures viewer constraints release freeze frozen structure clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb bridge-search codesign mutants mutation slips fuzz kills schemas docs site pictures viewer constraints release freeze frozen structure clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -59,6 +59,9 @@ bench-variants: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/variants/packed.py
 	$(BIN)/python benchmarks/variants/equal.py
 	$(BIN)/python benchmarks/variants/equal.py --layout packed --count 60
+
+gradients: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/variants/gradients.py
 
 bench-viewer: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/viewer/study.py
