@@ -32,7 +32,7 @@ import numpy as np
 
 import thingc
 from thingc.batch.families import FamilyFunction
-from thingc.batch.plans.program import Line, Program, expression, word
+from thingc.batch.plans.program import Operation, Program, expression, word
 from thingc.batch.plans.tape import Ref
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -144,7 +144,7 @@ def error_of(function: FamilyFunction, x: np.ndarray) -> float:
 
 def in_many_digits(program: Program) -> Callable[..., Sequence[Any]]:
     """Return a program that computes its outputs with numbers of mpmath."""
-    lines = {one.target: one for one in program.statements if isinstance(one, Line)}
+    lines = {one.target: one for one in program.statements if isinstance(one, Operation)}
     waiting, needed = [int(one) for one in program.outputs if isinstance(one, Ref)], set()
     while waiting:
         index = waiting.pop()

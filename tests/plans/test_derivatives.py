@@ -15,7 +15,7 @@ from thingc.base.inertia import principal_moments
 from thingc.base.numeric import hypot, maximum, minimum, sin, sqrt
 from thingc.batch.plans import derivatives
 from thingc.batch.plans.derivatives import RULES, NotSmooth, derivative_function
-from thingc.batch.plans.program import Line, program_of
+from thingc.batch.plans.program import Operation, program_of
 from thingc.batch.plans.tape import Tape, Traced
 
 
@@ -56,7 +56,7 @@ def test_every_rule_is_tested() -> None:
     used = set()
     for function, draw, _ in OPERATIONS.values():
         line = program(function(*traced(*draw(random.Random(1))))).statements
-        used |= {one.operation for one in line if isinstance(one, Line)}
+        used |= {one.operation for one in line if isinstance(one, Operation)}
     assert set(RULES) - used == {"negative", "cosine of", "sine of", "round", "rounded"}  # see `negative`, `quarter_exact`, kinks
 
 

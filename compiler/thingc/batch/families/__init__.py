@@ -14,18 +14,28 @@ from thingc.base.exports import exported
 if TYPE_CHECKING:
     from thingc.batch.families.batching import Batched, Batches
     from thingc.batch.families.family import RobotFamily
-    from thingc.batch.families.function import FamilyFunction, Jacobian, NotDifferentiable, Values
+    from thingc.batch.families.function import FamilyFunction, FamilyJacobian, FamilyValues, NotDifferentiable
     from thingc.batch.families.results import Evaluated, Explanation, NoModel
     from thingc.batch.families.search_space import SearchSpace, SpaceDimension
 
 __all__ = [
-    "Batched", "Batches", "Evaluated", "Explanation", "FamilyFunction", "Jacobian", "NoModel", "NotDifferentiable", "RobotFamily",
-    "SearchSpace", "SpaceDimension", "Values",
+    "Batched",
+    "Batches",
+    "Evaluated",
+    "Explanation",
+    "FamilyFunction",
+    "FamilyJacobian",
+    "FamilyValues",
+    "NoModel",
+    "NotDifferentiable",
+    "RobotFamily",
+    "SearchSpace",
+    "SpaceDimension",
 ]
 
 __getattr__ = exported(__name__, {
     "Batched": "batching", "Batches": "batching",
-    "FamilyFunction": "function", "Jacobian": "function", "NotDifferentiable": "function", "Values": "function",
+    "FamilyFunction": "function", "FamilyJacobian": "function", "NotDifferentiable": "function", "FamilyValues": "function",
     "Evaluated": "results", "Explanation": "results", "NoModel": "results", "RobotFamily": "family", "SearchSpace": "search_space",
     "SpaceDimension": "search_space",
 })

@@ -30,7 +30,7 @@ class NotDifferentiable(FamilyError):
     """A result has no derivative at these settings; the message names the result and the reason."""
 
 
-class Values(np.ndarray[Any, np.dtype[np.float64]]):
+class FamilyValues(np.ndarray[Any, np.dtype[np.float64]]):
     """Results as an array, `(m,)` or `(k, m)`, SI units; missing results are NaN.
 
     `ok` is True for settings without errors that have all results: a boolean or `(k,)`. `problems` are the diagnostics of every setting.
@@ -44,7 +44,7 @@ class Values(np.ndarray[Any, np.dtype[np.float64]]):
         self.ok, self.problems = None, ()
 
 
-class Jacobian(np.ndarray[Any, np.dtype[np.float64]]):
+class FamilyJacobian(np.ndarray[Any, np.dtype[np.float64]]):
     """Derivatives `(m, n)` of results by numbers, in SI units.
 
     `error`, `(m, n)`, is 0 for exact derivatives (their rounding error is about 1e-15), otherwise an estimate of the error of a difference
@@ -97,7 +97,7 @@ class FamilyFunction:
     def __repr__(self) -> str:
         return f"FamilyFunction({', '.join(self.names)} -> {', '.join(self.outputs)})"
 
-    def value(self, x: npt.ArrayLike) -> Values:
+    def value(self, x: npt.ArrayLike) -> FamilyValues:
         """Return the outputs for values of the names: `(n,)` to `(m,)`, or `(k, n)` to `(k, m)`.
 
         They have the bits of `RobotFamily.evaluate`. Raises `FamilyError` for another shape.
@@ -110,11 +110,11 @@ class FamilyFunction:
             made[place] = [np.nan if (value := one.results.get(name)) is None else value for name in self.outputs]
             ok[place], problems[place] = one.sound and bool(one.results), one.problems
         ok &= ~np.isnan(made).any(axis=1)
-        values = (made[0] if single else made).view(Values)
+        values = (made[0] if single else made).view(FamilyValues)
         values.ok, values.problems = (bool(ok[0]) if single else ok), tuple(problems)
         return values
 
-    def jacobian(self, x: npt.ArrayLike) -> Jacobian:
+    def jacobian(self, x: npt.ArrayLike) -> FamilyJacobian:
         """Return the derivatives of the outputs by the names, `(m, n)`, at one setting `(n,)`.
 
         Derivatives are exact, unless a part or a decision depends on the name: then they are estimated from settings near it, and their
@@ -137,7 +137,7 @@ class FamilyFunction:
         made[:, traced] = exact
         for place in sorted(set(range(shape[1])) - set(traced)):
             made[:, place], error[:, place] = self._estimated(rows[0], place)
-        jacobian = made.view(Jacobian)
+        jacobian = made.view(FamilyJacobian)
         jacobian.error = error
         return jacobian
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from thingc.base import numeric
-from thingc.batch.plans.program import Argument, Guard, Line, Program
+from thingc.batch.plans.program import Argument, Guard, Operation, Program
 from thingc.batch.plans.tape import OPERATORS, Ref
 
 Floats = npt.NDArray[np.float64]
@@ -64,7 +64,7 @@ def column_function(program: Program) -> ColumnFunction:
 
 def _guards_only(program: Program) -> set[int]:
     """Return the values that depend on principal moments and that only guards need: they need not be exact."""
-    lines = {one.target: one for one in program.statements if isinstance(one, Line)}
+    lines = {one.target: one for one in program.statements if isinstance(one, Operation)}
     waiting, exact = [int(one) for one in program.outputs if isinstance(one, Ref)], set()
     while waiting:
         index = waiting.pop()
@@ -80,14 +80,14 @@ def _guards_only(program: Program) -> set[int]:
 
 
 def _execute(
-    statement: Line | Guard, columns: dict[int, Any], ok: Booleans, near: set[int], functions: Mapping[str, Callable[..., Any]],
+    statement: Operation | Guard, columns: dict[int, Any], ok: Booleans, near: set[int], functions: Mapping[str, Callable[..., Any]],
 ) -> None:
     """Compute a line, or clear the flags of rows that a guard excludes or for which an operation fails.
 
     A guard also excludes rows for which values `near` the exact ones do not decide it.
     """
     arguments = [_value(one, columns) for one in statement.arguments]
-    if isinstance(statement, Line):
+    if isinstance(statement, Operation):
         approximate = statement.operation == MOMENTS and statement.target in near
         columns[statement.target] = _moments(arguments, ok) if approximate else _operation(statement.operation, arguments, ok, functions)
         return

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from thingc.batch.plans.program import NAMES, Argument, Line, Program, expression, function, word
+from thingc.batch.plans.program import NAMES, Argument, Operation, Program, expression, function, word
 from thingc.batch.plans.tape import Ref
 
 Floats = npt.NDArray[np.float64]
@@ -36,7 +36,7 @@ class NotSmooth(Exception):
 
 
 @dataclass(frozen=True)
-class Rule:
+class Partials:
     """The partial derivatives of an operation by its arguments `{0}`, `{1}` ..., with the result `{r}`.
 
     `each` is the partial derivative of operations with any number of arguments by argument `{i}`. The operation has no derivative if
@@ -55,30 +55,30 @@ class Rule:
 
 
 _FLOOR = "-(({0} - {r}) / {1})"
-_STEP = Rule(each="0.0", kink="True", why="rounds it")
-RULES: dict[str, Rule] = {
-    "+": Rule(("1.0", "1.0")), "-": Rule(("1.0", "-1.0")), "*": Rule(("{1}", "{0}")), "/": Rule(("1.0 / {1}", "-{r} / {1}")),
-    "**": Rule(("{1} * {0} ** ({1} - 1)", "{r} * log({0})"), kink="{0} == 0.0 and {1} < 1", why="is a power of 0"),
-    "%": Rule(("1.0", _FLOOR), kink="{r} == 0.0", why="is at a jump of a remainder"),
-    "remainder": Rule(("1.0", _FLOOR), kink="2.0 * abs({r}) == abs({1})", why="is at a jump of a remainder"),
-    "abs": Rule(("copysign(1.0, {0})",), kink="{0} == 0.0", why="is the absolute value of 0", bounded=True),
-    "copysign": Rule(
+_STEP = Partials(each="0.0", kink="True", why="rounds it")
+RULES: dict[str, Partials] = {
+    "+": Partials(("1.0", "1.0")), "-": Partials(("1.0", "-1.0")), "*": Partials(("{1}", "{0}")), "/": Partials(("1.0 / {1}", "-{r} / {1}")),
+    "**": Partials(("{1} * {0} ** ({1} - 1)", "{r} * log({0})"), kink="{0} == 0.0 and {1} < 1", why="is a power of 0"),
+    "%": Partials(("1.0", _FLOOR), kink="{r} == 0.0", why="is at a jump of a remainder"),
+    "remainder": Partials(("1.0", _FLOOR), kink="2.0 * abs({r}) == abs({1})", why="is at a jump of a remainder"),
+    "abs": Partials(("copysign(1.0, {0})",), kink="{0} == 0.0", why="is the absolute value of 0", bounded=True),
+    "copysign": Partials(
         ("copysign(1.0, {0}) * copysign(1.0, {1})", "0.0"), kink="{0} == 0.0 or {1} == 0.0", why="has the sign of 0",
     ),
-    "sqrt": Rule(("0.5 / {r}",), kink="{r} == 0.0", why="is the square root of 0"),
-    "hypot": Rule(each="{i} / {r}", kink="{r} == 0.0", why="is the length of a vector of length 0", bounded=True),
-    "sin": Rule(("cos({0})",)), "cos": Rule(("-sin({0})",)), "tan": Rule(("1.0 + {r} * {r}",)),
-    "asin": Rule(("1.0 / sqrt((1.0 - {0}) * (1.0 + {0}))",), kink="abs({0}) == 1.0", why="is the arc sine of 1 or -1"),
-    "acos": Rule(("-1.0 / sqrt((1.0 - {0}) * (1.0 + {0}))",), kink="abs({0}) == 1.0", why="is the arc cosine of 1 or -1"),
-    "atan": Rule(("1.0 / (1.0 + {0} * {0})",)),
-    "atan2": Rule(
+    "sqrt": Partials(("0.5 / {r}",), kink="{r} == 0.0", why="is the square root of 0"),
+    "hypot": Partials(each="{i} / {r}", kink="{r} == 0.0", why="is the length of a vector of length 0", bounded=True),
+    "sin": Partials(("cos({0})",)), "cos": Partials(("-sin({0})",)), "tan": Partials(("1.0 + {r} * {r}",)),
+    "asin": Partials(("1.0 / sqrt((1.0 - {0}) * (1.0 + {0}))",), kink="abs({0}) == 1.0", why="is the arc sine of 1 or -1"),
+    "acos": Partials(("-1.0 / sqrt((1.0 - {0}) * (1.0 + {0}))",), kink="abs({0}) == 1.0", why="is the arc cosine of 1 or -1"),
+    "atan": Partials(("1.0 / (1.0 + {0} * {0})",)),
+    "atan2": Partials(
         ("{1} / ({0} * {0} + {1} * {1})", "-{0} / ({0} * {0} + {1} * {1})"),
         kink="{0} == 0.0 and {1} <= 0.0", why="is an angle of 180 deg",
     ),
-    "radians": Rule((repr(math.pi / 180.0),)), "degrees": Rule((repr(180.0 / math.pi),)), "_fsum": Rule(each="1.0"),
-    "min": Rule(each="float({i} == {r})", bounded=True), "max": Rule(each="float({i} == {r})", bounded=True),
+    "radians": Partials((repr(math.pi / 180.0),)), "degrees": Partials((repr(180.0 / math.pi),)), "_fsum": Partials(each="1.0"),
+    "min": Partials(each="float({i} == {r})", bounded=True), "max": Partials(each="float({i} == {r})", bounded=True),
     "round": _STEP, "rounded": _STEP,
-    "negative": Rule(("-1.0",)), "item": Rule(("1.0",)), "cosine of": Rule(("-sin({0})",)), "sine of": Rule(("cos({0})",)),
+    "negative": Partials(("-1.0",)), "item": Partials(("1.0",)), "cosine of": Partials(("-sin({0})",)), "sine of": Partials(("cos({0})",)),
 }
 """Rules by operation. `negative` is the minus of one number; `cosine of` and `sine of` are the items of `quarter_exact`."""
 EXTREMES = {"min": "smallest", "max": "greatest"}
@@ -95,9 +95,9 @@ class Step:
     varying: tuple[int, ...]
 
     @cached_property
-    def rule(self) -> Rule:
+    def rule(self) -> Partials:
         """The rule of the operation; operations without one have a kink everywhere."""
-        return RULES.get(self.operation) or Rule(each="0.0", kink="True", why=f"is computed by `{self.operation}`, which has no rule")
+        return RULES.get(self.operation) or Partials(each="0.0", kink="True", why=f"is computed by `{self.operation}`, which has no rule")
 
     def code(self, template: str) -> str:
         """Return a partial derivative or a kink as a Python expression of the values."""
@@ -157,7 +157,7 @@ def _generated(program: Program, steps: Sequence[Step], code: Code | None) -> Ca
     """Return the function that returns outputs and entries of the Jacobian; at a kink, and without `code`, all values by name."""
     text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
     for one in program.statements:
-        text.append(f" v{one.target} = {expression(one.operation, one.arguments)}" if isinstance(one, Line) else
+        text.append(f" v{one.target} = {expression(one.operation, one.arguments)}" if isinstance(one, Operation) else
                     f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None")
     outputs = "".join(f"{word(one)}, " for one in program.outputs)
     kinks = [step.kink for step in steps if step.kink] if code is not None else ["True"]
@@ -262,7 +262,7 @@ def _number(argument: Argument, values: dict[str, float]) -> float:
 
 def _steps_of(program: Program, variables: Sequence[int]) -> list[Step]:
     """Return the operations with derivatives that affect outputs, in order of computation."""
-    made = {one.target: one for one in program.statements if isinstance(one, Line)}
+    made = {one.target: one for one in program.statements if isinstance(one, Operation)}
     varying, steps = set(variables), []
     for line in made.values():
         operation, arguments = line.operation, line.arguments

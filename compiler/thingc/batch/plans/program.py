@@ -21,7 +21,7 @@ NAMES: dict[str, Any] = {"inf": numeric.inf, "nan": numeric.nan, "log": math.log
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class Operation:
     """Computes the value with index `target` from other values and constants."""
 
     target: int
@@ -46,7 +46,7 @@ class Program:
     """
 
     variables: tuple[int, ...]
-    statements: tuple[Line | Guard, ...]
+    statements: tuple[Operation | Guard, ...]
     outputs: tuple[Argument, ...]
     operations: Mapping[str, Callable[..., Any]] = field(default_factory=dict, compare=False)
     """Operations of the tape in addition to those of `base/numeric.py`, by name."""
@@ -58,7 +58,7 @@ class Program:
         """
         text = [f"def run({', '.join(f'v{index}' for index in self.variables)}):"]
         for one in self.statements:
-            if isinstance(one, Line):
+            if isinstance(one, Operation):
                 text.append(f" v{one.target} = {expression(one.operation, one.arguments)}")
             else:
                 text.append(f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None")
@@ -72,13 +72,13 @@ def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
     guards = list(dict.fromkeys((Guard(operation, arguments, outcome), at) for at, operation, arguments, outcome in tape.guards))
     results = tuple(Ref(one.line) if isinstance(one, Traced) else Const(one) for one in outputs)
     needed = lines_needed(tape, [*results, *(argument for one, _ in guards for argument in one.arguments)])
-    statements: dict[Line | Guard, None] = {}
+    statements: dict[Operation | Guard, None] = {}
     waiting = sorted(guards, key=lambda one: -one[1])
     for index, (operation, arguments) in enumerate([*tape.lines, ("end", ())]):
         while waiting and waiting[-1][1] <= index:
             statements[waiting.pop()[0]] = None
         if index in needed and operation != "variable":
-            statements[Line(index, operation, arguments)] = None
+            statements[Operation(index, operation, arguments)] = None
     variables = tuple(index for index, (operation, _) in enumerate(tape.lines) if operation == "variable")
     return Program(variables, tuple(statements), results, dict(tape.operations))
 
