@@ -138,9 +138,7 @@ class BuiltVariant(OneLineRepr):
             raise FamilyError(f"MuJoCo rejects the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
 
     def sources(self, mode: str | None = None, *, scene: bool = False) -> tuple[bytes, dict[str, bytes]]:
-        """Return the text of its model in a mode, and the files that it refers to (meshes of the whole batch). Raises the same errors as
-        `model`.
-        """
+        """Return the text of its model in a mode, and the meshes of the whole batch by file. Raises the same errors as `model`."""
         mode = self.family.chosen(mode)
         robot = f"{self.family.robot}_{mode}.xml"
         text = self._read(robot)
@@ -191,10 +189,9 @@ class BatchResults(Sequence[BuiltVariant]):
         self, folder: str, described: Mapping[str, Any], mode: str | None, robot: str, records: BuildRecords, meshes: _Meshes,
         indices: Sequence[int] | None = None,
     ) -> None:
-        """Use the state of a batch when it was loaded.
+        """Initialise the results. `described` is the content of `batch.json`, `mode` the default mode, `robot` the name of the assembly.
 
-        `described` is the content of `batch.json`, `mode` the default mode, and `robot` the name of the assembly. `indices` selects
-        variants by their index in the plan (default: all built variants).
+        `indices` selects variants by their index in the plan (default: all built variants).
         """
         self.folder = folder
         self.name: str = described["name"]
@@ -285,8 +282,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return cells
 
     def filter(self, where: Where) -> BatchResults:
-        """Return the variants that match `where`. Raises `UnknownVariant` for an unknown column, and `FamilyError` for an invalid filter.
-        """
+        """Return the variants that match `where`. Raises `UnknownVariant` for unknown columns, and `FamilyError` for invalid filters."""
         if isinstance(where, Mapping):
             kept = [True] * len(self)
             for name, wanted in where.items():

@@ -255,10 +255,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
             list(self._pool.map(_run, [episodes[k:: self._threads] for k in range(self._threads)]))
 
     def _begin(self, worlds: Sequence[int], infos: dict[str, Any], wanted: Any) -> None:
-        """Start new episodes. If settings are refused, draw new ones.
-
-        Raises `FamilyError` if the settings `wanted`, or too many successive settings, are refused.
-        """
+        """Start episodes, with redrawn settings if some are refused. Raises `FamilyError` if `wanted` or too many others are refused."""
         refused: NoModel | None = None
         for _ in range(DRAWS if wanted is None else 1):
             drawn = [self._drawn(self._source(k), wanted) for k in worlds]
@@ -409,8 +406,7 @@ class FamilyEnv(gymnasium.Env[Array, Array]):
         self.action_space = world.single_action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start an episode with a random variant, or with `options["variant"]` (an index, or for a variants document also an id or name).
-        """
+        """Start an episode with a random variant, or with `options["variant"]` (see `FamilyVectorEnv.reset`)."""
         observations, infos = self._world.reset(seed=seed, options=known_options(options, ("variant",)))
         self.np_random = self._world.sources[0]
         return observations[0], _first(infos)
@@ -452,9 +448,7 @@ def make_env(
     max_steps: int = 1000, descriptor: Sequence[str] | str = (), pose: str | None = None, noise: float = 0.0, cache: int = CACHED,
     seed: int | None = None,
 ) -> FamilyEnv:
-    """Create a single environment. Its episodes are equal to those of the first world of `make_vec_env`, which describes arguments and
-    errors.
-    """
+    """Create a single environment. Its episodes equal those of the first world of `make_vec_env`, which describes the arguments."""
     return FamilyEnv(make_vec_env(
         family, 1, settings=settings, mode=mode, floor=floor, visual=visual, reward=reward, terminated=terminated, frame_skip=frame_skip,
         max_steps=max_steps, descriptor=descriptor, pose=pose, noise=noise, threads=1, cache=cache,

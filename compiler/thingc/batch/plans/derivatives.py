@@ -57,7 +57,8 @@ class Partials:
 _FLOOR = "-(({0} - {r}) / {1})"
 _STEP = Partials(each="0.0", kink="True", why="rounds it")
 RULES: dict[str, Partials] = {
-    "+": Partials(("1.0", "1.0")), "-": Partials(("1.0", "-1.0")), "*": Partials(("{1}", "{0}")), "/": Partials(("1.0 / {1}", "-{r} / {1}")),
+    "+": Partials(("1.0", "1.0")), "-": Partials(("1.0", "-1.0")), "*": Partials(("{1}", "{0}")),
+    "/": Partials(("1.0 / {1}", "-{r} / {1}")),
     "**": Partials(("{1} * {0} ** ({1} - 1)", "{r} * log({0})"), kink="{0} == 0.0 and {1} < 1", why="is a power of 0"),
     "%": Partials(("1.0", _FLOOR), kink="{r} == 0.0", why="is at a jump of a remainder"),
     "remainder": Partials(("1.0", _FLOOR), kink="2.0 * abs({r}) == abs({1})", why="is at a jump of a remainder"),
