@@ -53,7 +53,7 @@ class UnknownChoice(Exception):
     def __init__(self, message: str, hint: Hint) -> None:
         super().__init__(f"{message}: {hint}")
         self.message = message
-        self.hint = hint
+        self.hint = str(hint)
 
 
 def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ class UnknownComparison(Exception):
 
     def __init__(self, message: str, hint: Hint) -> None:
         super().__init__(message)
-        self.hint = hint
+        self.hint = str(hint)
 
 
 class Side(FrozenStruct):
