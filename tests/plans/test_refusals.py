@@ -16,11 +16,15 @@ from families.documents import EVERYTHING, INERTIA, TOOL
 from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
 from thingc.base.suggestions import Suggestion
 from thingc.batch.families import NoModel
+from thingc.batch.job import Job
+from thingc.batch.planning import Variant
 from thingc.batch.plans.part_exchange import TracedParts
 from thingc.batch.plans.refusals import DiagnosticsTemplate
 from thingc.batch.plans.tape import Tape
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult
+from thingc.batch.runner import Runner
 from thingc.driver import pipeline
+from thingc.model.resolve.resolver import Settings
 
 ROOT = Path(__file__).parents[2]
 BOOM = re.findall("```yaml\n(.*?)```", (ROOT / "docs/learning.md").read_text(), re.DOTALL)[0]
@@ -120,6 +124,29 @@ def test_a_known_cause_is_not_compiled(workspace: Path, monkeypatch: pytest.Monk
             family.evaluate({"length": math.inf})  # which a text of the command line cannot be
 
 
+def test_rows_of_a_batch_are_those_of_a_compilation(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If a choice has a unit, its diagnostics quote it, so they are not by a plan."""
+    job = Job(
+        assembly=str(workspace / "boom.yaml"), folder=None, store=None, part_timeout=None, modes=(), results_mode="standing", pose=None,
+        reach=None, rules=(), rule_names=(), dimensions={}, emit=("mjcf",), verify=0,
+    )
+
+    def task(size: int, **choices: str) -> Variant:
+        return Variant(index=size, id=str(size), name=str(size), parameters={"length": f"{size} mm"}, choices=choices, values={})
+
+    with Runner(job) as runner, Runner(job) as other:
+        for size in range(910, 950, 10):
+            runner.build(task(size))
+        monkeypatch.setattr(runner.session, "compile", None)
+        assert runner._attempt(task(1234)) == other._passed(task(1234)) and runner._attempt(task(1234))["code"] == "TC803"
+        with pytest.raises(TypeError):
+            runner._attempt(task(1235, **{"joints.lift.limit.upper": "80 deg"}))
+        assert runner.builds is not None
+        settings = Settings(parameters={"length": "1240 mm"})
+        monkeypatch.undo()
+        assert runner.builds.made(settings) == ({}, other.builds._passed(settings)[1])  # type: ignore[union-attr]
+
+
 def test_a_wrong_plan_is_not_used_again(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with thingc.family(workspace / "boom.yaml") as family:
         family.evaluate([{"length": 0.9 + k / 10} for k in range(1, 5)])
@@ -147,7 +174,7 @@ def test_a_part_that_fails_is_not_traced(workspace: Path) -> None:
 
 
 def template(tape: Tape, *diagnostics: Diagnostic, parts: TracedParts | None = None) -> DiagnosticsTemplate:
-    return DiagnosticsTemplate(TraceResult(made=diagnostics, tape=tape, names=("a",), parts=parts))
+    return DiagnosticsTemplate(TraceResult(made=(diagnostics, 0), tape=tape, names=("a",), parts=parts))
 
 
 def test_every_text_of_a_diagnostic_has_slots() -> None:

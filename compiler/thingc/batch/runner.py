@@ -99,7 +99,8 @@ class Runner:
         settings = Settings(parameters=task.parameters, choices=task.choices)
         planned = self.builds.planned(settings) if self.builds is not None else None
         if planned is None:
-            return self._passed(task)
+            refused = self.builds.refused(settings) if self.builds is not None else None
+            return self._passed(task) if refused is None else row(task, "refused", **_said(refused[0]), modelled=[], reused=refused[1])
         parts: dict[str, Any] = {"modelled": [], "reused": planned.parts}
         shown = _displayed_results(planned.results)
         verdict = self._judge(task, planned.results)
@@ -114,6 +115,8 @@ class Runner:
         compilation = self.session.compile(Settings(parameters=task.parameters, choices=task.choices), self.job.modes)
         parts: dict[str, Any] = {"modelled": compilation.modelled, "reused": len(compilation.reused)}
         if compilation.report.failed:
+            if self.builds is not None and not compilation.modelled:
+                self.builds.learn(compilation.settings, tuple(compilation.report.ordered()))
             return row(task, "refused", **_said(compilation.report.ordered()), **parts)
         try:
             results = self._measured(compilation)

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
-from thingc.batch.plans.build_templates import NumberSlots, TextTemplate
 from thingc.batch.plans.tape import slot
+from thingc.batch.plans.text_templates import NumberSlots, TextTemplate
 from thingc.batch.plans.trace_compilation import TraceResult
 
 if TYPE_CHECKING:

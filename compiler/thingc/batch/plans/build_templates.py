@@ -1,14 +1,11 @@
-"""Whole builds for many settings: files are written once, with slots for numbers, which are filled for other settings.
-
-`TextTemplate` is a text with slots.
-"""
+"""Whole builds for many settings: files are written once, with slots for numbers, which are filled for other settings."""
 
 from __future__ import annotations
 
 import copy
 import hashlib
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from json.encoder import encode_basestring
 from typing import TYPE_CHECKING, Any, cast
@@ -18,14 +15,15 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
-from thingc.base.numeric import FORMATTERS
 from thingc.base.safe_text import json_text
 from thingc.base.zip_files import MODEL, entries, inflate, zipped
 from thingc.batch.plans import numeric_plan
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
-from thingc.batch.plans.tape import SLOT, Tape, Traced, slot
-from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, trace_compilation
+from thingc.batch.plans.refusals import Refusals
+from thingc.batch.plans.tape import Tape, Traced, slot
+from thingc.batch.plans.text_templates import NumberSlots, TextTemplate
+from thingc.batch.plans.trace_compilation import TraceResult, trace_compilation
 from thingc.driver import pipeline
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
@@ -92,7 +90,8 @@ class Builds:
         self._measured = measured
         self._verify = verify
         self._emit = emit
-        self._forms: PlanCaches[_Template] = PlanCaches(patience or PATIENCE)
+        self._refusals = Refusals(session, reader, modes, verify=verify)
+        self._forms: PlanCaches[_Template] = PlanCaches(patience or PATIENCE, self._refusals.applies)
 
     def planned(self, settings: Settings) -> Build | None:
         """Return the build of settings by a plan; None if there is no plan for them, which says nothing about the settings."""
@@ -112,10 +111,37 @@ class Builds:
             return None
         return made
 
+    def refused(self, settings: Settings) -> tuple[tuple[Diagnostic, ...], int] | None:
+        """Return all diagnostics of settings, and the number of part definitions, if a plan shows that they are refused; otherwise None."""
+        read = self._refusable(settings)
+        problems = None if read is None else self._refusals.problems(read)
+        return None if problems is None else (problems, self._refusals.parts)
+
+    def learn(self, settings: Settings, problems: tuple[Diagnostic, ...]) -> None:
+        """Take note of a compilation that failed, for `refused`."""
+        read = self._refusable(settings)
+        if read is not None:
+            self._refusals.learn(read, problems)
+
+    def _refusable(self, settings: Settings) -> ParsedSettings | None:
+        """Return parsed settings; None if their diagnostics may quote other texts than those of plans, or be in another order."""
+        read = self._reader.read({**settings.parameters, **settings.choices})
+        own = self._reader.settings(read)
+        alike = [*settings.parameters] == [*own.parameters] and [*settings.choices.items()] == [*own.choices.items()]
+        return read if alike else None
+
     def made(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
         """Return the files, by a plan or a compilation (empty if the settings are refused), and all diagnostics."""
         planned = self.planned(settings)
-        return self.passed(settings) if planned is None else (planned.files(), planned.problems)
+        if planned is not None:
+            return planned.files(), planned.problems
+        refused = self.refused(settings)
+        if refused is not None:
+            return {}, refused[0]
+        files, problems = self.passed(settings)
+        if not files:
+            self.learn(settings, problems)
+        return files, problems
 
     def passed(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
         """Compile settings, and all models with MuJoCo; return the files (empty if the settings are refused), and all diagnostics."""
@@ -255,43 +281,3 @@ def _same(planned: Build, whole: Build | None) -> bool:
     """Return whether a plan gives the same build as a compilation."""
     said = ("results", "problems", "losses", "parts")
     return whole is not None and all(getattr(planned, name) == getattr(whole, name) for name in said) and planned.files() == whole.files()
-
-
-class TextTemplate:
-    """A text with slots. `slots` are their distinct names."""
-
-    def __init__(self, text: str) -> None:
-        self._pieces = SLOT.split(text)
-        self.slots = list(dict.fromkeys(self._pieces[1::2]))
-
-    def fill(self, words: Mapping[str, str]) -> str:
-        """Return the text with a word in each slot."""
-        pieces = self._pieces.copy()
-        pieces[1::2] = [words[name] for name in pieces[1::2]]
-        return "".join(pieces)
-
-
-class NumberSlots:
-    """The slots for numbers of a tape.
-
-    `outputs` are these numbers, in the order of `names`. Raises `NotTraceable` for names of other slots.
-    """
-
-    def __init__(self, tape: Tape, names: Iterable[str]) -> None:
-        self.names = list(dict.fromkeys(names))
-        self.outputs: list[Traced] = []
-        self._formatters = []
-        for name in self.names:
-            line, _, form = name.partition(":")
-            if not line.isdecimal() or int(line) >= len(tape.lines) or not (form in FORMATTERS or form.startswith(":")):
-                raise NotTraceable("a string looks like a placeholder of a number")
-            self.outputs.append(Traced(tape, int(line), tape.values[int(line)]))
-            self._formatters.append(FORMATTERS[form] if form in FORMATTERS else partial(_formatted, form[1:]))
-
-    def words(self, values: Sequence[float]) -> dict[str, str]:
-        """Format these values of `outputs`; return the words by slot."""
-        return {name: write(value) for name, write, value in zip(self.names, self._formatters, values, strict=True)}
-
-
-def _formatted(form: str, value: float) -> str:
-    return format(value, form)

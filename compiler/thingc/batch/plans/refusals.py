@@ -10,10 +10,10 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
 from thingc.batch.plans import numeric_plan
-from thingc.batch.plans.build_templates import NumberSlots, TextTemplate
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.tape import Tape
+from thingc.batch.plans.text_templates import NumberSlots, TextTemplate
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, trace_compilation
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
@@ -34,7 +34,8 @@ Diagnostics = tuple[Diagnostic, ...]
 class Refusals:
     """The diagnostics of compilations of the modes that fail, by plans.
 
-    Each cause, which is a list of codes, locations and paths, has its own plans. `verify` is as in `ModelsOfMode`.
+    Each cause, which is a list of codes, locations and paths, has its own plans. `verify` is as in `ModelsOfMode`. `parts` is the number of
+    part definitions of the last refused settings.
     """
 
     def __init__(self, session: Session, reader: SettingsReader, modes: Sequence[str], *, verify: int | None) -> None:
@@ -43,6 +44,7 @@ class Refusals:
         self._modes = tuple(modes)
         self._verify = verify
         self.causes: dict[Hashable, PlanCache[DiagnosticsTemplate]] = {}
+        self.parts = 0
         self._last: tuple[ParsedSettings, Diagnostics | None] | None = None
 
     def problems(self, read: ParsedSettings) -> Diagnostics | None:
@@ -76,6 +78,7 @@ class Refusals:
                 form.wrong(f"a plan gave different diagnostics for {dict(zip(read.names, read.values))}")
                 return None
             self.causes[key] = self.causes.pop(key)
+            self.parts = known[0].made.parts
             return problems
         return None
 
@@ -91,11 +94,11 @@ class Refusals:
             form.refused = "it is not refused by a compilation"
             return None
 
-        def reported(compilation: Compilation, tape: Tape) -> Diagnostics:
+        def reported(compilation: Compilation, tape: Tape) -> tuple[Diagnostics, int]:
             found = tuple(compilation.report.ordered())
             if not compilation.report.failed or _cause(found) != _cause(problems):
                 raise NotTraceable("it has other diagnostics there")
-            return found
+            return found, len(compilation.decisions)
 
         def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
             return trace_compilation(self._session, self._modes, numbers, texts, reported, exact, refused=True)
@@ -120,10 +123,14 @@ class Refusals:
 
 
 class DiagnosticsTemplate:
-    """Diagnostics with slots for the numbers of `numbers`. Raises `NotTraceable` if they contain other text that depends on numbers."""
+    """Diagnostics with slots for the numbers of `numbers`, of a compilation with `parts` part definitions.
+
+    Raises `NotTraceable` if they contain other text that depends on numbers.
+    """
 
     def __init__(self, rehearsal: TraceResult) -> None:
-        self._all: Diagnostics = rehearsal.made
+        self._all: Diagnostics
+        self._all, self.parts = rehearsal.made
         texts = [text for one in self._all for text in _texts(one)]
         fixed = [text for one in self._all for text in (one.detail or "", *(edit.replacement for edit in one.fixes))]
         plain = [*rehearsal.tape.quoted, *(rehearsal.parts.words if rehearsal.parts is not None else ())]

@@ -1,0 +1,50 @@
+"""Texts with slots for numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+
+from thingc.base.numeric import FORMATTERS
+from thingc.batch.plans.tape import SLOT, Tape, Traced
+from thingc.batch.plans.trace_compilation import NotTraceable
+
+
+class TextTemplate:
+    """A text with slots. `slots` are their distinct names."""
+
+    def __init__(self, text: str) -> None:
+        self._pieces = SLOT.split(text)
+        self.slots = list(dict.fromkeys(self._pieces[1::2]))
+
+    def fill(self, words: Mapping[str, str]) -> str:
+        """Return the text with a word in each slot."""
+        pieces = self._pieces.copy()
+        pieces[1::2] = [words[name] for name in pieces[1::2]]
+        return "".join(pieces)
+
+
+class NumberSlots:
+    """The slots for numbers of a tape.
+
+    `outputs` are these numbers, in the order of `names`. Raises `NotTraceable` for names of other slots.
+    """
+
+    def __init__(self, tape: Tape, names: Iterable[str]) -> None:
+        self.names = list(dict.fromkeys(names))
+        self.outputs: list[Traced] = []
+        self._formatters = []
+        for name in self.names:
+            line, _, form = name.partition(":")
+            if not line.isdecimal() or int(line) >= len(tape.lines) or not (form in FORMATTERS or form.startswith(":")):
+                raise NotTraceable("a string looks like a placeholder of a number")
+            self.outputs.append(Traced(tape, int(line), tape.values[int(line)]))
+            self._formatters.append(FORMATTERS[form] if form in FORMATTERS else partial(_formatted, form[1:]))
+
+    def words(self, values: Sequence[float]) -> dict[str, str]:
+        """Format these values of `outputs`; return the words by slot."""
+        return {name: write(value) for name, write, value in zip(self.names, self._formatters, values, strict=True)}
+
+
+def _formatted(form: str, value: float) -> str:
+    return format(value, form)
