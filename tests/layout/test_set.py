@@ -208,6 +208,11 @@ def test_values_are_written_and_said(here: Path, capsys: pytest.CaptureFixture[s
         assert ((here / "arm.yaml").read_text() != before) is written
 
 
+def test_a_mapping_on_one_line_is_said_as_it_was_written(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["set", "arm.yaml", "components.base.mounts.top={xyz: 0 0 20 mm}"]) == 0
+    assert capsys.readouterr().out == "components.base.mounts.top: {xyz: [0, 0, =reach]} -> {xyz: 0 0 20 mm}\n"
+
+
 def test_a_mapping_and_a_list_are_set_as_a_whole(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["joints.lift.dynamics={damping: 0.1 N*m*s/rad, friction: '0.2 N*m'}", "joints.lift.limit={lower: -1 rad, upper: 90 deg}"]
     assert main(["set", "arm.yaml", *words, "components.base.mounts.top.xyz=[0, 0, =reach / 2]"]) == 0

@@ -254,4 +254,13 @@ def changes(document: Document, values: Mapping[Keys, str]) -> Iterator[tuple[st
     """Yield each path with its previous (None if there was none) and its new text."""
     for keys, value in values.items():
         node = node_at(document.tree, keys)
-        yield ".".join(keys), node.text if isinstance(node, ScalarNode) else None if node is None else "...", value
+        yield ".".join(keys), None if node is None else _as_written(document, node), value
+
+
+def _as_written(document: Document, node: Node) -> str:
+    """Return the text of a scalar, or of a short mapping or list on one line; else `...`."""
+    if isinstance(node, ScalarNode):
+        return node.text
+    start, end = Source(document.path, document.text).range(node.span)
+    text = document.text[start:end]
+    return text if text[:1] in ("{", "[") and len(text) <= 80 and "\n" not in text else "..."

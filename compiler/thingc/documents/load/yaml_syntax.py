@@ -74,7 +74,7 @@ def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault 
     if "mapping values are not allowed" in problem:
         return SyntaxFault(
             message="a second `:` in one value", start=at, end=at + 1,
-            help="a string with `: ` in it needs quotes; a nested mapping starts on its own line",
+            help="a string with `: ` in it needs quotes; a nested mapping starts on its own line, after a key with `:`",
         )
     if "could not find expected ':'" in problem:
         line = source.line_at(began)
