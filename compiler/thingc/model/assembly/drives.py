@@ -1,4 +1,4 @@
-"""Joint edges of the mate graph, including the values provided by their drives."""
+"""Joint edges of the mate graph, including the values that the drives of the joints provide."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`driv
 
 
 def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
-    """Return the joint edge with values from the document only, without the values of its drive."""
+    """Return the joint edge with only the values from the document, without the values of its drive."""
     mimic = None if joint.mimic is None else replace(joint.mimic, joint=_named(instance, joint.mimic.joint))
     return JointEdge(
         name=_named(instance, joint.name), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
@@ -29,7 +29,7 @@ def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
 
 
 def _named(instance: Instance, name: CoordinateName) -> CoordinateName:
-    """Return the name in the top document of a coordinate of the document at `instance`."""
+    """Convert the name of a coordinate in the document of `instance` to its name in the top document."""
     return CoordinateName(f"{instance.path.replace('/', '.')}.{name}") if instance.path else name
 
 
@@ -78,7 +78,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
 def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: Drive, findings: LinkReport) -> Drive | None:
     """Complete a drive with the values of its Thing's actuator. Inline values take precedence.
 
-    Return None if the drive is invalid or the part is not exact.
+    Return None if the drive is invalid or the properties of the part are not known exactly.
     """
     if drive.component is None:
         return drive
@@ -96,7 +96,7 @@ def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: D
 
 
 def _drive_notes(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
-    """Return a note with the location of a drive's Thing. The result is empty for an inline drive."""
+    """Return a note with the location of a drive's Thing, or no notes for an inline drive."""
     named = tree.component(instance, drive.component) if drive.component is not None else None
     if named is None or named.part is None or named.part.record is None:
         return ()

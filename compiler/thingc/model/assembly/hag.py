@@ -75,7 +75,7 @@ class Hag(OneLineRepr, FrozenStruct):
 
 
 FRAME = Definition(text="frame", label="frame", reference="frame", kind="frame")
-"""The shared definition of all components without geometry."""
+"""The node that all components without geometry share."""
 
 
 def hag_of(model: AssemblyDefinition) -> Hag:
@@ -111,7 +111,7 @@ class _Names:
     """Nodes by definition.
 
     Edges refer to definitions by text. If two definitions have the same text (two documents, or an assembly and a frame), the reference is
-    appended in brackets to the later one.
+    appended in brackets to the text of the later definition.
     """
 
     def __init__(self) -> None:

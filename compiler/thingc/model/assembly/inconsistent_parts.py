@@ -13,7 +13,7 @@ from thingc.model.assembly.report import written_at
 from thingc.model.assembly.types import Assembly
 
 OTHER_SEED = 1
-"""Hash seed of the second run. It is fixed, so that a part that depends on the seed is always detected."""
+"""Hash seed of the second run. The seed is fixed, so that a part that depends on the seed is always detected."""
 
 _HELP = (
     "sort what comes from a set: `sorted(names)`; seed generators; make a parameter of what the clock, the environment or another "
@@ -48,13 +48,13 @@ def _text(value: Any, digits: int) -> str:
 
 
 class _Field(FrozenStruct, kw_only=False):
-    """Display name and formatter of a field of a record. Without `show`, differences are reported without values."""
+    """Display name and formatter of a field of a record. If `show` is None, messages about the field do not include values."""
 
     name: str
     show: Show | None = None
 
     def difference(self, first: Any, second: Any) -> RecordDifference | None:
-        """Describe how two values differ, including their order. Return None if they are equal."""
+        """Describe how two values differ, including differences in the order of items. Return None if they are equal."""
         if isinstance(first, DeclaredValue) and isinstance(second, DeclaredValue) and first.source == second.source:
             first, second = first.value, second.value
         if isinstance(first, Mapping):
@@ -104,7 +104,7 @@ The B-rep contains numerical noise of the kernel (see `build_part.DECIMALS`).
 
 
 def differences(first: PartRecord, second: PartRecord) -> list[RecordDifference]:
-    """Return all differences of two records (compared exactly), most informative first."""
+    """Compare two records exactly and return all differences, most informative first."""
     compared = (field.difference(getattr(first, name), getattr(second, name)) for name, field in FIELDS.items())
     return [difference for difference in compared if difference is not None]
 
@@ -116,7 +116,7 @@ def definitions_of(assembly: Assembly) -> tuple[PartDefinition, ...]:
 
 
 def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], report: Report) -> None:
-    """Report each part whose record in the assembly differs from its record in `again` (by text), at its first occurrence."""
+    """Compare the records of parts with the records in `again` (by text), and report each difference at the part's first occurrence."""
     waiting = dict(again)
     for occurrence in assembly.occurrences:
         second = waiting.pop(occurrence.definition.text, None)

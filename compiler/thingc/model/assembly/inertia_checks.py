@@ -92,7 +92,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
 
 
 def _light(mass: float, least: float) -> str | None:
-    """Describe why the mass or smallest principal moment [kg m^2] of a moving link is too small for MuJoCo. Return None if it is not."""
+    """Describe why MuJoCo would reject the small mass or principal moment [kg m^2] of a moving link. Return None for accepted values."""
     if mass <= LEAST_MASS:
         return f"its mass is {mass_words(mass)}, but must be more than {mass_words(LEAST_MASS)}"
     if least < LEAST_MOMENT * (1.0 + _ROOM):
@@ -101,7 +101,7 @@ def _light(mass: float, least: float) -> str | None:
 
 
 def _measured(one: Occurrence) -> str:
-    """Describe size and mass: `arm`, `foot.stl`, measures 0.06 x 0.06 x 0.06 mm and weighs 2.7e-07 g."""
+    """Describe size and mass, for example: `arm`, `foot.stl`, measures 0.06 x 0.06 x 0.06 mm and weighs 2.7e-07 g."""
     size = f" measures {measures(one.box)} and" if one.box is not None else ""
     return f"`{one.path}`, `{one.definition.label}`,{size} weighs {mass_words(one.properties.mass)}"
 

@@ -22,11 +22,13 @@ from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, R
 
 @dataclass(slots=True, eq=False)
 class Instance:
-    """A node of the tree. `path` is like `hand/cap` (empty for the top), `origin` the chain of spans that created it.
+    """A node of the tree. `path` is a path such as `hand/cap` (empty for the top).
 
-    Either `assembly` or `part` is set. If the component is invalid (already reported), neither is set.
-    `index` counts occurrences in document order. For an assembly it is the index of `base`, the component that is not placed, or None if
-    there is no base.
+    `origin` is the chain of spans in documents that created the instance.
+
+    Either `assembly` or `part` is set. If the component is invalid (already reported), neither is set. `index` is the number of an
+    occurrence in document order. For an assembly, `index` is the number of its `base`, the component that is not placed, or None if there
+    is no base.
     """
 
     path: str
@@ -81,7 +83,7 @@ class Tree:
     """The tree of instances of a model.
 
     `assemblies` lists parents before children. `occurrences` is in document order and includes nested assemblies. `added` contains the
-    mounts added to nested assemblies by documents, by the occurrence of the assembly's base.
+    mounts that documents add to nested assemblies, keyed by the occurrence of the assembly's base.
     """
 
     def __init__(self, model: AssemblyDefinition, instances: PartInstances, findings: LinkReport) -> None:
@@ -169,7 +171,7 @@ class Tree:
 
     def _say(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
         self._findings.leave_out()
-        # One line of a document may create many references (a `repeat`, a nested document used twice), but is reported once.
+        # A `repeat` or a nested document that is used twice creates many references from one line, but the line is reported once.
         place = (fault.code, re.sub(r"\d+", "#", reference.text), reference.origin[:1])
         if not fault.silent and place not in self._said:
             self._said.add(place)
@@ -193,10 +195,10 @@ class Tree:
         return instance
 
     def _mount(self, instance: Instance, name: str, shown: str, document: Instance) -> FoundMount | _Fault:
-        """Find a mount by name: of a part, of an assembly (exported or added), or `origin`.
+        """Find a mount by name: a mount of a part, an exported or added mount of an assembly, or `origin`.
 
-        `shown` is the name of the instance in `document`, for messages. An invalid exported mount is reported at the export, not at its
-        use.
+        `shown` is the name of the instance in `document`, for messages. An invalid exported mount is reported at the location of the
+        export, not at its uses.
         """
         met: set[tuple[str, str]] = set()
         exported, within = False, document.assembly
@@ -269,15 +271,15 @@ def _mount_help(name: str, mounts: Collection[str], document: Instance) -> Hint:
 def _may_be_there(name: str, mounts: Collection[str]) -> bool:
     """Return whether a part with incomplete information may have this mount.
 
-    This is the case if no mounts are known. It is also the case if `name` is an element of a list (`hip_7` if there is a `hip_0`), because
-    the length of the list may depend on any parameter.
+    The result is True if no mounts are known. The result is also True if `name` is an element of a list (`hip_7` if `hip_0` exists),
+    because the length of the list may depend on any parameter.
     """
     stem, _, index = name.rpartition("_")
     return not mounts or index.isdigit() and f"{stem}_0" in mounts
 
 
 def _counted(reference: Reference) -> tuple[Note, ...]:
-    """Return a note with the location of the `repeat` of an indexed reference. Empty if both are on the same line."""
+    """Return a note with the location of the `repeat` of an indexed reference, or no notes if both are on the same line."""
     here, there = reference.repeat_origin[:1], reference.origin[:1]
     return noted(COUNTED, here) if here and there and here[0].line != there[0].line else ()
 

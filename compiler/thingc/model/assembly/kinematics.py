@@ -43,8 +43,9 @@ def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dic
 def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -> dict[str, tuple[str, float, float]]:
     """Return the leader, multiplier and offset [rad or m] of each joint. A joint that does not mimic another is its own leader.
 
-    q = offset + multiplier q(leader). Chains of mimics are followed to the end. The result is keyed by path, in the order of `joints`.
-    Polynomials are linearized at `q`, which contains all joints by path [rad or m] (by default, all leaders are 0).
+    q = offset + multiplier q(leader). For a chain of mimics, the leader is the last joint of the chain. The result is keyed by path, in the
+    order of `joints`. Polynomials are linearized at `q`, which maps the paths of all joints to coordinates [rad or m]. By default, all
+    leaders are 0.
     """
     by_path = {joint.path: joint for joint in joints}
     if q is None:
@@ -112,7 +113,7 @@ def on_loops(count: int, mates: Sequence[Mate]) -> frozenset[str]:
     if not closing:
         return frozenset()
     neighbours = neighbourhood(count, mates)
-    above: dict[int, tuple[int, int, int]] = {}  # by occurrence: predecessor, mate between them, depth
+    above: dict[int, tuple[int, int, int]] = {}  # for each occurrence: its predecessor, the mate to the predecessor, and its depth
     for start in range(count):
         if start in above:
             continue
@@ -145,8 +146,8 @@ def forward_kinematics(
 ) -> dict[int, Pose]:
     """Return the poses of all occurrences connected to `start`, which has the pose `base`.
 
-    `q` [rad or m] is by joint path (default 0). If `rigid`, only mates without a joint are followed. Poses are in the frame of
-    `base`. The time is linear in the number of connected occurrences.
+    `q` [rad or m] is by joint path (default 0). If `rigid`, the search uses only mates without a joint. Poses are in the frame of `base`.
+    The time is linear in the number of connected occurrences.
     """
     at = {start: base}
     waiting = [start]
@@ -166,7 +167,7 @@ def forward_kinematics(
 def poses(assembly: Assembly, q: Mapping[str, float], base: Pose = NO_POSE) -> tuple[Pose, ...]:
     """Return the pose of every occurrence, in document order, with the assembly's base occurrence at `base`.
 
-    `q` [rad or m] is by joint path. Missing values are computed from mimics, or are 0.
+    `q` maps joint paths to coordinates [rad or m]. Missing coordinates are computed from mimics, or are 0.
     """
     full = coordinates(joints_of(assembly), q)
     count = len(assembly.occurrences)

@@ -1,4 +1,4 @@
-"""The pass `link`, which builds an assembly from the resolved model and the part records. No root is chosen yet."""
+"""The pass `link`, which builds an assembly from the resolved model and the part records. The pass does not choose a root."""
 
 from __future__ import annotations
 
@@ -55,10 +55,9 @@ def link(
 ) -> Assembly | None:
     """Link the model. Return None if there are errors (in `report`).
 
-    `records` contains the result for every part definition of `model`, by text. With `unmodelled`, parts are not built: only errors of
-    the documents are reported, and the result is None. `meshes` are the known records of mesh files of links. Elements that depend on
-    invalid elements are skipped without another message. The time is linear in the number of occurrences. `memo` caches intermediate
-    results.
+    `records` contains the result for every part definition of `model`, by text. With `unmodelled`, parts are not built: `link` reports only
+    errors of the documents and returns None. `meshes` are the known records of mesh files of links. Elements that depend on invalid
+    elements are skipped without another message. The time is linear in the number of occurrences. `memo` caches intermediate results.
     """
     memo = memo or Memo()
     findings = LinkReport(report)
@@ -114,14 +113,14 @@ def _check(robot: Connected, laid: Collection[int], findings: LinkReport) -> Non
     check_contacts(robot.occurrences, findings)
     faulty = check_stated(robot, findings)
     if not findings.incomplete:
-        # Only for complete assemblies: an omitted component might have the mass or be on the mount.
+        # Check only complete assemblies, because an omitted component might have the mass or be on the mount.
         faulty += [occurrence.index for occurrence in robot.occurrences if not occurrence.sound]
         check_links(robot, faulty, findings)
         check_expectations(robot, laid, findings)
 
 
 def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: LinkReport) -> None:
-    """Report a component that is not connected to the base, and has no pose in `at`, unless a previous error explains it."""
+    """Report a component that has no connection to the base and no `at`, unless a previous error explains the missing connection."""
     if findings.failed or findings.earlier:
         return
     alone = next((one for k, one in enumerate(tree.occurrences) if k not in at), tree.top)

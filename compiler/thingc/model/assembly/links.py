@@ -43,7 +43,7 @@ class _Naming(FrozenStruct, kw_only=False):
 def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo) -> tuple[Link, ...]:
     """Return the links in order.
 
-    Names and frames are specified in `links:`; the outermost document takes precedence. The default is the name and the frame of the first
+    `links:` specifies names and frames; the outermost document takes precedence. By default, a link has the name and the frame of its first
     occurrence.
     """
     link_of = connected_components(len(occurrences), mates)
@@ -79,12 +79,15 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
 
 
 def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> MassProperties:
-    """Combine the mass properties of bodies. Each body's properties are in its own frame, whose pose is in `poses`."""
+    """Combine the mass properties of bodies.
+
+    The properties of each body are in its own frame, and `poses` contains the poses of these frames.
+    """
     return total(own.seen_from(pose) for own, pose in zip(properties, poses, strict=True))
 
 
 def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[int, _Naming]:
-    """Return the effective entry of `links:` for each link: the first one in the outermost document."""
+    """Return the effective entry of `links:` for each link: the first entry in the outermost document."""
     chosen: dict[int, _Naming] = {}
     for instance, definition in tree.assemblies:
         depth = instance.path.count("/") + 1 if instance.path else 0
@@ -111,7 +114,7 @@ def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[i
 
 
 def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Report two links with the same name: one is from `links:`, the other from its first occurrence."""
+    """Report two links with the same name: one link has its name from `links:`, the other link from its first occurrence."""
     written, called = (link, other) if named else (other, link)
     first = occurrences[called.members[0]]
     findings.error(
@@ -163,7 +166,7 @@ def neighbouring_links(assembly: Assembly, root: int) -> Iterator[tuple[int, int
 
 
 def _beyond(between: Collection[int], at: dict[int, list[tuple[int, int]]], link: int, pair: tuple[int, int]) -> int:
-    """Return the first link that is not an intermediate link, starting at `link` and moving away from the joint `pair`."""
+    """Search from `link` away from the joint `pair`, and return the first link that is not an intermediate link."""
     while link in between:
         pair = next(other for other in at[link] if other != pair)
         link = pair[0] if pair[1] == link else pair[1]

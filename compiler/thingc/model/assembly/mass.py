@@ -20,7 +20,7 @@ NOTHING = MassProperties(mass=0.0)
 
 
 class Density(FrozenStruct):
-    """A density [kg/m^3]. If it is `estimated`, masses computed from it are also estimates."""
+    """A density [kg/m^3]. If the density is `estimated`, masses computed from the density are also estimates."""
 
     value: float
     estimated: bool = False
@@ -57,7 +57,7 @@ def estimate_of(process: Process | None) -> str | None:
 
 
 def missing_keys(process: Process | None) -> tuple[str, ...]:
-    """Return the keys of the process that are missing for the estimate, such as `("walls",)`."""
+    """Return the keys that the estimate requires but the process does not have, such as `("walls",)`."""
     return tuple(key for key in _NEEDED.get(estimate_of(process) or "", ()) if getattr(process, key) is None)
 
 
@@ -131,7 +131,7 @@ def component_mass(record: PartRecord | None, density: Density | None, process: 
 def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
     """Return the mass properties of a link, from the document or from `matter`, the mass properties of its shapes.
 
-    If only the mass is specified, `matter` is scaled to it.
+    If the document specifies only the mass, `matter` is scaled to this mass.
     """
     if overrides.mass is None:
         return MassResult(properties=_with_overrides(matter, overrides), source="derived")
@@ -179,7 +179,7 @@ def _matter(record: PartRecord | None, process: Process | None, overrides: Overr
 
 
 def _natural(matter: MassProperties, density: Density | None, estimate: str | None) -> MassResult | None:
-    """Return the mass properties for a density: zero without matter, None without a density."""
+    """Return the mass properties for a density. They are zero for a part without volume, and None without a density."""
     if matter.mass <= 0.0:
         return MassResult(properties=NOTHING, source="derived")
     if density is None:

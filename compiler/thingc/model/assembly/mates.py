@@ -25,7 +25,7 @@ from thingc.model.assembly.types import JointEdge, Link, Mate
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
 UPSIDE_DOWN = turned_x(math.pi)
-"""The motion frame of a mirrored joint relative to its mounts. It is its own inverse."""
+"""The motion frame of a mirrored joint relative to its mounts. This rotation is its own inverse."""
 
 
 def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
@@ -43,7 +43,7 @@ def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, 
             _check_circles(instance, definition, findings)
             _check_bases(instance, definition, findings)
         for reference in definition.loose:
-            tree.find(instance, reference)  # also reports an invalid reference at the other end
+            tree.find(instance, reference)  # resolve both ends, so that both invalid references are reported
         for component in definition.components:
             if isinstance(component.placement, Attach):
                 mates.extend(_attached(tree, instance, component.placement, memo))
@@ -93,7 +93,7 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
 
 
 def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, ...]:
-    """Return `joints` and the joints of parts with unknown mounts. The limits of the latter are known from documents."""
+    """Return `joints` and the joints of parts with unknown mounts. Documents specify the limits of all these joints."""
     edges = {joint.path: joint for joint in joints}
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
@@ -158,7 +158,7 @@ def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
 def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
     """Report each cycle of components that are placed on each other, starting at its first component.
 
-    If there is no base, the resolver has already reported it.
+    If there is no base, the resolver has already reported the missing base.
     """
     if findings.earlier and not unplaced(definition):
         findings.leave_out()

@@ -30,7 +30,7 @@ from thingc.model.resolve.raw_protected import NAMING
 from thingc.model.resolve.types import AssemblyDefinition, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference, Test
 
 _ROUNDING = 1e-9
-"""Relative tolerance for poses at joint limits. Both may be results of expressions."""
+"""Relative tolerance for poses at joint limits. Both values may be results of expressions."""
 
 
 SLIDE = 1.0
@@ -81,7 +81,7 @@ def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: LinkReport) 
 
 
 def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]:
-    """Yield the holds of the mode. Report mounts that are held twice, possibly under their own name and an exported name."""
+    """Yield the holds of the mode. Report mounts that the mode holds twice, for example under their own name and under an exported name."""
     met: dict[tuple[int, str], LinkedHold] = {}
     for hold in mode.holds:
         choice = mount_of(tree, tree.top, hold.mount)
@@ -156,7 +156,7 @@ def _path(reference: Reference) -> str:
 def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], within: Instance | None = None) -> Iterator[int]:
     """Yield the links of a component in the document `within` (by default the top).
 
-    For a reference to an assembly, these are all of its links. For a reference to a mount, it is only the link of the mount.
+    For a reference to an assembly, yield all links of the assembly. For a reference to a mount, yield only the link of the mount.
     """
     document = within or tree.top
     if reference.mount is not None:
@@ -189,7 +189,7 @@ def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
     for instance, definition in tree.assemblies:
         for raw in definition.raw:
             path = raw.path
-            if len(path) > 2:  # element, name and attribute; `option` and similar elements have no name
+            if len(path) > 2:  # keys of the path: element, name and attribute; `option` and similar elements have no name
                 path = (path[0], instance.within(path[1].replace(".", "/")), *path[2:])
             attributes.append(replace(raw, path=path, origin=raw.origin + instance.origin))
     return tuple(attributes)
@@ -215,8 +215,8 @@ def check_poses(
 ) -> None:
     """Check every pose against the limits of joints.
 
-    If `unset` (no joints were omitted), poses used by modes are also checked for joints that mimic others and joints that are 0 by
-    default. Joints in `loops` are checked only if the pose sets them.
+    If `unset` (no joints were omitted), poses that modes use are also checked for joints that mimic others and joints that are 0 by
+    default. A joint in `loops` is checked only if the pose sets the joint.
     """
     used = {name for mode in modes for name in mode.poses}
     names = {pose.name for pose in poses}

@@ -1,4 +1,4 @@
-"""Warn of mounts that have another component than the part was designed for."""
+"""Warn of mounts that carry a different component from the one that the part was designed for."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _warn(owner: Occurrence, one: MountExpectation, others: Sequence[tuple[Occur
     name, wanted = owner.component.name, one.label
     other, mount = next(((o, m) for o, m in others if _is(o, one, owner)), others[0] if others else (None, ""))
     found = other.definition.label if other is not None else ""
-    if other is not None and found == wanted:  # equal labels, which do not show the digits that differ
+    if other is not None and found == wanted:  # the labels are equal, because they do not show the digits that differ
         wanted, found = one.text, other.definition.text
     cut = f"`{name}.{one.mount}` is cut for `{wanted}`"
     help = f"attach `{wanted}` there by its mount `{one.child_mount}`; {allow_hint(Code.EXPECTATION)}"

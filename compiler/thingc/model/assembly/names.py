@@ -41,7 +41,7 @@ def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings:
     whole = named.get("joints", {})
     for kind, those in things.items():
         given = named.get(kind, {})
-        if kind == "actuators":  # by default an actuator has the name of its joint or tendon
+        if kind == "actuators":  # by default, an actuator has the same name as its joint or tendon
             given = {joint.path: whole[joint.name.joint.replace(".", "/")] for joint in joints if joint.path in whole} | given
             given = named.get("tendons", {}) | given
         if given:

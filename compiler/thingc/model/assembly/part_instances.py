@@ -1,4 +1,4 @@
-"""Instances of parts and frames. Each is computed once per component."""
+"""Instances of parts and frames. Each instance is computed once per component."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ _SHOWN_PLACES = 8
 class PartInstances:
     """Cached part instances by component. If a definition is used twice, its components are computed once.
 
-    `unknown` is set if the properties of a part are not known exactly (see `PartRecord.exact`). The caller reports this.
+    `unknown` is set if the properties of a part are not known exactly (see `PartRecord.exact`). The caller reports such parts.
     """
 
     def __init__(self, records: Mapping[str, PartRecord | PartFailure], meshes: Meshes, findings: LinkReport, memo: Memo) -> None:
@@ -165,7 +165,7 @@ class PartInstances:
             if answer is None:
                 return None
             record = answer
-            if not record.exact:  # values are those of a similar part, so nothing that depends on them is reported
+            if not record.exact:  # the values belong to a similar part, so errors that depend on these values are not reported
                 self._findings.leave_out()
                 self.unknown = True
             self._warn(component, record, path, origin)
@@ -201,7 +201,7 @@ class PartInstances:
                 self._warned.add(key)
         asked: dict[tuple[ImpureInputs, str], list[PartWarning]] = {}
         for warning in record.warnings:
-            # a line outside of classes affects all parts of the module
+            # a line outside all classes affects every part of the module
             if warning.asked is not None and (_line(warning) or record.text, warning.message) not in self._warned:
                 asked.setdefault((warning.asked, warning.message), []).append(warning)
         for (what, message), where in asked.items():
@@ -219,7 +219,7 @@ class PartInstances:
                 self._warned.add(key)
 
     def _warn_mirrored(self, component: Component, record: PartRecord, material: Material | None, path: str, origin: Origin) -> None:
-        """Warn once per part if its mirror image equals the part, or if the mirrored part is bought."""
+        """Warn once per mirrored part that equals its mirror image, or that is bought."""
         plain = component.definition.plain if isinstance(component.definition, PartDefinition) else None
         if plain is None or not record.exact:
             return
@@ -365,7 +365,7 @@ class PartInstances:
         )
 
     def _incomplete(self, component: Component, material: Material | None, missing: tuple[str, ...], path: str, origin: Origin) -> None:
-        """Report keys that are missing for the estimate, once per material without them, otherwise once per component."""
+        """Report the keys that the estimate requires but a process does not have, once per material, otherwise once per component."""
         of_material = material.process if material is not None and unsaid_keys(material.process) else None
         keys = unsaid_keys(of_material) or missing
         listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))

@@ -1,6 +1,6 @@
 """Warnings about suspicious values. Each shows the value and its likely cause.
 
-These checks need only numbers, so `check` can run them. Checks of the geometry are part of `build`.
+These checks need only numbers, so the command `check` runs them. Checks of the geometry are part of `build`.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ FEATHER, ELEPHANT = 1e-3, 1e4
 DRAG = 0.5
 """Threshold for the dry friction of a joint, relative to the effort of its drive. Typical gears have about 0.1."""
 SLOW = 0.05
-"""Threshold for the speed of a damped joint, relative to the no-load speed of its drive. Lower speeds are suspicious."""
+"""Threshold for the speed of a damped joint, relative to the no-load speed of its drive. A lower speed is suspicious."""
 SPREAD, COMPACT = 3.0, 200.0
 """Plausible radii of gyration: at most `SPREAD` times the diagonal of the part, and at least the diagonal divided by `COMPACT`."""
 BURDEN = 10.0
@@ -98,7 +98,7 @@ _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 
 
 def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> None:
-    """Check an assembly. Its documents must have no errors."""
+    """Check an assembly. The documents of the assembly must not have errors."""
     if findings.earlier:
         return
     occurrences, mates, links, modes = assembly.occurrences, assembly.mates, assembly.links, assembly.modes
@@ -132,7 +132,7 @@ def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> Non
 
 
 def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> bool:
-    """Warn of each part with an implausible size, at its first component. Return whether there are any."""
+    """Warn of each part with an implausible size, at its first component. Return whether any part has an implausible size."""
     warned: set[str] = set()
     for one in occurrences:
         if one.box is None or one.record is not None and not one.record.exact or one.definition.text in warned:
@@ -226,7 +226,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
         return
     ends = {key: value for key, value in (("lower", joint.limit.lower), ("upper", joint.limit.upper)) if value is not None}
     path, here = instance.within(joint.path), joint.origin + instance.origin
-    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * pi and not twist.pitch]  # screws may turn more often
+    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * pi and not twist.pitch]  # screws may turn many times
     for key in wide:
         text, number, unit = _written_value(joint, key)
         cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "the value has a digit too many"
@@ -238,7 +238,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
     if wide or len(ends) < 2 or not all(ends.values()):
         return
     (lower, _, low_unit), (upper, _, high_unit) = _written_value(joint, "lower"), _written_value(joint, "upper")
-    by_option = any(_origin_of(joint, f"limit.{key}", here)[0].option for key in ends)  # an option may set only one limit
+    by_option = any(_origin_of(joint, f"limit.{key}", here)[0].option for key in ends)  # a command-line option may set only one limit
     if {low_unit, high_unit} == {"rad", "deg"} and not by_option:
         key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
         findings.warn(
@@ -250,7 +250,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
 
 
 def _written_value(joint: Joint, key: str) -> tuple[str, str, str]:
-    """Return a limit as written, with its number and unit, which are empty if the limit is not a plain quantity."""
+    """Return a limit as written, then its number and its unit. The number and the unit are empty if the limit is not a plain quantity."""
     text = joint.written.get(f"limit.{key}", "").strip()
     plain = _PLAIN.fullmatch(text)
     return (text, plain[1], plain[2]) if plain is not None else (text, "", "")
@@ -263,7 +263,7 @@ def _origin_of(joint: Joint, key: str, here: Origin) -> Origin:
 
 
 def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
-    """Return a note with the location of the joint. The result is empty if its value is on the same line."""
+    """Return a note with the location of the joint, or no notes if its value is on the same line."""
     span = joint.spans.get(key)
     return noted(f"joint `{joint.name}` is here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
 
@@ -399,7 +399,10 @@ def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
 
 
 def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
-    """Yield the offset at q = 0 and the travel of a joint. For a screw, the lead is yielded instead if it exceeds `bound` [m]."""
+    """Yield the offset at q = 0 and the travel of a joint.
+
+    For a screw with a lead above `bound` [m], yield the lead instead of the travel.
+    """
     per_unit, turns = (hypot(*joint.twist.linear), joint.twist.turns) if joint.twist is not None else (0.0, False)
     moved = maximum(abs(joint.gap), abs(joint.offset) * per_unit)
     yield _Offset(words=f"joint `{joint.name}` is moved by", length=moved, path=joint.name, origin=joint.origin)
@@ -434,7 +437,7 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport
 def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link], findings: LinkReport) -> None:
     """Warn of masses without a shape that are too heavy (relative to the rest of the robot) or too far from the parts of their link.
 
-    Positions are not checked if an offset has already been reported.
+    If an offset has already been reported, positions are not checked.
     """
     whole = sum_of(link.properties.mass for link in links)
     for link in links:
@@ -452,7 +455,7 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
                     path=one.path, help=f"check the unit (`g`, `kg`); {allow_hint(Code.BARE_MASS)}",
                 )
             elif boxes and not findings.has_said(Code.FAR):
-                # include the origin of the link, because a joint may be there although the parts are far away
+                # include the origin of the link, because a joint may be at the origin although the parts are far away
                 _check_place(one, pose.apply(one.properties.centre), [*boxes, (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), NO_POSE)], findings)
 
 

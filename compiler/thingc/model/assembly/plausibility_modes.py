@@ -15,7 +15,7 @@ from thingc.model.resolve.types import AssemblyDefinition, Mode
 WEAK, STRONG = 0.1, 1000.0
 """Range of plausible forces of a magnet, relative to the weight of the robot."""
 LONG_STEP = 10e-3
-"""Threshold for time steps [s]. Contacts in MuJoCo need about a fifth of it."""
+"""Threshold for time steps [s]. Contacts in MuJoCo need steps of about a fifth of this threshold."""
 GRAVITY = 9.81
 """Gravity [m/s^2] for weights, independent of the gravity of a mode."""
 
@@ -39,7 +39,7 @@ def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkR
 def check_modes(
     top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], mass: float, findings: LinkReport,
 ) -> None:
-    """Check the modes of the `top` document. `mass` [kg] is the mass of the robot, and `magnets` are the magnets of all modes."""
+    """Check the modes of the `top` document. `mass` [kg] is the mass of the robot; `magnets` contains the magnets of all modes."""
     _check_steps(top, findings)
     _check_gravity(top.modes, findings)
     _check_magnets(top, modes, mass, findings)
@@ -93,7 +93,7 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
 
 
 def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], findings: LinkReport) -> None:
-    """Warn of modes that are held at an inactive magnet while another active magnet is not held."""
+    """Warn of modes that hold the robot at an inactive magnet while they do not hold an active magnet."""
     places = {magnet.path: (magnet.occurrence, magnet.mount) for magnet in magnets}
     written = {mode.name: {reference.text: reference.origin for reference, _ in mode.adhesion} for mode in top.modes}
     for mode in modes:

@@ -19,9 +19,9 @@ WIDTHS, HEIGHTS = (0.05e-3, 3e-3), (0.01e-3, 1.5e-3)
 USUAL_WIDTHS, USUAL_HEIGHTS = (0.2e-3, 1.2e-3), (0.05e-3, 0.6e-3)
 """Usual line widths and layer heights [m], to suggest a fix for a wrong unit."""
 SKINS, USUAL_SKINS = (0.05e-3, 30e-3), (1e-3, 10e-3)
-"""Supported and usual ranges of the wall thickness [m], which processes without lines specify as `line_width`."""
+"""Supported and usual ranges of the wall thickness [m]. Processes that do not print lines specify the wall thickness as `line_width`."""
 WALLS, LIDS = 50, 100
-"""Largest plausible number of walls, and of top or bottom layers. A part with more is solid."""
+"""Largest plausible number of walls, and of top or bottom layers. A part with more walls or layers is solid."""
 LEAST_SHARE = 0.01
 """Smallest plausible infill or overlap. A smaller value suggests a wrong unit (`0.15 %`)."""
 

@@ -12,7 +12,7 @@ from thingc.model.resolve.types import AssemblyDefinition, Component, Material, 
 
 
 def material_of(component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> Material | None:
-    """Return the material of a component: from the document, otherwise the Thing's default if it is in `scope`."""
+    """Return the material in the document, otherwise the default material of the component's Thing if `scope` contains this material."""
     if component.material is not None or record is None or record.material is None:
         return component.material
     return scope.materials.get(record.material)
@@ -24,7 +24,7 @@ def process_of(component: Component, material: Material | None) -> Process | Non
 
 
 def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> dict[str, set[Slicing]]:
-    """Return the slicings of the parts of a model by the text of their definition. A part may be printed in several ways."""
+    """Return the slicings of the parts of a model, keyed by the text of their definition. A part may have several slicings."""
     slicings: dict[str, set[Slicing]] = {}
     for definition, component, scope in _parts(model):
         record = records.get(definition.text)
@@ -51,7 +51,7 @@ def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema 
 
 
 def _parts(model: AssemblyDefinition) -> Iterator[tuple[PartDefinition, Component, AssemblyDefinition]]:
-    """Yield the parts of each assembly, once per assembly."""
+    """Yield the distinct parts of each assembly."""
     for scope in assemblies_of(model):
         for component in scope.components:
             if isinstance(component.definition, PartDefinition):

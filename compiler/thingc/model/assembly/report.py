@@ -43,11 +43,11 @@ class LinkReport:
         """Report a warning at `origin`, unless it is a duplicate. Return False if it is suppressed there."""
         key = _key(code, message, origin)
         if key in self._said:
-            self.report.allows(code, origin)  # marks the `allow` at this place as used
+            self.report.allows(code, origin)  # this call also marks the `allow` at this location as used
         if not self._may_say(key):
             return True
         said = self.report.warn(code, message, origin or None, help=help, path=path, notes=notes)
-        if said:  # if suppressed here, it may still be reported at another use of the definition
+        if said:  # a warning that is suppressed at this use of the definition may still be reported at another use
             self._said.add(key)
         return said
 
@@ -56,7 +56,7 @@ class LinkReport:
         return any(known is code for known, _, _ in self._said)
 
     def leave_out(self) -> None:
-        """Record that an element could not be linked because of an error that has been reported."""
+        """Record that an element was omitted because of an error that has already been reported."""
         self.incomplete = True
 
     def _may_say(self, key: _Key) -> bool:
@@ -73,5 +73,5 @@ def _key(code: Code, message: str, origin: Origin) -> _Key:
 
 
 def written_at(what: str, code: tuple[str, int] | None) -> tuple[Note, ...]:
-    """Return the note "`arm:Pen` is written here". The result is empty if the location is unknown (parts from files, built-ins)."""
+    """Return the note "`arm:Pen` is written here". Return no notes if the location is unknown (parts from files, built-in parts)."""
     return (Note(message=f"{what} is defined here", span=line_of(*code)),) if code is not None else ()

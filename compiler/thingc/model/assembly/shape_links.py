@@ -95,7 +95,7 @@ def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | N
 class MissingDensity(Exception):
     """The mass of a link cannot be computed from its shapes.
 
-    The message continues a sentence that starts with the link's name. It is empty if a mesh file was not read.
+    The message continues a sentence that starts with the link's name. The message is empty if a mesh file was not read.
     """
 
 
@@ -129,7 +129,7 @@ def matter_of(definition: LinkDefinition, meshes: Meshes) -> MassProperties:
 
 
 def weight_of(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> MassProperties:
-    """Return the mass [kg], centre [m] and inertia [kg m^2] of a link from the densities of its materials. Zero without densities.
+    """Return the mass [kg], centre [m] and inertia [kg m^2] of a link from the densities of its materials, or zeros without densities.
 
     Raises `MissingDensity`, also if only some shapes have a density.
     """
@@ -144,7 +144,7 @@ def weight_of(definition: LinkDefinition, material: Material | None, meshes: Mes
 def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, tuple[Origin, bool]]:
     """Return every mesh file with its first location, and whether it must be read.
 
-    It must be read if it will be `drawn`, if the mass of a link depends on it, or if a mode is `on_floor`.
+    A mesh file must be read if it will be `drawn`, if the mass of a link depends on the mesh, or if a mode is `on_floor`.
     """
     every = drawn or any(mode.on_floor for mode in model.modes)
     files: dict[MeshFile, tuple[Origin, bool]] = {}

@@ -13,7 +13,7 @@ from thingc.model.resolve.types import AssemblyDefinition, Component
 def with_own_images(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> AssemblyDefinition:
     """Return the model with mirror images of symmetric parts replaced.
 
-    Each part of a mirrored assembly that equals its mirror image is replaced by the original part, which keeps its order number.
+    Each part of a mirrored assembly that equals its mirror image is replaced by the original part with its order number.
 
     `records` contains all definitions of the model, and the originals of mirror images.
     """
@@ -47,7 +47,7 @@ class _Substituted:
         return replace(component, definition=definition.plain, bom=component.image_of.bom, mounts_mirrored=definition.mirror)
 
     def _is_own(self, definition: PartDefinition, plain: PartDefinition) -> bool:
-        """Return whether the mirror image equals the part: solid, mounts, and specified centre of mass and inertia, if any."""
+        """Return whether the mirror image has the same solid, mounts, and specified centre of mass and inertia (if any) as the part."""
         image, record = self._records.get(definition.text), self._records.get(plain.text)
         if not isinstance(image, PartRecord) or not isinstance(record, PartRecord):
             return False

@@ -21,7 +21,7 @@ TINY = 1e-15
 
 
 class TendonSpan(OneLineRepr, FrozenStruct):
-    """A straight segment between points on the parts of two mounts. Its length is divided by `divisor`."""
+    """A straight segment between points on the parts of two mounts. The length of the segment is divided by `divisor`."""
 
     ends: tuple[LinkedMount, LinkedMount]
     points: tuple[Vector, Vector]
@@ -71,7 +71,7 @@ def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
 
 
 def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector) -> tuple[float, Vector, Vector] | None:
-    """Return the length on the shape [m] and the points of contact. Return None if the tendon does not touch the shape."""
+    """Return the length of the tendon on the shape [m] and the points of contact. Return None if the tendon does not touch the shape."""
     assert step.mount is not None and step.radius is not None
     shape, radius = at[step.mount.path], step.radius
     inverse = shape.inverse()
@@ -82,7 +82,7 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
     else:
         x = _unit(p)
         normal = cross(p, q)
-        if sqrt(dot(normal, normal)) < TINY:  # collinear with the centre: use any plane that contains them
+        if sqrt(dot(normal, normal)) < TINY:  # the ends are collinear with the centre: use any plane that contains these points
             largest = max(range(3), key=lambda k: abs(x[k]))
             normal = cross(x, (float(largest != 0), float(largest != 1), float(largest != 2)))
         y = _unit(cross(_unit(normal), x))
@@ -114,8 +114,8 @@ def _circle(p: Point, q: Point, side: Point | None, radius: float) -> tuple[floa
 
     Return None if the string does not touch the circle.
 
-    With `side`, a point on the circle, the arc is on this side. Without it, the string touches the circle only if the line from p to q
-    intersects it, and the arc is the shorter one.
+    With `side`, a point on the circle, the arc is on this side. Without `side`, the string touches the circle only if the line from p to q
+    intersects the circle, and the arc is the shorter of the two arcs.
     """
     pp, qq, square = p[0] ** 2 + p[1] ** 2, q[0] ** 2 + q[1] ** 2, radius**2
     if pp < square or qq < square:

@@ -43,9 +43,9 @@ class MountFrame(OneLineRepr, FrozenStruct):
 class Surface(OneLineRepr, FrozenStruct):
     """A shape of an occurrence for display or collision: `solid` at `pose` in the occurrence's frame, with material and colour.
 
-    `color` is `#rrggbb` or `#rrggbbaa`, or None for the colour of the mesh. For meshes that a link lists, `name` is the base of the file
-    name, `volume` [m^3] the volume of the mesh, and `scale` the factors if MuJoCo reads the original file. `title` is the name of a listed
-    shape in files, without the path of nested documents.
+    `color` is `#rrggbb` or `#rrggbbaa`, or None for the colour of the mesh. For meshes that a link lists, `name` is the file name without
+    its extension, `volume` [m^3] the volume of the mesh, and `scale` the factors if MuJoCo reads the original file. `title` is the name of
+    a listed shape in files, without the path of nested documents.
     """
 
     solid: Mesh | Primitive
@@ -76,8 +76,8 @@ class PartInstance(OneLineRepr, FrozenStruct):
     """A component that is a part, a link or a frame. `record` is set for a part, and `listed` for a link.
 
     `properties` and `mounts` (with `origin`) are in its own frame. `mass_source` is `measured | vendor | stated | derived | estimated`.
-    `estimate` is the method for infill (`layers | skin`), else None. `sound` is False if its mass is invalid (reported).
-    `color` is `#rrggbb`.
+    `estimate` is the method for infill (`layers | skin`), else None. `sound` is False if the mass of the component is invalid (an error is
+    then reported). `color` is `#rrggbb`.
     """
 
     component: Component
@@ -103,12 +103,12 @@ class Occurrence(PartInstance):
     origin: Origin
 
     def name_in_files(self, surface: Surface) -> str | None:
-        """Return the name of one of its shapes in files, with the path of the document, or None if the document does not specify one."""
+        """Return the name of a shape in files, with the path of the document, or None if the document does not specify a name."""
         return None if surface.title is None else self.path[: self.path.rfind("/") + 1] + surface.title
 
     @property
     def drawn(self) -> tuple[Surface, ...]:
-        """The shapes for display, in its own frame. Empty if there is no geometry or the document disables display."""
+        """The shapes for display, in the occurrence's frame. Empty if there is no geometry or the document disables display."""
         if self.listed is not None:
             return self.listed.drawn
         mesh = self.record.meshes.get("visual") if self.record is not None and self.overrides.visual else None
@@ -116,7 +116,9 @@ class Occurrence(PartInstance):
 
     @property
     def touching(self) -> tuple[Surface, ...]:
-        """The collision shapes, in its own frame. For a part, `collision` selects them. For a mesh, it is the convex hull.
+        """The collision shapes, in the occurrence's frame. `collision` selects the shapes of a part.
+
+        The shape of a mesh is its convex hull.
 
         The result is empty for `none`, if there is no geometry, and if the part has no such shape.
         """
@@ -134,14 +136,15 @@ class Occurrence(PartInstance):
 
     @property
     def collides(self) -> bool:
-        """Whether the occurrence may collide, as far as this is known without meshes."""
+        """Whether the occurrence may collide, according to the information that is available without meshes."""
         return bool(self.listed.touching) if self.listed is not None else self.overrides.collision != "none"
 
     @property
     def solids(self) -> tuple[Surface, ...]:
-        """The shapes that determine its volume, in its own frame.
+        """The shapes that determine the volume of the occurrence, in its own frame.
 
-        For a part, this is the mesh. For a link, these are the collision shapes, or the display shapes if there are none.
+        For a part, the result is the mesh. For a link, the result contains the collision shapes, or the display shapes if there are no
+        collision shapes.
         """
         if self.listed is not None:
             return self.listed.solids
@@ -178,7 +181,7 @@ class ActuatorModel(OneLineRepr, FrozenStruct):
 class JointEdge(Coordinate):
     """A coordinate of a mate, including all defaults. `name` is its name in the top document (`hand.wrist[0]`).
 
-    `twist` is its motion, in the frame that the preceding coordinates of the mate have moved. `mimic.joint` is also a name in
+    `twist` is the motion of the joint, in the frame that the preceding coordinates of the mate have moved. `mimic.joint` is also a name in
     the top document. `limit.effort`, `limit.velocity` and `dynamics.armature` include the drive's defaults.
     """
 
@@ -191,7 +194,8 @@ class Mate(OneLineRepr, FrozenStruct):
 
     `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ X_JC` over its `joints`; rigid without joints.
     `name` is the path of the joint (None if rigid). `parent_mount` and `child_mount` are the names of the mated mounts (`origin` for `at`).
-    `loop` is the path of a joint that closes a loop. Such a mate does not place its child and is not an edge of the tree of placements.
+    `loop` is the path of a joint that closes a loop. A mate with a `loop` does not place its child and is not an edge of the tree of
+    placements.
     """
 
     parent: int
@@ -209,7 +213,7 @@ class Mate(OneLineRepr, FrozenStruct):
 class Link(OneLineRepr, FrozenStruct):
     """Rigidly connected occurrences, which are one body in every simulator.
 
-    `frame` is the index of the occurrence whose frame is the link's frame. `poses[k]` is the pose of `members[k]` in it.
+    `frame` is the index of the occurrence whose frame is the link's frame. `poses[k]` is the pose of `members[k]` in the link's frame.
     `properties` are the combined mass properties in the link's frame.
     """
 
@@ -236,9 +240,9 @@ class LinkedMount(MountAt):
 
     @property
     def of_component(self) -> bool:
-        """Whether the reference is to a component, not to a mount. A component's origin is placed at a pose; a mount is mated to it.
+        """Whether the reference is to a component, not to a mount. At a pose, a component has its origin, but a mount is mated to the pose.
 
-        This cannot be derived from `mount`, because a mount of an assembly may be the origin of one of its components.
+        This property cannot be derived from `mount`, because a mount of an assembly may be the origin of one of its components.
         """
         return self.path.rpartition("/")[2] == "origin"
 
@@ -256,9 +260,11 @@ class Adhesion(LinkedMount):
 
 
 class LinkedHold(OneLineRepr, FrozenStruct):
-    """A hold of a mode. `mount` is mated to the frame `pose` in the world (None: its place in the mode's own pose).
+    """A hold of a mode. `mount` is mated to the frame `pose` in the world.
 
-    If it `turns`, only its origin is fixed.
+    If `pose` is None, the hold is at the place of the mount in the mode's own pose.
+
+    If the hold `turns`, only the origin of the mount is fixed.
     """
 
     mount: LinkedMount
@@ -278,7 +284,7 @@ class Foot(OneLineRepr, FrozenStruct):
 class LinkedSensor(Measurement):
     """A sensor with its path (`leg/imu`) and resolved references: `joint` and `tendon` are paths, `touching` the indices of links.
 
-    `parts` are the readings with their own names in files.
+    `parts` contains the readings that have their own names in files.
     """
 
     path: SensorPath
@@ -314,8 +320,9 @@ class TendonStep(Wrap):
 class LinkedTendon(OneLineRepr, FrozenStruct):
     """A tendon with its path (`hand/grip`).
 
-    `moves` maps joint paths to the change of its length per unit of q. The length is in [rad] if it `turns`, otherwise in [m]. A spatial
-    tendon has `steps`, and a `width` [m] if specified. The default rest length of its spring is its length at q = 0.
+    `moves` maps joint paths to the change of its length per unit of q. The length is in [rad] if the tendon `turns`, otherwise in [m]. A
+    spatial tendon has `steps`, and a `width` [m] if the document specifies it. The default rest length of its spring is its length at q =
+    0.
     """
 
     path: TendonPath
@@ -342,8 +349,8 @@ class LinkedMode(ModeSettings):
     """A mode of the top document with resolved references. `exclude` are pairs of link indices, `adhesion` is by path.
 
     `pose` is the mode's own pose, the first of `poses`. `cut` are the joints (by path) at which loops should be cut. For a mode that is
-    `on_floor`, the height of `at` is 0 until the pass `stand` computes it. That pass also adds the placements in other poses to `at_in`,
-    which otherwise contains the placements that the document specifies.
+    `on_floor`, the height of `at` is 0 until the pass `stand` computes it. The pass `stand` also adds the placements in other poses to
+    `at_in`, which otherwise contains the placements that the document specifies.
     """
 
     root: LinkedMount
@@ -356,8 +363,8 @@ class LinkedMode(ModeSettings):
 class FileNames(OneLineRepr, FrozenStruct):
     """Names in files that differ from the path.
 
-    They are names of components (also used for links), exported mounts, whole joints, tendons, drives by their coordinate or tendon,
-    equalities by the joint that mimics or closes a loop, sensors (or a reading, `imu:gyro`) and poses.
+    The elements are components (also used for links), exported mounts, whole joints, tendons, drives (keyed by their coordinate or tendon),
+    equalities (keyed by the joint that mimics or closes a loop), sensors (or a reading, `imu:gyro`) and poses.
     """
 
     components: dict[str, str] = {}
@@ -379,7 +386,7 @@ class LinkedTest(OneLineRepr, FrozenStruct):
 
 
 class Connected(OneLineRepr, FrozenStruct):
-    """The linked robot, before poses are computed.
+    """The linked robot before the computation of poses.
 
     `link_of[i]` is the link of occurrence i. `between` contains the indices of massless intermediate links, which have exactly two joints
     and neither mass nor shapes.
@@ -400,9 +407,9 @@ class Connected(OneLineRepr, FrozenStruct):
 class Assembly(Connected):
     """The output of `link`: all properties of the robot that do not depend on a root.
 
-    `base` is the occurrence that defines the assembly's frame. `rest[i]` is the pose of occurrence i in this frame at q = 0. Except for
-    mates that close loops, there is one mate fewer than there are occurrences. `names` is None if all names in files are paths. In `raw`,
-    names of joints and bodies of nested documents are prefixed with their path.
+    `base` is the occurrence that defines the assembly's frame. `rest[i]` is the pose of occurrence i in this frame at q = 0. The number of
+    mates, except for mates that close loops, is one less than the number of occurrences. `names` is None if all names in files are paths.
+    In `raw`, the names of joints and bodies of nested documents have the path of their document as a prefix.
     """
 
     name: str
@@ -418,7 +425,7 @@ class Assembly(Connected):
 
     @property
     def hag(self) -> Hag:
-        """The hierarchical assembly graph, which is computed on access."""
+        """The hierarchical assembly graph. The property computes the graph on access."""
         return hag_of(self.definition)
 
     @property

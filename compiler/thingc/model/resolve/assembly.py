@@ -43,7 +43,7 @@ def resolved(
 ) -> DocumentScope:
     """Return the scope of a document, including its `definition`. Calls with equal parameters and choices return the same scope.
 
-    Modes are only resolved for the `top` document, because a parent does not use them.
+    Modes are only resolved for the `top` document, because a parent does not use the modes of nested documents.
     """
     document = context.documents.by_path[relative]
     own = declared(context, document, spec)

@@ -1,8 +1,8 @@
-"""Choices of `--set`: texts for paths such as `components.foot.part`. (For other values, see `set_values`.)
+"""Choices of `--set`: strings for paths such as `components.foot.part`. (For other values, see `set_values`.)
 
 The path of a choice refers to a component (`components.leg.components.foot.part`), or to a default for components
-(`defaults.component.material`). A choice replaces the value in the document. It is part of the identity of every definition that contains
-it. Files and documents are relative to the compiled document.
+(`defaults.component.material`). A choice replaces the value in the document, and is part of the identity of every definition that contains
+the choice. Paths of files and documents are relative to the compiled document.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from thingc.model.resolve.parts import missing_hint
 from thingc.model.resolve.repeats import Unrolled
 
 Choices = tuple[tuple[str, str], ...]
-"""Sorted pairs of a path, relative to one document, and the chosen text."""
+"""Sorted pairs of a path, relative to one document, and the chosen string."""
 
 
 def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choices:
@@ -65,7 +65,7 @@ def _place(context: ResolveRun, relative: str, text: str) -> str:
 
 
 def below(choices: Choices, *names: str) -> Choices:
-    """Return the choices inside the nested document of a component, with paths relative to it.
+    """Return the choices inside the nested document of a component, with paths relative to the nested document.
 
     `names` are the names of the component. Later names are more specific and take precedence.
     """
@@ -75,7 +75,7 @@ def below(choices: Choices, *names: str) -> Choices:
 
 
 def values(choices: Choices) -> dict[str, str]:
-    """Return the values set by path in the document itself."""
+    """Return the values that `--set` sets by path in the document itself."""
     return {path: text for path, text in choices if parse(path) is None and nested(path) is None}
 
 
@@ -119,7 +119,7 @@ def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSp
     if not table.choices:
         return spec, frozenset()
     names = (str(item.path[-1]), item.name)
-    # For a repeated component, report an error of a choice for all items once.
+    # For a repeated component, report an invalid choice once for all items.
     label = item.name if any(path.startswith(f"components.{item.name}.") for path, _ in table.choices) else names[0]
     kind = next((key for key in ("part", "file", "assembly", "link") if getattr(spec, key) is not None), "frame")
     taken: dict[str, str] = {}
@@ -188,12 +188,12 @@ def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: 
 
 
 def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """Return the documents and parts selected by choices, which must be loaded first. Document names are relative to the top document."""
+    """Return the documents and parts that choices select, which must be loaded first. Document names are relative to the top document."""
     return _choice_names(choices, "assembly"), _choice_names(choices, "part")
 
 
 def chosen_files(choices: Mapping[str, str], document: str) -> list[str]:
-    """Return the absolute paths of part files selected by choices. Choices are relative to the top document."""
+    """Return the absolute paths of part files that choices select. The paths in choices are relative to the top document."""
     paths = [named(text, os.path.abspath(document)) for text in _choice_names(choices, "file")]
     return [path for path in paths if path is not None]
 

@@ -27,7 +27,7 @@ MAX_NESTING = 120
 """Maximum depth of nested documents. Slightly above the limit of `load`, which reports the error first."""
 
 Nest = Callable[[ResolveRun, str, AssemblySpec, Mapping[str, ExpressionValue], choose.Choices], DocumentScope]
-"""Resolves a nested document with the values of its parameters and the choices inside it."""
+"""Resolves a nested document with the values of its parameters and the choices inside the document."""
 
 
 def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[ComponentSpec]], nest: Nest) -> None:
@@ -36,7 +36,7 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[Co
     if table.choices:
         choose.check_names(context, table, items)
     for item in items:
-        if context.overfull:  # the result is not used
+        if context.overfull:  # the call only reports errors: its return value is not used
             return
         spec, chosen = choose.chosen(context, table, item)
         node = ComponentScope(name=item.name, spec=spec, path=item.path, scope=item.scope, chosen=chosen)
@@ -88,7 +88,10 @@ def _define(context: ResolveRun, table: DocumentScope, node: ComponentScope, nes
 
 
 def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefinition, axis: str) -> AssemblyDefinition | None:
-    """Return the mirror image of a nested assembly. Report an error and return None if a component in it has another mirror axis."""
+    """Return the mirror image of a nested assembly.
+
+    If a component in the assembly has another mirror axis, report an error and return None.
+    """
     other = other_axis(definition, axis)
     if other is not None:
         name, its = other
@@ -132,7 +135,7 @@ def _nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, tex
 
 
 def _given(context: ResolveRun, node: ComponentScope, relative: str, spec: AssemblySpec) -> dict[str, ExpressionValue]:
-    """Return the parameters set by the component for its nested document. Report and omit invalid parameters."""
+    """Return the parameters that the component sets in its nested document. Report and omit invalid parameters."""
     scope, path = node.scope, (*node.path, "parameters")
     values: dict[str, ExpressionValue] = {}
     for name, raw in node.spec.parameters.items():

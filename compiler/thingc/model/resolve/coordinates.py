@@ -32,7 +32,8 @@ class Limit(OneLineRepr, FrozenStruct):
 class Dynamics(OneLineRepr, FrozenStruct):
     """Dynamics of a joint in SI, if specified.
 
-    These are viscous `damping`, dry `friction`, reflected inertia `armature`, and the `stiffness` and rest position `rest` of a spring.
+    The fields are viscous `damping`, dry `friction`, reflected inertia `armature`, and the `stiffness` and rest position `rest` of a
+    spring.
     """
 
     damping: float | None = None
@@ -71,7 +72,7 @@ class CoordinateName(str):
         return name
 
     def in_files(self, path: str) -> CoordinateName:
-        """Return the same coordinate with `path` as its name in files."""
+        """Return a copy of the coordinate with `path` as its name in files."""
         name = CoordinateName(self)
         name.path = path
         return name
@@ -110,7 +111,7 @@ class Mimic(OneLineRepr, FrozenStruct):
         return slope, self.at(x) - slope * x
 
     def at(self, x: float) -> float:
-        """Return q for q(joint) = `x`; infinite on overflow."""
+        """Return q for q(joint) = `x`. The result is infinite on overflow."""
         linear = self.multiplier * x + self.offset
         try:
             return linear if not self.higher else linear + sum_of(c * x**k for k, c in enumerate(self.higher, start=2))

@@ -1,5 +1,4 @@
-"""State of resolving a document: its definition, and the names of invalid elements, so that an error is reported only once and not at
-every reference."""
+"""State of resolving a document: its definition and the names of invalid elements."""
 
 from __future__ import annotations
 
@@ -38,9 +37,9 @@ Answer = TypeVar("Answer")
 
 @dataclass(slots=True, kw_only=True)
 class ComponentScope:
-    """A component while its document is resolved. `table` belongs to the nested document; it is None for parts and frames.
+    """A component of a document that is being resolved. `table` is the table of the nested document, or None for parts and frames.
 
-    `unsound` means that a value needed by later passes is invalid, `unplaced` that only the placement is invalid, and `doubtful` that
+    `unsound` means that a value that later passes need is invalid, `unplaced` that only the placement is invalid, and `doubtful` that
     validation omitted entries. `chosen` are the keys with values from `choices`.
     """
 
@@ -58,12 +57,12 @@ class ComponentScope:
 
     @property
     def frame(self) -> bool:
-        """Whether it is a component without geometry."""
+        """Whether the component has no geometry."""
         return self.spec.frame is True
 
     @property
     def bare(self) -> str | None:
-        """`frame` or `link` for components with mounts from the document only; None for others."""
+        """`frame` or `link` for components whose mounts are only from the document, otherwise None."""
         return "frame" if self.frame else "link" if self.spec.link is not None else None
 
 
@@ -110,11 +109,11 @@ class DocumentScope:
         return self.document.relative, self.parameters
 
     def inner(self) -> Iterator[DocumentScope]:
-        """Yield the tables of nested documents. A table is repeated if its document is nested several times."""
+        """Yield the tables of nested documents. If a document is nested several times, its table is yielded several times."""
         return (node.table for _, node in self.all_nodes() if node.table is not None)
 
     def all_joints(self) -> Iterator[tuple[CoordinateName, Joint | None]]:
-        """Yield every joint with its dotted path; None for an invalid joint. Joints of nested documents come last."""
+        """Yield every joint with its dotted path, and None for an invalid joint. Joints of nested documents come last."""
         yield from self.joints.items()
         for node in self.nodes.values():
             if node.table is not None:
@@ -137,7 +136,7 @@ class DocumentScope:
 
 
 class DeclaredParameters(FrozenStruct):
-    """Parameters of a document with the values that it specifies: the valid values, and the names of invalid parameters."""
+    """Parameters of a document: the valid values that the document specifies, and the names of parameters with invalid values."""
 
     values: Mapping[str, ExpressionValue]
     broken: frozenset[str]
@@ -149,8 +148,8 @@ class ResolveRun:
 
     `tables` is keyed by document and canonical parameters, so equal definitions are one object. `nesting` contains the documents being
     resolved, outermost first, and `route` the components that nest them. `said` contains the reported errors and is shared by all scopes.
-    `overfull` means that too many occurrences have been reported. `digest` returns the SHA-256 of a file. `quantities` are from the
-    `Settings`.
+    `overfull` means that the error for too many occurrences has been reported. `digest` returns the SHA-256 of a file. `quantities` are
+    from the `Settings`.
     """
 
     documents: Documents
@@ -197,7 +196,7 @@ class ResolveRun:
         return known
 
     def values(self, scope: Scope, place: str, model: object) -> tuple[ExpressionValue | None, ...]:
-        """Return the values of the names used by expressions in a section of a document."""
+        """Return the values of the names that expressions in a section of a document use."""
         names = self.memo(("names", scope.document.relative, place), names_in, model)
         return tuple(scope.names.get(name) for name in names)
 
@@ -209,7 +208,7 @@ class ResolveRun:
         ]
 
     def around(self, table: DocumentScope) -> tuple[object, ...]:
-        """Return the elements of other sections that a valid section can refer to, without their numbers."""
+        """Return the elements of other sections that a valid section can refer to, without the numbers of these elements."""
         return (
             self.there(table),
             [
@@ -231,15 +230,15 @@ class ResolveRun:
     def same(self, what: str, document: str, made: Iterable[Named]) -> tuple[Named, ...]:
         """Return elements created from a document, each replaced by the equal object of the last run, if any.
 
-        This lets later passes use their caches.
+        Later passes can then use their caches.
         """
         return tuple(self.memo.same((what, document, *self.route, one.name), one) for one in made)
 
     def remember(self, top: DocumentScope) -> None:
         """Cache the nested documents of this run for the next one, if nothing was reported.
 
-        If all diagnostics are in the top document, nested documents are cached for other versions of it. (Failed parts and suppressed
-        warnings prevent caching, because they are reported only once.)
+        If all diagnostics are in the top document, nested documents are cached for other versions of the top document. (Failed parts and
+        suppressed warnings prevent caching, because they are reported only once.)
         """
         tables = {table.key: table for table in top.inner()}
         said = [diagnostic.span for diagnostic in self.report.diagnostics]
@@ -268,7 +267,7 @@ class ResolveRun:
 
 
 def names_in(*models: object) -> tuple[str, ...]:
-    """Return the names used by expressions in these models. They are the only external inputs of the models."""
+    """Return the names that expressions in these models use. These names are the only external inputs of the models."""
     names: set[str] = set()
     waiting = list(models)
     while waiting:

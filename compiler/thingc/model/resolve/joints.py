@@ -1,4 +1,4 @@
-"""Resolve joints: kinds, references, limits, dynamics and drives. Mimics are in `mimics`."""
+"""Resolve joints: kinds, references, limits, dynamics and drives. The module `mimics` resolves mimics."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) 
 
 
 def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimension) -> bool:
-    """Return whether a value has units of rotation and the joint translates, or vice versa."""
+    """Return whether a value has units of rotation although the joint translates, or vice versa."""
     own, other = (TURN, SLIDE) if coordinate == ANGLE else (SLIDE, TURN)
     value = scope.value(raw, path)
     return isinstance(value, Quantity) and not value.fits(own[key]) and value.fits(other[key])
@@ -53,7 +53,7 @@ def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimensi
 def _values(
     scope: Scope, name: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: tuple[str, ...],
 ) -> dict[str, float | None]:
-    """Return the values of keys that must be at least 0. Missing values, and invalid values (reported), are None."""
+    """Return the values of keys that must be at least 0. Missing and invalid values are None. Report the invalid values."""
     of = dimensions_of(coordinate)
     values: dict[str, float | None] = {}
     for key in keys:
@@ -114,7 +114,7 @@ def _named(table: DocumentScope, scope: Scope, text: str) -> str | None:
 def _coordinates(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: DefaultLayers,
 ) -> tuple[Joint, ...]:
-    """Return the joint, or one joint per coordinate if it has several."""
+    """Return the joint, or one joint per coordinate if the joint has several coordinates."""
     scope, path, count = item.scope, item.path, len(kind.twists)
     lead = _lead(scope, item.spec, kind, item.name, path)
     axis = _axis(scope, item.spec, kind, item.name, path)
@@ -144,9 +144,10 @@ def _coordinates(
 def _ball(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, mounts: tuple[Reference, Reference], layers: DefaultLayers,
 ) -> tuple[Joint, ...]:
-    """Return the coordinates of a ball.
+    """Return the coordinates of a ball joint.
 
-    Limit and dynamics apply to all coordinates. Each of up to three drives has its own axis and is stored with one of the coordinates.
+    The limit and the dynamics apply to all coordinates. A ball joint has up to three drives. Each drive has its own axis and is stored with
+    one of the coordinates.
     """
     scope, spec, path, name = item.scope, item.spec, item.path, item.name
     for key in ("limit", "dynamics"):
@@ -234,7 +235,7 @@ def _resolve_joint(
     limit, dynamics, drive = NO_LIMIT, NO_DYNAMICS, None
     nodes = _nodes(table, layers, number)
     if kind.at_once:
-        pass  # values of a ball are read once for all coordinates
+        pass  # read the values of a ball joint once for all coordinates
     elif twist is None:
         for key in ("limit", "dynamics", "offset", "drive"):
             if key in spec.model_fields_set and getattr(spec, key) is not None:
@@ -260,7 +261,7 @@ def _resolve_joint(
 
 
 def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | None) -> None:
-    """Report an axis of a drive whose joint is not a ball."""
+    """Report a drive with an axis if its joint is not a ball joint."""
     if said is not None and isinstance(said[0], DriveSpec) and said[0].axis is not None and said[1][0] == "joints":
         scope.error(
             Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive cannot have an `axis`", (*said[1], "axis"), key=True,
@@ -269,7 +270,10 @@ def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | 
 
 
 def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> Vector | None:
-    """Return the unit vector that replaces z. Return None if it is not specified or invalid (reported)."""
+    """Return the unit vector that replaces z. Return None if no vector is specified, or if the vector is invalid.
+
+    Report an invalid vector.
+    """
     if spec.axis is None:
         return None
     place = (*path, "axis")
@@ -281,11 +285,11 @@ def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
         )
         return None
     axis = _direction(scope, spec.axis, place, f"the axis of joint `{name}`", Code.OUT_OF_RANGE)
-    return next((one for one in IDENTITY if one == axis), axis)  # exact vectors, which `Twist` detects, also for recorded numbers
+    return next((one for one in IDENTITY if one == axis), axis)  # `Twist` detects exact vectors
 
 
 def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> float | None:
-    """Return the advance per turn [m]. Return None if the joint has none or if it is invalid (reported)."""
+    """Return the advance per turn [m]. Return None if the joint has no lead, or if the lead is invalid. Report an invalid lead."""
     if spec.lead is None:
         if kind.leads and not scope.doubts.touch(path):
             scope.error(
@@ -310,7 +314,7 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
 
 
 def _nodes(table: DocumentScope, layers: DefaultLayers, number: int | None) -> dict[str, Node]:
-    """Return the nodes of a joint or coordinate by dotted key. Missing ones are from the document's defaults."""
+    """Return the nodes of a joint or coordinate by dotted key. Missing nodes are from the document's defaults."""
     nodes: dict[str, Node] = {}
     for _, base in reversed(layers.items):
         _collect(node_at(table.document.tree, base), "", nodes, number)
@@ -375,7 +379,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
 
 
 def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
-    """Return the limit of a ball joint."""
+    """Return the cone limit of a ball joint."""
     own = [(key, said[1]) for key in ("lower", "upper", "effort", "velocity") if (said := layers.pick(key)) and said[1][0] == "joints"]
     if own:
         scope.error(
@@ -387,7 +391,7 @@ def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
 
 
 def _type(scope: Scope, item: Unrolled[JointSpec], said: tuple[Any, Path]) -> list[Note]:
-    """Return a note that explains why a value of a joint must have this dimension."""
+    """Return a note that explains why a value of a joint must have this physical dimension."""
     return scope.beside(f"the type of `{item.name}` is set here", (*item.path, "type"), said[1])
 
 
@@ -421,7 +425,7 @@ def _drive(table: DocumentScope, scope: Scope, name: str, coordinate: Dimension,
         written = DefaultLayers(((spec, path),))
         values = _values(scope, name, coordinate, "drive", written, ("kp", "kv", "effort", "velocity", "armature"))
         if spec.kp is not None and values["kp"] is None:
-            values["kp"] = 1.0  # placeholder, so that no later pass reports it as missing
+            values["kp"] = 1.0  # placeholder, so that no later pass reports the value as missing
         return Drive(
             component=reference, kind=spec.kind, kp=values["kp"], kv=values["kv"], effort=values["effort"], velocity=values["velocity"],
             armature=values["armature"], origin=scope.origin(path),
@@ -440,7 +444,10 @@ def _drive(table: DocumentScope, scope: Scope, name: str, coordinate: Dimension,
 
 
 def _driving_part(table: DocumentScope, scope: Scope, name: str, text: str, path: Path) -> Reference | None:
-    """Return the reference to the part with the actuator of joint `name`. Report an error and return None if it is not a part."""
+    """Return the reference to the part with the actuator of joint `name`.
+
+    If the reference is not a part, report an error and return None.
+    """
     component = references.component(table, scope, text, path)
     if component is None:
         return None

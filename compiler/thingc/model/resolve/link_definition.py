@@ -50,7 +50,7 @@ class LinkShape(OneLineRepr):
 
     @property
     def said(self) -> tuple[object, ...]:
-        """All properties of the shape as plain values."""
+        """Return all properties of the shape as plain values."""
         solid, material = self.solid, self.material.name if self.material is not None else None
         pose = self.pose if isinstance(solid, MeshFile) else solid.pose
         shape = (solid.path, *solid.content) if isinstance(solid, MeshFile) else (solid.shape, solid.size)
@@ -67,8 +67,8 @@ class LinkShape(OneLineRepr):
 class LinkDefinition(OneLineRepr, FrozenStruct):
     """The shapes of a link. Equal definitions are one node of the HAG.
 
-    `text` is `link-` and 12 hex digits of the SHA-256 of the list (`link` if it is empty), `label` the display name. For a mirror image,
-    `mirror` is the axis in its frame, and `plain` the original definition.
+    `text` is `link-` and 12 hex digits of the SHA-256 of the list of shapes (`link` if the list is empty). `label` is the display name. For
+    a mirror image, `mirror` is the axis in the frame of the link, and `plain` is the original definition.
     """
 
     shapes: tuple[LinkShape, ...]
@@ -87,7 +87,7 @@ class LinkDefinition(OneLineRepr, FrozenStruct):
 
 
 def mesh_files_of(definition: object) -> tuple[MeshFile, ...]:
-    """Return the mesh files that a link lists; an empty tuple for other definitions."""
+    """Return the mesh files that a link lists, or an empty tuple for other definitions."""
     shapes = definition.shapes if isinstance(definition, LinkDefinition) else ()
     return tuple(dict.fromkeys(shape.solid for shape in shapes if isinstance(shape.solid, MeshFile)))
 

@@ -18,9 +18,9 @@ from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import Material, Process
 
 _STAND_IN = 1000.0
-"""Placeholder [kg/m^3] for an invalid density (reported), to prevent later passes from reporting it as missing.
+"""Placeholder [kg/m^3] for an invalid density, which prevents later passes from reporting the density as missing.
 
-It never affects build outputs, because of the reported error.
+The placeholder never affects build outputs, because the invalid density is an error.
 """
 
 BRIDGE_FLOWS = (0.1, 2.0)
@@ -65,7 +65,7 @@ def unreadable(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> bool:
 
 
 def of_document(context: ResolveRun, document: Document) -> dict[str, Material | None]:
-    """Return the materials of a `materials/1` document by name, cached for one run. Empty if the document is invalid."""
+    """Return the materials of a `materials/1` document by name, cached for one run. The result is empty if the document is invalid."""
     materials = context.materials.get(document.relative)
     if materials is None:
         materials = context.materials[document.relative] = {}
@@ -77,7 +77,7 @@ def of_document(context: ResolveRun, document: Document) -> dict[str, Material |
 
 
 def _resolve_materials(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[str, Material | None]:
-    """Return the materials of one document. Materials omitted by validation get a placeholder density."""
+    """Return the materials of one document. Materials that validation omitted get a placeholder density."""
     materials: dict[str, Material | None] = {name: material(scope, name, entry, ("materials", name)) for name, entry in specs.items()}
     for name in scope.doubts.names("materials"):
         materials.setdefault(name, Material(name=name, density=_STAND_IN, origin=scope.origin(("materials", name), key=True)))
@@ -103,7 +103,7 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
 
 
 def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float | None, float | None, float | None]:
-    """Return sliding, torsional and rolling friction. Missing values, and invalid values (reported), are None."""
+    """Return sliding, torsional and rolling friction. Missing and invalid values are None. Report the invalid values."""
     if spec is None:
         return None, None, None
     slide = scope.number(spec.slide, (*path, "slide"), NUMBER, "sliding friction", least=0.0)
@@ -115,7 +115,7 @@ def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float
 
 
 def process(scope: Scope, layers: DefaultLayers) -> Process:
-    """Resolve each key of a process from the layers. Report and omit invalid keys."""
+    """Resolve each key of a process from the layers of defaults. Report and omit invalid keys."""
 
     origins: dict[str, Origin] = {}
 
@@ -163,7 +163,10 @@ _BASE = re.compile(r"bd_materials:(.*)")
 
 
 def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | None:
-    """Return the density [kg/m^3] and colour of `bd_materials:NAME`. Report an unknown name and return None. Imports the library."""
+    """Import the library `bd_materials`, and return the density [kg/m^3] and colour of `bd_materials:NAME`.
+
+    Report an unknown name and return None.
+    """
     match = _BASE.fullmatch(text.strip())
     if match is None:
         scope.error(

@@ -1,4 +1,4 @@
-"""Joints that follow another joint of their document: q = multiplier * q(joint) + offset, or a polynomial in q(joint)."""
+"""Joints that mimic another joint of their document: q = multiplier * q(joint) + offset, or a polynomial in q(joint)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def mimics(table: DocumentScope, items: Iterable[Unrolled[JointSpec]]) -> None:
 def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: MimicSpec, path: Path) -> Mimic | None:
     scope = item.scope
     if not isinstance(spec, MimicSpec):
-        return None  # a list for a single coordinate: already reported
+        return None  # a list of mimics for a joint with one coordinate has already been reported
     coordinate = joint.twist.coordinate if joint.twist is not None else None
     if joint.kind.at_once:
         scope.error(Code.MIMIC, f"joint `{joint.name.joint}` is a ball: it cannot mimic", path, key=True, help="remove `mimic`")
@@ -98,7 +98,7 @@ def _polynomial(
 
 
 class _Followed(FrozenStruct, kw_only=False):
-    """A coordinate that can be followed: its name, its joint and its dimension."""
+    """A coordinate that another coordinate can mimic: its name, its joint and its physical dimension."""
 
     name: CoordinateName
     joint: Joint
@@ -106,7 +106,7 @@ class _Followed(FrozenStruct, kw_only=False):
 
 
 def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, path: Path) -> _Followed | None:
-    """Resolve `mimic.joint`. Report an error and return None if no joint can follow it."""
+    """Resolve `mimic.joint`. If no joint can mimic this joint, report an error and return None."""
     scope, place = item.scope, (*path, "joint")
     said = CoordinateName(spec.joint)
     parts = references.words(scope, said.joint, place)

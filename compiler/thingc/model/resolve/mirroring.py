@@ -27,7 +27,9 @@ AT_MOUNT = Mirror("y")
 
 
 def mirrored(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
-    """Return the mirror image of an assembly along `axis` of its frame. For a mirror image along this axis, return the original.
+    """Return the mirror image of an assembly along `axis` of its frame.
+
+    If the assembly is already a mirror image along this axis, return the original.
 
     No component in the assembly may be mirrored along another axis (see `other_axis`).
     """
@@ -49,7 +51,7 @@ def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | N
 
 
 def _mirrored(definition: AssemblyDefinition, axis: str, met: dict[int, AssemblyDefinition]) -> AssemblyDefinition:
-    """Return the mirror image. `met` caches results, so equal definitions remain one object."""
+    """Return the mirror image of an assembly. `met` caches results, so equal definitions remain one object."""
     if definition.plain is not None:
         return definition.plain
     if id(definition) not in met:
@@ -64,7 +66,7 @@ def _mirrored(definition: AssemblyDefinition, axis: str, met: dict[int, Assembly
 def _component(one: Component, axis: str, met: dict[int, AssemblyDefinition]) -> Component:
     mirror, definition, bom = Mirror(axis), one.definition, one.bom
     if isinstance(definition, PartDefinition):
-        bom = replace(bom, number=None)  # the order number of the part does not apply to its image
+        bom = replace(bom, number=None)  # the order number of the part does not apply to its mirror image
     if isinstance(definition, PartDefinition | LinkDefinition):
         definition = definition.plain or definition.mirrored(axis)
     elif definition is not None:

@@ -28,7 +28,7 @@ from thingc.model.resolve.types import Cut, Hold, Mode, Reference, Standing
 
 
 def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold, ...]:
-    """Return the holds of a mode, merged per key with the holds of the modes that it extends. Report and omit invalid holds."""
+    """Return the holds of a mode, merged per key with the holds of the modes that the mode extends. Report and omit invalid holds."""
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(layers.items):
         for text, said in (getattr(model, "hold", None) or {}).items():
@@ -81,7 +81,7 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
 
 
 def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers, base: BaseType) -> Standing | None:
-    """Return the mounts in `standing_on` without duplicates, and their friction, if specified. Return None if there are none.
+    """Return the mounts in `standing_on` without duplicates, and their friction, if specified. Return None if there are no valid mounts.
 
     Report invalid mounts.
     """
@@ -109,7 +109,7 @@ def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayer
 
 
 def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) -> list[Reference]:
-    """Return the mounts that match a pattern or a name, which is an exported mount of the document or `component.mount`."""
+    """Return the mounts that match a pattern or a name. A name is an exported mount of the document or `component.mount`."""
     if not GLOB.search(text):
         reference = references.shown_mount(table, scope, text, path)
         return [reference] if reference is not None else []
@@ -132,7 +132,7 @@ GRAVITY: Mapping[StandsOn, Vector] = {"floor": (0.0, 0.0, -9.81), "wall": (-9.81
 
 
 def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
-    """Return the modes of the document, or the default mode if it has none. Report and omit invalid modes."""
+    """Return the modes of the document, or the default mode if the document has no modes. Report and omit invalid modes."""
     spec = table.spec
     if not spec.modes:
         if table.base is None or any(doubt[:1] == ("modes",) for doubt in scope.doubts.paths):
@@ -169,7 +169,7 @@ def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
 
 
 def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[str]) -> DefaultLayers | None:
-    """Return the layers of a mode and of the modes that it extends. Return None if this fails (reported)."""
+    """Return the layers of a mode and of the modes that the mode extends. If one of these modes is invalid, report it and return None."""
     items: list[tuple[ModeSpec, Path]] = []
     step: str | None = name
     while step is not None:
@@ -231,7 +231,7 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
 
 
 def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: BaseType) -> dict[str, Pose]:
-    """Return the placements of the root in poses that have their own."""
+    """Return the placements of the root in poses that have their own placement."""
     said, path = layers.pick("at_in") or ({}, ())
     poses: dict[str, Pose] = {}
     if said and base not in ("free", "held"):
@@ -247,7 +247,7 @@ def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: Base
 
 
 def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
-    """Return the placement of the root, and whether its height is computed (by `on: floor`, unless a more specific `xyz` sets a height)."""
+    """Return the placement of the root, and whether `on: floor` computes its height. A more specific `xyz` sets the height instead."""
     at = layers.sub("at")
     if not at:
         return NO_POSE, False
@@ -286,7 +286,7 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: 
 
 
 def _gravity(scope: Scope, layers: DefaultLayers) -> tuple[Vector, Origin]:
-    """Return the gravity, and the origin of numeric gravity (empty for a keyword)."""
+    """Return the gravity and its place in the document. The place is empty for a keyword and for the default gravity."""
     said = layers.pick("gravity")
     if said is None:
         return GRAVITY["floor"], ()
@@ -387,7 +387,7 @@ def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path
 
 
 def _adhesion(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, float], ...]:
-    """Return the force [N] per mount, merged per key with the modes that it extends."""
+    """Return the force [N] per mount, merged per key with the forces of the modes that the mode extends."""
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(contacts.items):
         for text, raw in getattr(model, "adhesion", {}).items():
@@ -402,7 +402,7 @@ def _adhesion(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tu
 
 
 def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
-    """Return `timestep` [s], `integrator`, `cone`, `impratio`, as far as specified."""
+    """Return the specified values among `timestep` [s], `integrator`, `cone` and `impratio`."""
     settings: dict[str, float | str] = {}
     for key, dimension in (("timestep", TIME), ("integrator", None), ("cone", None), ("impratio", NUMBER)):
         said = layers.pick(key)
@@ -415,6 +415,6 @@ def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
 
 
 def step_origin(scope: Scope, layers: DefaultLayers) -> Origin:
-    """Return the origin of `timestep`; empty if it is not specified."""
+    """Return the place of `timestep` in the document, or an empty origin if `timestep` is not specified."""
     said = layers.pick("timestep")
     return scope.origin(said[1]) if said is not None else ()

@@ -41,7 +41,7 @@ def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
         definition = component.definition
         if isinstance(definition, PartDefinition):
             definitions.setdefault(definition)
-            if component.image_of is not None and definition.plain is not None:  # it may equal its mirror image
+            if component.image_of is not None and definition.plain is not None:  # the part may equal its mirror image
                 definitions.setdefault(definition.plain)
         elif isinstance(definition, AssemblyDefinition):
             key = (definition.document, definition.parameters, definition.mirror)

@@ -26,7 +26,7 @@ _OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "proce
 
 
 def refuse_on_assembly(node: ComponentScope) -> None:
-    """Report overrides on a nested assembly, because they could apply to any of its components."""
+    """Report overrides on a nested assembly, because an override could apply to any component of the assembly."""
     for key in _OF_PARTS:
         if key in node.spec.model_fields_set and getattr(node.spec, key) is not None:
             node.scope.error(
@@ -56,7 +56,7 @@ def _mass(scope: Scope, layers: DefaultLayers) -> StatedValue | None:
     raw, path = said
     source, at = (raw.source, (*path, "value")) if isinstance(raw, MassSpec) else ("stated", path)
     value = scope.number(raw.value if isinstance(raw, MassSpec) else raw, at, MASS, "the mass", above=0.0, most=HEAVIEST)
-    # Invalid values are replaced by a placeholder, so that no later pass reports them as missing.
+    # Replace invalid values by a placeholder, so that no later pass reports the values as missing.
     return StatedValue(value=(1.0 if value is None else value,), source=source, origin=scope.origin(path), stand_in=value is None)
 
 
@@ -106,7 +106,7 @@ def bom(layers: DefaultLayers) -> BomEntry:
 
 
 def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:
-    """Return the specified material, or None. Report an unknown material, unless a material document could not be read."""
+    """Return the specified material, or None. Report an unknown material, unless one of the material documents could not be read."""
     said = layers.pick("material")
     if said is None:
         return None
@@ -118,15 +118,15 @@ def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | No
         if not known:
             help = "list a materials document: `materials: [materials.yaml]`"
         scope.error(Code.UNKNOWN_MATERIAL, f"there is no material `{name}` in scope", path, help=help)
-    # A placeholder with a density, so that no later pass reports it as missing.
+    # Return a placeholder with a density, so that no later pass reports the density as missing.
     return Material(name=name, density=1000.0, origin=scope.origin(path))
 
 
 def extra_mounts(node: ComponentScope) -> dict[str, ExtraMount]:
     """Return the mounts added by the document.
 
-    Report a mount with an invalid pose and place it at the component's origin. Report a mount with a reserved name but keep it, so that
-    references to it remain valid.
+    Report a mount with an invalid pose and place it at the component's origin. Report a mount with a reserved name but return it, so that
+    references to the mount remain valid.
     """
     scope = node.scope
     path: Path = (*node.path, "mounts")

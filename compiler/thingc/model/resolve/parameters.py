@@ -46,7 +46,7 @@ def worked_out(
 ) -> tuple[dict[str, ExpressionValue], set[str]]:
     """Return the values of all parameters, with overrides from `given`, and the names of invalid parameters.
 
-    Expressions may refer to each other in any order. A cycle is reported as a chain, with the location of each step.
+    Expressions may use each other's parameters in any order. A cycle is reported as a chain, with the location of each step.
     """
     values: dict[str, ExpressionValue] = {}
     broken: set[str] = {name for name in spec.parameters if name not in given and doubts.touch(("parameters", name))}
@@ -61,7 +61,7 @@ def worked_out(
 
     def work_out(name: str) -> None:
         raw, path = own(name)
-        names: Mapping[str, ExpressionValue] = values  # all parameters that it uses have been computed or are invalid
+        names: Mapping[str, ExpressionValue] = values  # every parameter that the expression uses has been computed or is invalid
         if isinstance(raw, Expression) and any(use.name not in spec.parameters for use in raw.names):
             names = {other: values.get(other, False) for other in spec.parameters if other != name}  # suggestions for the unknown name
         scope = Scope(document=document, report=report, names=names, broken=broken, doubts=doubts)
@@ -72,7 +72,7 @@ def worked_out(
             values[name] = value
 
     for first in spec.parameters:
-        open_: dict[str, Iterator[str]] = {first: _used(own(first)[0], spec)}  # explicit stack, because chains may be long
+        open_: dict[str, Iterator[str]] = {first: _used(own(first)[0], spec)}  # use an explicit stack, because chains may be long
         while open_:
             name, uses = next(reversed(open_.items()))
             use = next((use for use in uses if use not in values and use not in broken), None)
@@ -90,7 +90,7 @@ def worked_out(
 
 
 def _used(raw: Any, spec: AssemblySpec) -> Iterator[str]:
-    """Yield the parameters used by a value."""
+    """Yield the parameters that a value uses."""
     return iter([use.name for use in raw.names if use.name in spec.parameters] if isinstance(raw, Expression) else [])
 
 
@@ -109,7 +109,7 @@ def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], plac
 
 
 def canonical(values: Mapping[str, ExpressionValue]) -> tuple[tuple[str, Value], ...]:
-    """Return parameters sorted by name: SI floats, integral numbers as ints, booleans and texts unchanged."""
+    """Return parameters sorted by name: SI floats, integral numbers as ints, booleans and strings unchanged."""
     return tuple((name, plain(values[name])) for name in sorted(values))
 
 
@@ -117,7 +117,7 @@ def fitting(
     context: ResolveRun, document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue], what: str, complain: Complain,
     names: Collection[str] = (),
 ) -> dict[str, ExpressionValue]:
-    """Return the valid values in `given`: the parameters are known, and the values have the right dimension and are within bounds.
+    """Return the values in `given` that belong to known parameters, have the right physical dimension and are within bounds.
 
     `names` are the names available to expressions at the location where the values are set.
     """
@@ -161,14 +161,17 @@ class AssemblyParameters:
         self.values = declared(self._context, documents.root, spec).values
 
     def given(self, texts: Mapping[str, str]) -> dict[str, ExpressionValue]:
-        """Return the valid values of all parameters, with some of them set by texts as with `-p`."""
+        """Return the valid values of all parameters. Strings set some of the parameters, as with `-p`."""
         root, context = self._context.documents.root, replace(self._context, report=Report())
         sound = from_command_line(context, root, self._spec, texts)
         values, _ = worked_out(root, self._spec, sound, Report(), context.doubts(root))
         return {name: value for name, value in values.items() if name in sound or name not in texts}
 
     def fitting(self, name: str, value: ExpressionValue, complain: Complain) -> ExpressionValue | None:
-        """Return a value for a parameter; None if it (reported by `complain`) or the assembly's own value is invalid."""
+        """Return a value for a parameter, or None if this value or the assembly's own value is invalid.
+
+        `complain` reports the invalid value.
+        """
         return fitting(self._context, self._context.documents.root, self._spec, {name: value}, f"`{self.name}`", complain).get(name)
 
 
@@ -207,7 +210,7 @@ def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
 
 
 def _within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionValue, complain: Complain) -> bool:
-    """Return whether a given value is within its parameter's bounds."""
+    """Return whether a value is within the bounds of its parameter."""
     if not isinstance(value, Quantity):
         return True
     for key, bound in _bounds(scope, spec, name).items():
@@ -228,7 +231,7 @@ def _beyond(key: str, value: Quantity, bound: Quantity) -> bool:
 def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> set[str]:
     """Report invalid bounds, and the document's own values (in `scope`) that are out of bounds.
 
-    Return the names of values that are out of bounds. Expressions that depend on them need no check.
+    Return the names of values that are out of bounds. Expressions that depend on these values need no check.
     """
     outside: set[str] = set()
     for name in names:
@@ -293,11 +296,11 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionVa
 def from_command_line(
     context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str],
 ) -> dict[str, ExpressionValue | Expression]:
-    """Return the values of `-p NAME=VALUE`, parsed as in the document. Errors include the parameter, but no location."""
+    """Parse `-p NAME=VALUE` as in the document, and return the values. Errors include the name of the parameter, but no location."""
     report = context.report
 
     def complain(name: str, code: Code, message: str, *, help: Hint | None = None, notes: object = ()) -> None:
-        del code  # all errors of -p have the same code, because it determines the exit status
+        del code  # all errors of -p have the same code, because the code determines the exit status
         report.add(Code.PARAMETER_OPTION, message, None, help=help, path=f"-p {name}", notes=notes)  # type: ignore[arg-type]
 
     given, expressions = _as_written(context, document, spec, texts, complain)
@@ -325,7 +328,7 @@ def from_command_line(
 def _as_written(
     context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
 ) -> tuple[dict[str, ExpressionValue], dict[str, Expression]]:
-    """Parse texts of the command line as values and as expressions. Report invalid texts."""
+    """Parse strings of the command line as values and as expressions. Report invalid strings."""
     table = declared(context, document, spec)
     given: dict[str, ExpressionValue] = {}
     expressions: dict[str, Expression] = {}
@@ -355,7 +358,7 @@ def _as_written(
 
 
 def _parse_parameter(text: str, own: ExpressionValue | None) -> ExpressionValue | Expression:
-    """Parse a text of the command line as a document would; `own` is the parameter's own value."""
+    """Parse a string of the command line in the same way as a value in a document. `own` is the parameter's own value."""
     stripped = text.strip()
     if stripped.startswith("="):
         return parse_expression(stripped)

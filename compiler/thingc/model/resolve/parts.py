@@ -59,14 +59,14 @@ def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDe
             values[parameter.name] = value
     key = (reference, tuple(sorted(values.items())))
     definition = context.parts.get(key)
-    # 1, 1.0 and True are equal as keys, but their texts differ
+    # 1, 1.0 and True are equal as keys, but their representations differ
     if definition is None or definition.text != definition_text(reference, values, defaults):
         definition = context.parts[key] = schema.definition(values)
     return definition
 
 
 def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
-    """Return the canonical parameters in the document. Report unknown, invalid and missing parameters, and return None if there are any."""
+    """Return the canonical parameters in the document. If there are unknown, invalid or missing parameters, report them and return None."""
     scope, path = node.scope, (*node.path, "params")
     by_name = {parameter.name: parameter for parameter in schema.parameters}
     values: dict[str, Value] = {}
@@ -100,7 +100,7 @@ def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
 
 
 def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, path: Path) -> Value | None:
-    """Return the canonical value of a parameter. Report an error and return None if the value does not match its schema."""
+    """Return the canonical value of a parameter. If the value does not match its schema, report an error and return None."""
     what = f"parameter `{parameter.name}` of `{schema.reference}`"
     written = scope.written(path)
     literal = written is not None and not written.lstrip().startswith("=")
@@ -234,7 +234,7 @@ def _report_unloaded(context: ResolveRun, where: Span, reference: str, failure: 
 
 
 def _reference_hint(context: ResolveRun, text: str) -> str:
-    """Return a hint for a text that is not `module:Class`."""
+    """Return a hint for a reference that does not have the form `module:Class`."""
     called = re.fullmatch(r"([\w.]+:[\w.]+)\((.*)\)", text, re.DOTALL)
     if called is not None:
         return f"write `part: {shortened(called.group(1))}`, and set its parameters: `params: {{...}}`"
@@ -281,9 +281,9 @@ FEWEST_FACES = 4
 
 
 def of_file(context: ResolveRun, node: ComponentScope, text: str) -> PartDefinition | None:
-    """Return the definition of a component with `file:`, including its `faces`, and its unit if it is not mm.
+    """Return the definition of a component with `file:`, including its `faces`, and its unit if the unit is not mm.
 
-    Return None if the file cannot be used. `load` reports this, unless the file was set by a choice.
+    Return None if the file cannot be used. `load` reports an unusable file, unless a choice sets the file.
     """
     beside = context.documents.root.path if "file" in node.chosen else node.scope.document.path
     absolute = named(text, beside)

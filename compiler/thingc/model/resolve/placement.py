@@ -98,7 +98,8 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
     """Find the base. Report components that are placed twice, and missing or multiple bases.
 
     Components that are placed twice, and additional bases, become unplaced. Components with a doubtful placement are not reported. `unsure`
-    means that the child of some joint could not be read. As this joint may place any component, missing placements are then not reported.
+    means that the child of some joint could not be read. In this case, the joint may place any component, so missing placements are not
+    reported.
     """
     vague = {
         node.name for node in table.nodes.values()
@@ -149,7 +150,7 @@ def _report_no_base(table: DocumentScope, places: Places) -> None:
 
 
 def _perhaps_swapped(table: DocumentScope, free: list[str]) -> dict[str, Joint]:
-    """Return joints with an unplaced parent, keyed by child. Their parent and child may be swapped."""
+    """Return joints with an unplaced parent, keyed by child. The document may have swapped the parent and the child."""
     joints = [joint for joint in table.joints.values() if joint is not None and not joint.loop]
     return {joint.child.path[0]: joint for joint in joints if joint.parent.path and joint.parent.path[0] in free[1:]}
 

@@ -10,7 +10,7 @@ from thingc.geometry.record import FILE_UNIT, PartDefinition
 from thingc.model.resolve.link_definition import LinkDefinition
 
 LIGHTEST, HEAVIEST = 10.0, 25_000.0
-"""Range of densities [kg/m^3] of solids: foams from 10, osmium has 22 590."""
+"""Range of densities [kg/m^3] of solids: light foams have about 10, osmium has 22 590."""
 
 SMALLEST, LARGEST = 1e-3, 10.0
 """Range of plausible sizes of parts [m]: the longest side of the bounding box."""
@@ -23,14 +23,14 @@ _STEP = 1000.0
 
 
 class Implausible(FrozenStruct):
-    """An implausible value: a phrase that follows the owner's name, and the probably intended value in SI units (None if unknown)."""
+    """An implausible value: a phrase for messages, after the owner's name, and the likely intended value in SI units (None if unknown)."""
 
     words: str
     meant: float | None
 
 
 def density_doubt(density: float) -> Implausible | None:
-    """Check a density [kg/m^3]; return None if it is plausible for a solid."""
+    """Check a density [kg/m^3]. Return None if the density is plausible for a solid."""
     if LIGHTEST <= density <= HEAVIEST:
         return None
     light = density < LIGHTEST
@@ -41,7 +41,7 @@ def density_doubt(density: float) -> Implausible | None:
 
 
 def mass_doubt(mass: float, volume: float) -> Implausible | None:
-    """Check a mass [kg] for a solid of this volume [m^3]; return None if it is plausible."""
+    """Check the mass [kg] of a solid of this volume [m^3]. Return None if the mass is plausible."""
     doubt = density_doubt(mass / volume)
     if doubt is None:
         return None
@@ -52,7 +52,7 @@ def mass_doubt(mass: float, volume: float) -> Implausible | None:
 
 
 def density_cure(doubt: Implausible) -> str | None:
-    """Return a hint for an implausible density; None if the intended value is unknown."""
+    """Return a hint for an implausible density, or None if the intended value is unknown."""
     return None if doubt.meant is None else f"write `{density_words(doubt.meant)}` if that is meant"
 
 
@@ -106,5 +106,5 @@ def times_words(ratio: float) -> str:
 
 
 def _format_number(value: float) -> str:
-    """Format a number without an exponent and with separated thousands."""
+    """Format a number without an exponent and with thousands separators."""
     return f"{value:,.0f}".replace(",", " ") if value >= 1000.0 else f"{value:.3g}"

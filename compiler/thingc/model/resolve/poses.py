@@ -23,7 +23,7 @@ from thingc.model.resolve.types import Joint, NamedPose
 
 Joints = dict[CoordinateName, Joint | None]
 Settings = dict[str, tuple[float, Origin]]
-"""q and its location, by joint path (with `/`)."""
+"""Coordinates q and their locations, keyed by joint path (with `/`)."""
 
 
 def poses(table: DocumentScope, scope: Scope) -> None:
@@ -33,7 +33,7 @@ def poses(table: DocumentScope, scope: Scope) -> None:
     joints: Joints = dict(table.all_joints())
     for name, entries in table.spec.poses.items():
         path: Path = ("poses", name)
-        layers: tuple[Settings, Settings, Settings] = ({}, {}, {})  # nested poses, patterns, exact names
+        layers: tuple[Settings, Settings, Settings] = ({}, {}, {})  # in this order: nested poses, patterns, exact names
         for key, raw in entries.items():
             at = (*path, key)
             several = [one for one in joints if one.number is not None and one.joint == key]
@@ -61,7 +61,7 @@ def poses(table: DocumentScope, scope: Scope) -> None:
 
 
 def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName], raw: Any, path: Path, into: Settings) -> None:
-    """Set the coordinates `names` of a joint from a list or from a mapping keyed by index."""
+    """Set the coordinates `names` of a joint. The value is a list or a mapping keyed by index."""
     ball = known[names[0]] if names else None
     if ball is not None and ball.kind.at_once:
         _turn_ball(scope, key, names, ball, raw, path, into)
@@ -110,8 +110,8 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
 def _stand_ins(known: Joints, origin: Origin) -> Settings:
     """Return placeholder values for joints with limits that exclude 0, for poses with reported errors.
 
-    The intended values may be missing because of the error, so reporting that 0 is out of the limits would be misleading. The placeholders
-    never affect build outputs.
+    The error may be the reason why the intended values are missing, so a report that 0 is out of the limits would be misleading. The
+    placeholders never affect build outputs.
     """
     settings: Settings = {}
     for name, joint in known.items():
@@ -195,7 +195,7 @@ def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: A
 
 
 def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
-    """Set the coordinates of joints that match a pattern and have several coordinates, from a list or a mapping keyed by index."""
+    """Set the coordinates of joints with several coordinates that match a pattern. The value is a list or a mapping keyed by index."""
     coordinates: dict[str, list[CoordinateName]] = {}
     for name in known:
         if name.number is not None and fnmatchcase(name.joint, key):

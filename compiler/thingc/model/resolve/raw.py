@@ -1,4 +1,4 @@
-"""Raw attributes, which one target gets unchanged, and raw elements, which are added to MuJoCo models (`raw: {mjcf: {add: ...}}`)."""
+"""Raw attributes, which are copied unchanged to one target, and raw elements of MuJoCo models (`raw: {mjcf: {add: ...}}`)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ IN_ORDER = "[order]"
 """Last key of internal attributes for the order of an element. Documents cannot contain this key."""
 
 SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor")
-"""Sections of MJCF to which elements can be added. Elements can refer to elements in preceding sections."""
+"""Sections of MJCF to which documents can add elements. Elements can refer to elements in preceding sections."""
 
 _KINDS = {
     **dict.fromkeys(("joint", "joint1", "joint2", "jointinparent"), "joint"),
@@ -30,7 +30,7 @@ _KINDS = {
     **dict.fromkeys(("body", "body1", "body2", "subtree1", "subtree2"), "body"), **dict.fromkeys(("geom", "geom1", "geom2"), "geom"),
     **dict.fromkeys(("tendon", "tendon1", "tendon2"), "tendon"), "actuator": "actuator", "camera": "camera",
 }
-"""Attributes that refer to another element, and the kind of that element."""
+"""Attributes that refer to another element, and the kind of the other element."""
 
 _OBJECTS = {"objname": "objtype", "refname": "reftype"}
 """Attributes that refer to an element, and the attribute that specifies the element's kind."""
@@ -118,7 +118,7 @@ EXAMPLES = {
 """Targets that accept raw attributes, each with an example attribute of a joint."""
 
 IN_PLACE = {"ros": "write them under `urdf`: the URDF in the ROS package contains them, too", "mjz": "write them under `mjcf`"}
-"""Hints for targets whose output contains files of other targets."""
+"""Hints for targets that write files of other targets."""
 
 
 def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
@@ -137,7 +137,7 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
                 help=f"write for example `{target}: {{joint: {{yaw: {EXAMPLES[target]}}}}}`",
             )
             continue
-        laid = {key: one for key, one in attributes.items() if target != "mjcf" or key not in (ADD, ORDER)}  # `added` reads ADD
+        laid = {key: one for key, one in attributes.items() if target != "mjcf" or key not in (ADD, ORDER)}  # see `added` for ADD
         flattened.extend(_flattened(scope, target, laid, path, ()))
         if len(laid) < len(attributes):
             flattened.extend(_ordered(scope, attributes.get(ORDER, {}), (*path, ORDER)))
@@ -145,7 +145,7 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
 
 
 def _ordered(scope: Scope, written: Any, path: Path) -> Iterator[RawAttribute]:
-    """Yield the position of each element in `raw: {mjcf: {order: ...}}`. Report anything else."""
+    """Yield the position of each element in `raw: {mjcf: {order: ...}}`. Report all other entries."""
     for kind, names in written.items() if isinstance(written, Mapping) else [("", written)]:
         if kind not in ORDERED or not isinstance(names, list) or any(isinstance(one, (Mapping, list)) for one in names):
             message = f"`{ORDER}` must list the names of {' or '.join(f'`{one}`' for one in ORDERED)} elements"

@@ -1,6 +1,6 @@
 """Attributes that `raw` cannot set, because they identify an element, refer to an element, or determine other values.
 
-Documents have their own keys for these values, which apply to all modes. `modes.json`, keyframes and poses depend on them.
+Documents have their own keys for these values, which apply to all modes. `modes.json`, keyframes and poses depend on the values.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ BEGINNINGS_IN_USD: Mapping[str, str] = {
 
 
 def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
-    """Return why `raw` cannot set an attribute of URDF, SDF or USD, and what to use instead. Return None if it can.
+    """Return why `raw` cannot set an attribute of URDF, SDF or USD, and what to use instead. Return None if `raw` can set the attribute.
 
     Setting the attribute would make the robot differ between formats. In SDF, an `axis` also contains non-geometric values. In USD, a type
     may precede the name.
@@ -102,7 +102,7 @@ def _instead_in_usd(name: str) -> str | None:
 
 
 def fixed(path: tuple[str, ...]) -> tuple[str, str] | None:
-    """Return why `raw` cannot set an attribute of MJCF, and what to use instead. Return None if it can.
+    """Return why `raw` cannot set an attribute of MJCF, and what to use instead. Return None if `raw` can set the attribute.
 
     The path starts below the target (`("body", "arm", "name")`).
     """

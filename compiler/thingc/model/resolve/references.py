@@ -28,7 +28,7 @@ MAX_SUGGESTED = 1000
 
 
 def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | None:
-    """Replace `$i` (or `${i}`) of the enclosing `repeat`. Return None if the text uses another index (reported)."""
+    """Replace `$i` (or `${i}`) of the enclosing `repeat`. If the string uses another index, report it and return None."""
     if "$" not in text:
         return text
     unknown: list[str] = []
@@ -38,7 +38,7 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
         if scope.index is not None:
             if name == scope.index[0]:
                 return scope.index[1]
-            # `$i_upper` is `$i` and `_upper`: the longest prefix that is the index ends where `_` begins.
+            # `$i_upper` means `$i` followed by `_upper`: the name of the index ends before `_`.
             if match.group(1) is None and name.startswith(scope.index[0] + "_"):
                 return scope.index[1] + name[len(scope.index[0]):]
         unknown.append(match.group())
@@ -59,7 +59,7 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
 
 
 def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
-    """Return the origin of the enclosing `repeat`'s count, if the text uses its index.
+    """Return the place of the count of the enclosing `repeat`, if the string uses the index.
 
     Return an empty origin for the first item, which always exists.
     """
@@ -70,7 +70,7 @@ def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
 
 
 def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[str, ...] | None:
-    """Return the words of a reference, which must not be a pattern. Return None if it is invalid (reported)."""
+    """Return the words of a reference, which must not be a pattern. If the reference is invalid, report it and return None."""
     filled = indexed(scope, text, path, key=key)
     if filled is None:
         return None
@@ -194,7 +194,7 @@ def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool
 
 
 def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentScope]]:
-    """Return the components with a path that matches a pattern level by level, in document order. An exact name matches only itself."""
+    """Return the components whose paths match a pattern level by level, in document order. An exact name matches only itself."""
     steps = pattern.split(".")
     level: list[tuple[str, ComponentScope]] = []
     inside: list[tuple[str, DocumentScope]] = [("", table)]
@@ -210,7 +210,7 @@ def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentSco
 
 
 def suggested(name: str, names: Iterable[str], *, what: str) -> Hint:
-    """Return `did_you_mean` for the first names only, because a comparison with 100 000 names takes seconds per error."""
+    """Call `did_you_mean` with only the first names, because a comparison with 100 000 names takes seconds per error."""
     return did_you_mean(name, islice(names, MAX_SUGGESTED), what=what)
 
 
@@ -220,9 +220,9 @@ _UNKNOWN = {"joint": Code.UNKNOWN_JOINT, "mode": Code.UNKNOWN_MODE, "pose": Code
 def report_unmatched(
     scope: Scope, text: str, known: Iterable[str], path: Path, what: str, *, fits: str = "", pattern: bool = False,
 ) -> None:
-    """Report a name or pattern that matches no `what` (`joint`, `mode`, `pose`).
+    """Report a name or pattern that does not match any element of the kind `what` (`joint`, `mode`, `pose`).
 
-    `fits` means that patterns match some elements only.
+    `fits` means that patterns can match only some of the elements.
     """
     help = suggested(text, known, what=f"{fits or what}s")
     if pattern or GLOB.search(text):
@@ -236,7 +236,7 @@ def _unbuilt(prefixes: list[str], name: str) -> bool:
 
 
 def _descend(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> ComponentScope | None:
-    """Return the component at a path. Return None if it does not exist (reported now or before)."""
+    """Return the component at a path. Return None if the component does not exist (reported now or before)."""
     node: ComponentScope | None = None
     inner: DocumentScope | None = table
     for depth, part in enumerate(parts):
@@ -255,7 +255,7 @@ def _descend(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: P
 
 
 def _mount_below(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> bool:
-    """Return whether `component...mount` exists, as far as documents determine this. Report errors."""
+    """Return whether `component...mount` may exist according to the documents. Report errors."""
     node = table.nodes.get(parts[0])
     if node is None:
         _report_component(table, table, scope, parts, 0, path, key)
@@ -320,7 +320,7 @@ def defined(table: DocumentScope) -> list[Note]:
 
 
 def _repeated(scope: Scope, path: Path, key: bool) -> list[Note]:
-    """Return a note with the `repeat` count of an indexed reference, a possible cause of the error."""
+    """Return a note with the `repeat` count of an indexed reference, because the count may be the cause of the error."""
     return scope.beside(COUNTED, (*path[:2], "repeat", "count"), path) if counted(scope, path, key=key) else []
 
 

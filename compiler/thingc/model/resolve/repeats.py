@@ -35,7 +35,7 @@ def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: 
 
     An example of a prefix is `leg_`. An empty prefix matches all items.
 
-    Report duplicate names and use the first one.
+    If several items have the same name, report the duplicates and use the first item.
     """
     unbuilt: list[str] = []
     in_doubt: list[str] = [name for name in specs if scope.doubts.touch((section, name, "repeat"))]
@@ -70,7 +70,7 @@ def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: 
 
 
 def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> dict[str, int | None] | None:
-    """Return the count of each repeated spec (None if it is invalid). Return None if there are too many items."""
+    """Return the count of each repeated spec (None for an invalid count). Return None if there are too many items."""
     counts: dict[str, int | None] = {}
     total = 0
     for name, spec in specs.items():

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 class Settings(FrozenStruct):
     """Settings of one compilation.
 
-    `parameters` maps names to texts as for `-p` (`{"reach": "120 mm"}`). `choices` maps dotted paths in the root document to texts
-    (`{"components.foot.part": "feet:Wide"}`). `quantities` replaces some of these texts by values.
+    `parameters` maps names to strings as for `-p` (`{"reach": "120 mm"}`). `choices` maps dotted paths in the root document to strings
+    (`{"components.foot.part": "feet:Wide"}`). `quantities` replaces some of these strings by values.
     """
 
     parameters: Mapping[str, str] = {}
@@ -37,7 +37,7 @@ class Settings(FrozenStruct):
 class Sources(FrozenStruct):
     """Inputs of `resolve`: documents, their models (or the valid entries) by path in the workspace, and schemas of referenced parts.
 
-    They also include a function that returns the SHA-256 of a file.
+    `Sources` also contains a function that returns the SHA-256 of a file.
     """
 
     workspace: Workspace
@@ -53,7 +53,8 @@ def resolve(
     """Resolve the root document of `sources` with these settings. `sources` must include the documents and parts of choices.
 
     All errors are reported. Elements that depend on invalid ones are omitted from the model. Return None if the root document is invalid as
-    a whole. `memo` caches results for these documents. `of_any_text` caches results of unchanged nested documents.
+    a whole. `memo` caches results for these documents. `of_any_text` caches results of unchanged nested documents for all versions of the
+    root document.
     """
     from thingc.documents.spec.assembly import AssemblySpec
     from thingc.model.resolve import choices as choose
@@ -87,7 +88,7 @@ def resolve(
 
 
 def resolve_materials(sources: Sources, report: Report) -> None:
-    """Report errors and suspicious values of a separately checked `materials/1` document."""
+    """Report errors and suspicious values of a `materials/1` document that is checked on its own."""
     from thingc.model.resolve.document_scope import ResolveRun
     from thingc.model.resolve.materials import of_document
     from thingc.model.resolve.plausibility import density_cure, density_doubt

@@ -36,11 +36,11 @@ class TooManyErrors(Exception):
 
 
 class Scope(FrozenStruct):
-    """The names available to expressions of a document (or of an item of a `repeat`), and the report.
+    """The names that expressions of a document (or of an item of a `repeat`) can use, and the report.
 
     `broken` contains invalid names that have been reported. Expressions with these names are invalid, without another message. `index` is
-    the name of the repeat's index and its value in references (`$i`). `said`, which a whole run shares, prevents reporting the same error
-    for every item of a repeat and every use of a nested document. `doubts` are locations of errors reported by validation.
+    the name of the repeat's index and its value in references (`$i`). All scopes of a run share `said`, which prevents duplicate reports of
+    an error for the items of a repeat and the uses of a nested document. `doubts` are locations of errors reported by validation.
     """
 
     document: Document
@@ -79,7 +79,7 @@ class Scope(FrozenStruct):
         self, code: Code, message: Hint, path: Path, *, help: Hint | None = None, notes: Iterable[Note] = (), key: bool = False,
         span: Span | None = None,
     ) -> None:
-        """Report an error once, at the value (or `key`) at `path` or a narrower `span`. Skip locations in `doubts`."""
+        """Report an error once, at the value (or the key, with `key`) at `path`, or at a narrower `span`. Skip locations in `doubts`."""
         if self.doubts.touch(path):
             return
         known = (self.document.relative, code, path, key)
@@ -91,7 +91,7 @@ class Scope(FrozenStruct):
         self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=dotted(path))
 
     def beside(self, message: str, path: Path, of: Path, *, key: bool = False) -> list[Note]:
-        """Return a note with a second location `path` of an error at `of`. Empty if both are on the same line."""
+        """Return a note with the second location `path` of an error at `of`, or no notes if both locations are on the same line."""
         second, first = self.document.span(path, key=key), self.document.span(of)
         return [] if second.line == first.line else [Note(message=message, span=second)]
 
@@ -121,7 +121,7 @@ class Scope(FrozenStruct):
         raise TypeError(f"not a value of a document: {raw!r}")
 
     def _narrowed(self, expression: Expression, path: Path, offset: int, end: int) -> Span | None:
-        """Return the part of a scalar on one line that corresponds to a range in its expression."""
+        """Return the span within a one-line scalar that corresponds to a range in its expression."""
         node = node_at(self.document.tree, path)
         if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line:
             return None
@@ -137,10 +137,10 @@ class Scope(FrozenStruct):
         self, raw: Any, path: Path, dimension: Dimension | tuple[Dimension, ...], what: str, *,
         above: float | None = None, least: float | None = None, most: float | None = None, notes: Iterable[Note] = (),
     ) -> float | None:
-        """Return the SI value of a field with one of these dimensions and within bounds. Return None if it is invalid (reported).
+        """Return the SI value of a field with one of these physical dimensions and within bounds. Report an invalid value and return None.
 
-        `what` names the field in messages, with its article or name: "the mass", "`limit.lower` of joint `yaw`". `notes`
-        explain why this dimension is required.
+        `what` names the field in messages, with its article or name: "the mass", "`limit.lower` of joint `yaw`". `notes` explain why the
+        field requires this physical dimension.
         """
         quantity = self.value(raw, path)
         if quantity is None:
@@ -165,7 +165,7 @@ class Scope(FrozenStruct):
         return value
 
     def count(self, raw: Any, path: Path, what: str, *, least: int = 0) -> int | None:
-        """Return the value of a count field. Return None if it is invalid (reported)."""
+        """Return the value of a count field. Report an invalid value and return None."""
         value = self.number(raw, path, NUMBER, what, least=float(least))
         if value is None:
             return None
@@ -175,19 +175,19 @@ class Scope(FrozenStruct):
         return int(value)
 
     def vector(self, raw: Any, path: Path, dimension: Dimension, what: str) -> Vector | None:
-        """Return three SI values of one dimension, limited to `FARTHEST` for lengths. Return None if one is invalid (reported)."""
+        """Return three SI values of one physical dimension, with lengths up to `FARTHEST`. Report invalid values and return None."""
         least, most = (-FARTHEST, FARTHEST) if dimension == LENGTH else (None, None)
         x, y, z = (self.number(part, (*path, index), dimension, what, least=least, most=most) for index, part in enumerate(raw))
         return None if x is None or y is None or z is None else (x, y, z)
 
     def pose(self, spec: PoseSpec, path: Path) -> Pose | None:
-        """Return the pose at `path`. Return None if it is invalid (reported)."""
+        """Return the pose at `path`. Report an invalid pose and return None."""
         translation = self.vector(spec.xyz, (*path, "xyz"), LENGTH, "`xyz`")
         rotation = self.rotation(spec, path)
         return None if translation is None or rotation is None else Pose(rotation=rotation, translation=translation)
 
     def rotation(self, spec: PoseSpec | TurnSpec, path: Path) -> Matrix | None:
-        """Return the rotation of the `quat` or `rpy` at `path`. Return None if it is invalid (reported)."""
+        """Return the rotation of the `quat` or `rpy` at `path`. Report an invalid rotation and return None."""
         if isinstance(spec, TurnSpec) or spec.quat is None:
             angles = self.vector(spec.rpy, (*path, "rpy"), ANGLE, "`rpy`")
             return None if angles is None else placed((0.0, 0.0, 0.0), angles).rotation
@@ -213,7 +213,7 @@ class Scope(FrozenStruct):
     def wrong_dimension(
         self, value: ExpressionValue, expected: tuple[Dimension, ...], what: str, path: Path, notes: Iterable[Note] = (),
     ) -> None:
-        """Report a value of the wrong dimension. The message contains both dimensions."""
+        """Report a value of the wrong physical dimension. The message contains both physical dimensions."""
         message, help = dimension_message(value, expected, what, self.written(path), self.names)
         self.error(Code.DIMENSION, message, path, help=help, notes=notes)
 
@@ -221,7 +221,7 @@ class Scope(FrozenStruct):
 def dimension_message(
     value: ExpressionValue, expected: tuple[Dimension, ...], what: str, written: str | None, names: Collection[str] = (),
 ) -> tuple[str, Hint | None]:
-    """Return the message and the help for a value of the wrong dimension. `names` are the names that an expression can use there."""
+    """Return the message and the help for a value of the wrong physical dimension. `names` are the names that its expression can use."""
     wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
     text = shortened((written if written is not None else words_of(value)).strip())
     help: Hint | None = expression_hint(value, names) if isinstance(value, str) else None
@@ -236,7 +236,7 @@ def dimension_message(
 
 
 def _converted(text: str, found: Dimension, wanted: Dimension) -> str | None:
-    """Return the help for an expression whose dimension differs from the expected one by a unit.
+    """Return the help for an expression whose physical dimension differs from the expected dimension by one unit.
 
     Examples are `=pinion / 1 rad`, `=count * 1 mm` and `=width / 1 mm`.
     """
@@ -254,7 +254,7 @@ def _bound(value: float, dimension: Dimension) -> str:
 
 
 def numbered(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int | str] | None:
-    """Return an element of a list or of a mapping keyed by index, and its key. Return None if it does not exist."""
+    """Return an element of a list or of a mapping keyed by index, and its key. Return None if the element does not exist."""
     if isinstance(written, dict):
         return (written[str(number)], str(number)) if str(number) in written else None
     return (written[number], number) if number < len(written) else None
@@ -266,11 +266,11 @@ class DefaultLayers(FrozenStruct, kw_only=False):
     items: tuple[tuple[BaseModel, Path], ...]
 
     def pick(self, key: str, number: int | None = None) -> tuple[Any, Path] | None:
-        """Return the value of `key` (or of its element `number`) and its path. Return None if no layer has it."""
+        """Return the value of `key` (or of its element `number`) and its path. Return None if no layer has this key."""
         return next(self._written(key, number), None)
 
     def sub(self, key: str, number: int | None = None) -> DefaultLayers:
-        """Return the mappings under `key` (and `number`), to be merged key by key."""
+        """Return the mappings under `key` (and `number`). The caller merges the mappings key by key."""
         return DefaultLayers(tuple((value, path) for value, path in self._written(key, number) if isinstance(value, BaseModel)))
 
     def _written(self, key: str, number: int | None) -> Iterator[tuple[Any, Path]]:

@@ -93,7 +93,7 @@ class _Reader:
         return () if named is None else (named[0],)
 
     def _numbers(self, key: Literal["noise", "cutoff"], written: Any, of: Dimension | None) -> dict[str, float]:
-        """Return noise or cutoff [SI] by reading. A single value requires that only one reading accepts it."""
+        """Return noise or cutoff [SI] by reading. A single value is valid only if exactly one reading accepts it."""
         if written is None:
             return {}
         able: dict[ReadingName, Dimension] = {}
@@ -161,7 +161,7 @@ class _Reader:
     def _joint(self) -> Joint | None:
         """Return the coordinate measured by a sensor, or the coordinate of the measured drive.
 
-        It is specified by `joint`, or has the same name as the sensor.
+        `joint` specifies the measured joint. By default, the joint has the same name as the sensor.
         """
         spec, unnamed = self.spec, self.spec.joint is None
         wanted = CoordinateName(spec.joint if spec.joint is not None else self.name)

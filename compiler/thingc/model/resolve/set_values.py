@@ -1,8 +1,8 @@
-"""Insert values set by path (`joints.elbow.limit.upper` and a text) into a document.
+"""Insert values of `--set` into a document. Each value has a path (`joints.elbow.limit.upper`) and a string.
 
-The text is parsed as if it were in the document. It may be a mapping or a list on one line (`{on: floor}`). The resulting tree is validated
-again, so the rules of documents apply. The location of the value is the option (`source.option_span`); errors of this and later passes
-therefore refer to the option and not to the document.
+The string is parsed in the same way as a value in the document. The string may be a mapping or a list on one line (`{on: floor}`).
+Validation runs on the resulting tree, so the rules of documents apply. The location of the value is the option (`source.option_span`).
+Errors of this pass and later passes therefore refer to the option and not to the document.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ FIXED = {
     "name": "the name of a robot is fixed",
     "parameters": "set a parameter by its name: `-p 'NAME=VALUE'`, or `NAME: ...` in a variants document",
 }
-"""Keys of an assembly that cannot be set, with the reasons."""
+"""Keys of an assembly that `--set` cannot set, with the reasons."""
 
 
 class PathNotFound(FrozenStruct, kw_only=False):
-    """The reason why a text cannot be set at a path, and a help text."""
+    """The reason why a value cannot be set at a path, and the help."""
 
     message: str
     help: Hint | None
 
 
 def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str]) -> tuple[Document, AssemblySpec]:
-    """Return the document and its model after inserting the texts `values` at their paths.
+    """Return the document and its model after inserting the strings `values` at their paths.
 
     Both are unchanged if one of the values is invalid (reported), or if the document itself has errors (reported).
     """
@@ -73,7 +73,7 @@ def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, val
     for fault in report.ordered():
         if fault.code is Code.CHOICE_OPTION:
             context.report.say(fault)
-        else:  # the document is valid: a value causes an error elsewhere
+        else:  # the document is valid, but a value causes an error at another location
             context.say_of_option(closest(values, fault.path or ""), fault.message, fault.help)
     if not isinstance(sound, AssemblySpec):
         return document, spec
@@ -81,7 +81,7 @@ def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, val
 
 
 def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
-    """Parse a text for a path. All nodes have the same location."""
+    """Parse the string for a path. All resulting nodes have the same location."""
     if (bad := forbidden(text)) is not None:
         return PathNotFound(f"`{path}`: {bad[1]}", "remove it")
     if is_flow(text):
@@ -110,7 +110,7 @@ def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
 def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, whole: Callable[[str], str]) -> PathNotFound | None:
     """Return an error with the nearest valid path if a path does not exist in an assembly or, for named elements, in `tree`.
 
-    Return None if it leads to a value, or if `text` is a mapping or list. `whole` converts paths to paths from the top document.
+    Return None if the path leads to a value, or if `text` is a mapping or list. `whole` converts paths to paths from the top document.
     """
     if keys[0] in FIXED:
         return PathNotFound(f"`{keys[0]}` cannot be set by a path", FIXED[keys[0]])
@@ -138,7 +138,7 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
             shape = shape_of(named.members[0])
             if shape.kind in ("model", "dict") and key not in written:
                 return _no_such(document, keys, depth, written, whole)
-        elif keys[0] == "raw":  # accepts everything that its target accepts
+        elif keys[0] == "raw":  # this key accepts all values that its target accepts
             return None
         elif any(branch.model is not None for branch in branches):
             there = [key for one in branches if one.model is not None for key in model_keys(one.model)]
@@ -150,7 +150,7 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
 
 
 def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], whole: Callable[[str], str]) -> PathNotFound:
-    """Return the error for the key at `depth`, which is not one of the `known` keys there."""
+    """Return the error for the unknown key at `depth`. `known` contains the valid keys at this depth."""
     known, key = list(known), keys[depth]
     sections = [name for name, node in document.tree.entries.items() if isinstance(node, MappingNode) and keys[0] in node.entries]
     near = nearest(key, known)
@@ -165,7 +165,7 @@ def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Itera
 
 
 def _unfinished(path: str, shape: FieldType, node: Node | None) -> PathNotFound | None:
-    """Return the error for a path that ends at a mapping or a list of them, before a value."""
+    """Return the error for a path that ends at a mapping or at a list of mappings instead of a value."""
     branches = alternatives(shape)
     kinds = {branch.kind for branch in branches}
     if not kinds & {"model", "dict"} or kinds - {"model", "dict", "list"}:

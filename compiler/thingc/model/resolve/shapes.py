@@ -26,7 +26,7 @@ from thingc.model.resolve.scope import DefaultLayers, Scope
 
 
 def of_link(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> LinkDefinition | None:
-    """Return the definition of a component that is a `link`. Return None if one of its shapes is invalid (reported)."""
+    """Return the definition of a component that is a `link`. If a shape of the link is invalid, report the shape and return None."""
     shapes = [_shape(context, table, node.scope, spec, (*node.path, "shapes", index)) for index, spec in enumerate(node.spec.shapes)]
     sound = tuple(shape for shape in shapes if shape is not None)
     return link_of(sound) if len(sound) == len(shapes) else None
@@ -45,7 +45,7 @@ def _shape(context: ResolveRun, table: DocumentScope, scope: Scope, spec: ShapeS
 
 
 def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> MeshFile | None:
-    """Return a mesh file with its scale. Return None if it is invalid (reported) or cannot be used (reported by `load`)."""
+    """Return a mesh file with its scale. Return None for an invalid entry (reported) and for an unusable file (reported by `load`)."""
     scale = _scale(scope, spec, path)
     absolute, workspace = named(spec.mesh or "", scope.document.path), context.workspace
     if scale is None or absolute is None or os.path.isabs(spec.mesh or "") or not workspace.contains(absolute):
@@ -74,7 +74,7 @@ def _file(scale: Vector, digest: Callable[[str], str], absolute: str, path: str,
 
 
 def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
-    """Return the factors to metres. Return None if one is invalid (reported)."""
+    """Return the factors that convert the file's coordinates to metres. Report invalid factors and return None."""
     at: Path = (*path, "scale")
     if isinstance(spec.scale, list):
         factors = [scope.number(factor, (*at, k), NUMBER, "a factor of `scale`") for k, factor in enumerate(spec.scale)]
@@ -92,7 +92,7 @@ def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
 
 
 def primitive(scope: Scope, spec: ShapeSpec | VolumeSpec, path: Path, pose: Pose) -> Primitive | None:
-    """Return the primitive, converted from full lengths. Return None if a length is invalid (reported)."""
+    """Return the primitive with half lengths, converted from the full lengths in the document. Report invalid lengths and return None."""
     at: Path = (*path, spec.kind)
     written = getattr(spec, spec.kind)
     sides: list[float | None]

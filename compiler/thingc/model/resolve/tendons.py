@@ -63,7 +63,7 @@ def _steps(
 
 
 def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bool:
-    """Return whether each section of a path between pulleys leads from mount to mount, with at most one shape between two mounts."""
+    """Return whether each section of a path between pulleys starts and ends at mounts, and has at most one shape between two mounts."""
     kinds = ["pulley" if step.mount is None else "shape" if step.shape is not None else "mount" for step in steps]
     for number, (kind, before, after) in enumerate(zip(kinds, ["pulley", *kinds], [*kinds[1:], "pulley"], strict=False)):
         if kind == "shape" and not before == after == "mount":
@@ -84,7 +84,7 @@ def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bo
 def _terms(
     table: DocumentScope, scope: Scope, name: str, spec: TendonSpec, path: Path,
 ) -> tuple[Dimension, tuple[tuple[CoordinateName, float], ...]] | None:
-    """Return the dimension of the length, taken from the first term, and the factors by coordinate."""
+    """Return the physical dimension of the length, as determined by the first term, and the factors by coordinate."""
     moves: list[tuple[CoordinateName, float]] = []
     length: Dimension | None = None
     for text, raw in (spec.joints or {}).items():
@@ -113,7 +113,7 @@ def _terms(
         if factor is None or not isinstance(value, Quantity):
             return None
         turns, slides = value.fits(ANGLE / own), value.fits(LENGTH / own)
-        if length is None and turns != slides:  # a plain 0 is either
+        if length is None and turns != slides:  # a plain 0 has any unit
             length = ANGLE if turns else LENGTH
         moves.append((CoordinateName(text), factor))
     return length or LENGTH, tuple(moves)

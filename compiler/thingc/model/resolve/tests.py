@@ -42,7 +42,7 @@ def tests(context: ResolveRun, table: DocumentScope, scope: Scope, modes: Sequen
 
 
 def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: str, written: TestSpec) -> Test | None:
-    """Return a test, or None if it is invalid (reported)."""
+    """Return a test. Report an invalid test and return None."""
     path: Path = ("tests", name, written.kind)
     reader = Reader(table, scope, modes, path)
     reader.choose(written.stated)
@@ -60,7 +60,7 @@ def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: s
 
 
 class Reader:
-    """Reads the specification of one test. The `read` function of the test's kind requests values by key.
+    """Reads the specification of one test. The function `read` of each kind of test calls the methods of this class with keys.
 
     `modes` contains the modes of the document by name. `chosen_modes` and `chosen_poses` are the modes and poses of the test. `every_pose`
     means all keyframes of the mode. `sound` becomes False when an error is reported.
@@ -95,9 +95,9 @@ class Reader:
         self, raw: Any, key: Key, dimension: Dimension, what: str | None = None, *, above: float | None = None,
         least: float | None = None, most: float | None = None,
     ) -> float:
-        """Return the SI value. If it is invalid (reported), return NaN, so that all comparisons are false.
+        """Return the SI value. Report an invalid value and return NaN, so that all comparisons are false.
 
-        `what` is its name in messages, by default its key.
+        `what` is the name of the value in messages, by default the key.
         """
         what = f"`{key}`" if what is None else what
         value = self.scope.number(raw, self.at(key), dimension, what, above=above, least=least)
@@ -110,7 +110,7 @@ class Reader:
         return value
 
     def vector(self, raw: Any, key: str, dimension: Dimension) -> Vector | None:
-        """Return three SI values. Return None if one is invalid (reported)."""
+        """Return three SI values. Report invalid values and return None."""
         vector = self.scope.vector(raw, self.at(key), dimension, f"`{key}`")
         self.sound = self.sound and vector is not None
         return vector
@@ -126,7 +126,7 @@ class Reader:
         return low, high
 
     def bounds(self, low: Any, high: Any, dimension: Dimension, what: str) -> tuple[float | None, float | None]:
-        """Return `min` and `max`, or None for each that is not specified."""
+        """Return `min` and `max`. A bound that is not specified is None."""
         least = None if low is None else self.number(low, "min", dimension, f"`min` of {what}", least=0.0)
         most = None if high is None else self.number(high, "max", dimension, f"`max` of {what}", least=0.0)
         if least is not None and most is not None and least > most:
@@ -230,7 +230,10 @@ class Reader:
                 yield self._range(name, joint, *chosen[name])
 
     def _range(self, name: CoordinateName, joint: Joint, said: Any, key: Path) -> JointRange:
-        """Return the specified range of a joint. The default is its limits, or one turn without limits."""
+        """Return the specified range of a joint.
+
+        By default, the range is the limits of the joint, or one turn for a joint without limits.
+        """
         twist = joint.twist
         endless = numeric.pi if twist is not None and twist.turns else numeric.inf
         low = joint.limit.lower if joint.limit.lower is not None else -endless
@@ -251,7 +254,7 @@ class Reader:
 
 
 def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
-    """Return one text or the texts of a list, with their locations."""
+    """Return a single string or the strings of a list, with their locations."""
     return [(said, path)] if isinstance(said, str) else [(text, (*path, index)) for index, text in enumerate(said)]
 
 

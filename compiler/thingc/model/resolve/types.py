@@ -1,4 +1,4 @@
-"""The resolved model: documents with all names, units and expressions resolved, in SI.
+"""The resolved model: documents in which all names, units and expressions are resolved, with values in SI.
 
 Mounts of parts depend on geometry. References contain only their names, which `model/assembly` checks.
 """
@@ -20,15 +20,15 @@ from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Dynamic
 from thingc.model.resolve.link_definition import LinkDefinition
 
 COUNTED = "the reference is repeated this often"
-"""Text of the note at the count of a `repeat` whose indexed reference is invalid."""
+"""Text of a note. The location of the note is the count of a `repeat` whose indexed reference is invalid."""
 
 
 class Reference(OneLineRepr, FrozenStruct):
     """A reference such as `hand.cap.pen`: `path` are the component names from this document down, `mount` is the last word.
 
-    If `mount` is None, it refers to the component itself (`links`, `drive`, a mode's root). A mount may be exported by a nested assembly
-    (then `path` ends at that assembly) or belong to a part. `repeat_origin` is the place of the enclosing `repeat`'s count, if the
-    reference uses the index of an item after the first.
+    If `mount` is None, the reference is to the component itself (`links`, `drive`, a mode's root). A mount may be exported by a nested
+    assembly (then `path` ends at that assembly) or belong to a part. `repeat_origin` is the place of the count of the enclosing `repeat`,
+    if the reference uses the index of an item after the first item.
     """
 
     path: tuple[str, ...]
@@ -43,10 +43,12 @@ class Reference(OneLineRepr, FrozenStruct):
 
 
 class Process(OneLineRepr, FrozenStruct):
-    """Manufacturing process of a part. `kind` is for example `fdm`. Widths and layer are in [m], infill and overlap from 0 to 1.
+    """Manufacturing process of a part. `kind` is for example `fdm`. Widths and layer heights are in [m].
 
-    `bridge_flow` is a ratio. `estimate` is the method for the mass of a part with infill, `layers | skin` (None: by kind). `origins` are
-    the places of the keys in the document; the keys in `wrong` are invalid (reported).
+    Infill and overlap are between 0 and 1.
+
+    `bridge_flow` is a ratio. `estimate` is the method for the mass of a part with infill, `layers | skin` (None: by kind). `origins`
+    contains the places of the keys in the document. The keys in `wrong` are invalid and have been reported.
     """
 
     kind: str | None = None
@@ -66,8 +68,9 @@ class Process(OneLineRepr, FrozenStruct):
 class Material(OneLineRepr, FrozenStruct):
     """A material in scope.
 
-    `density` is in [kg/m^3], `color` is `#rrggbb` or `#rrggbbaa`, and `slide` is the sliding friction (likewise torsional and rolling).
-    `process_origin` is the place of its `process` in the document (empty if it has none), `density_origin` the place of its density.
+    `density` is in [kg/m^3], `color` is `#rrggbb` or `#rrggbbaa`, and `slide` is the sliding friction. There are also fields for torsional
+    and rolling friction. `process_origin` is the place of the material's `process` in the document (empty for a material without a
+    process). `density_origin` is the place of the density.
     """
 
     name: str
@@ -85,7 +88,7 @@ class Material(OneLineRepr, FrozenStruct):
 class StatedValue(OneLineRepr, FrozenStruct):
     """A value in a document (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz) with its source and its place.
 
-    A `stand_in` replaces an invalid value (reported).
+    A `stand_in` replaces an invalid value that has been reported.
     """
 
     value: tuple[float, ...]
@@ -127,7 +130,9 @@ class BomEntry(OneLineRepr, FrozenStruct):
 
 
 class Attach(OneLineRepr, FrozenStruct):
-    """A rigid mate of this component's `mount` to the mount `to`. `turn` [rad] and `gap` [m] are about and along the z of `to`.
+    """A rigid mate of this component's `mount` to the mount `to`.
+
+    `turn` [rad] is about the z axis of `to`, and `gap` [m] is along this axis.
 
     `mount` is a reference whose path starts with this component's own name.
     """
@@ -150,11 +155,11 @@ class At(OneLineRepr, FrozenStruct):
 class Component(OneLineRepr, FrozenStruct):
     """A component of an assembly.
 
-    Either `definition` is a part, a link or a nested assembly, or `frame` is True. If neither is the case, the component is invalid
-    (reported), and later passes skip it. `placement` is None for the base and for components that a joint places. `material` is the
-    material in the document; if it is None, the Thing's default is looked up in the assembly's `materials`. In the mirror image of a
-    document, `image_of` is the original component. If the part equals its mirror image, `mounts_mirrored` is the axis along which its
-    mounts are mirrored. `key` is the name in the document, which the items of a `repeat` share.
+    Either `definition` is a part, a link or a nested assembly, or `frame` is True. A component with neither is invalid and has been
+    reported. Later passes skip such components. `placement` is None for the base and for components that a joint places. `material` is the
+    material in the document. If `material` is None, later passes look up the default material of the Thing in the assembly's `materials`.
+    In the mirror image of a document, `image_of` is the original component. If the part equals its mirror image, `mounts_mirrored` is the
+    axis along which its mounts are mirrored. `key` is the name in the document. All items of a `repeat` have the same key.
     """
 
     name: str
@@ -194,13 +199,13 @@ class Drive(OneLineRepr, FrozenStruct):
 
 
 class Joint(Coordinate):
-    """A joint. It places the component that `child` belongs to, unless it closes a `loop`.
+    """A joint. Unless the joint closes a `loop`, it places the component that `child` belongs to.
 
     A joint with several coordinates is a sequence of these objects: `name` is the name of the coordinate (`wrist[0]`), `twist` its motion
-    in the parent mount's frame as moved by the preceding coordinates (None for a `fixed` joint). `spans` contains places within the joint
-    by dotted key (`limit.lower`), `written` the values there, for diagnostics. With an `axis` (a unit vector in the parent mount's frame),
-    the mounts coincide at q = 0 instead of facing each other. Otherwise, if it is `mirrored`, it moves in the parent mount's frame turned
-    by pi about x.
+    in the parent mount's frame, which the preceding coordinates have moved (None for a `fixed` joint). For diagnostics, `spans` contains
+    places within the joint by dotted key (`limit.lower`), and `written` contains the values at these places. With an `axis` (a unit vector
+    in the parent mount's frame), the mounts coincide at q = 0 instead of facing each other. Otherwise, a `mirrored` joint moves in the
+    parent mount's frame after a rotation by pi about x.
     """
 
     twist: Twist | None
@@ -219,8 +224,8 @@ class Joint(Coordinate):
 class Wrap(OneLineRepr, FrozenStruct):
     """A step of the path of a tendon: through a `mount`, around a `shape`, or over a pulley.
 
-    A `shape` with a `radius` [m] is passed on the side of the mount `side`, if any. A step without a mount is a pulley, after which lengths
-    are divided by `divisor`.
+    The tendon passes a `shape` with a `radius` [m] on the side of the mount `side`, if specified. A step without a mount is a pulley, after
+    which lengths are divided by `divisor`.
     """
 
     shape: Literal["sphere", "cylinder"] | None = None
@@ -230,7 +235,7 @@ class Wrap(OneLineRepr, FrozenStruct):
 
 
 class PathStep(Wrap):
-    """A step of a path with mounts as in the document."""
+    """A step of a path. Its mounts are references of the document."""
 
     mount: Reference | None = None
     side: Reference | None = None
@@ -239,8 +244,8 @@ class PathStep(Wrap):
 class Tendon(OneLineRepr, FrozenStruct):
     """A tendon. Its length is a sum of coordinates or the length of a path. Limit, dynamics and drive act along it.
 
-    `moves` has the factor of each coordinate [per unit of q]. If it `turns`, the length is an angle [rad], otherwise it is in [m]. A tendon
-    along a `path` is drawn with a `width` [m].
+    `moves` contains the factor of each coordinate [per unit of q]. If the tendon `turns`, its length is an angle [rad], otherwise a length
+    [m]. MuJoCo draws a tendon along a `path` with the `width` [m].
     """
 
     name: str
@@ -278,9 +283,11 @@ class NameInFiles(OneLineRepr, FrozenStruct):
 
 
 class NamedPose(OneLineRepr, FrozenStruct):
-    """A pose with patterns and nested poses resolved: joint path (`hand/finger`) to q [rad or m] and the place of each value.
+    """A pose after the resolution of patterns and nested poses.
 
-    Joints that are not in it are at 0.
+    It maps joint paths (`hand/finger`) to q [rad or m] and the place of the value.
+
+    Joints that are not in the pose are at 0.
     """
 
     name: PoseName
@@ -290,10 +297,10 @@ class NamedPose(OneLineRepr, FrozenStruct):
 
 
 class Sensor(Measurement):
-    """A sensor `at` a mount; it may measure relative to another mount (`seen_from`).
+    """A sensor `at` a mount. Some sensors measure relative to another mount (`seen_from`).
 
-    `joint` is the path of the measured or driven joint (`leg/knee`), `tendon` the name of the measured or driven tendon. `touching` are the
-    component whose contacts are measured and, if specified, the other component of the contact.
+    `joint` is the path of the measured or driven joint (`leg/knee`), `tendon` the name of the measured or driven tendon. `touching`
+    contains the component whose contacts the sensor measures and, if specified, the other component of the contact.
     """
 
     name: str
@@ -307,10 +314,11 @@ class Sensor(Measurement):
 class Hold(OneLineRepr, FrozenStruct):
     """A mount that a mode holds to the world, in addition to its root.
 
-    It is mated to the world frame moved to `pose`, as a root is mated to `at`.
+    The mount is mated to the frame `pose` in the world, in the same way as a root is mated to `at`.
 
-    If `pose` is None, it is `here`, the mount's place in the mode's own pose. If `mount.mount` is None, the hold is on a component, whose
-    origin is at `pose`. With `turns`, the hold carries only force: the origin is held, and the link may rotate about it.
+    If `pose` is None, the document specifies `here`, which is the place of the mount in the mode's own pose. If `mount.mount` is None, the
+    hold is on a component, whose origin is at `pose`. With `turns`, the hold transmits only force: the origin is fixed, and the link may
+    rotate about the origin.
     """
 
     mount: Reference
@@ -340,9 +348,9 @@ class Cut(OneLineRepr, FrozenStruct):
 class ModeSettings(OneLineRepr, FrozenStruct):
     """Settings of a mode that do not contain references.
 
-    `at` is the pose of the root in the world (without its height if `on_floor`), `at_in` is the same for some poses. `gravity` [m/s^2] is
-    in the world frame. `poses` are in keyframe order, with the mode's own `pose` first. `actuators` are joint paths, or None for all.
-    `stated` is False for the default mode of a document without modes.
+    `at` is the pose of the root in the world (without the height if `on_floor`). `at_in` contains the poses of the root for some poses of
+    the robot. `gravity` [m/s^2] is in the world frame. `poses` are in keyframe order, with the mode's own `pose` first. `actuators`
+    contains joint paths, or is None for all actuators. `stated` is False for the default mode of a document without modes.
     """
 
     name: str
@@ -363,8 +371,8 @@ class ModeSettings(OneLineRepr, FrozenStruct):
 class Mode(ModeSettings):
     """A mode with `extends` merged. If `root.mount` is None, the root is a component.
 
-    `exclude` are pairs of component references; `adhesion` [N] is per mount. `step_origin` and `gravity_origin` are the places of its own
-    `timestep` and numeric gravity, else empty. `worked_out` means that the mode contains expressions and depends on parameters.
+    `exclude` are pairs of component references; `adhesion` [N] is per mount. `step_origin` and `gravity_origin` are the places of the
+    mode's own `timestep` and numeric gravity, or empty. `worked_out` means that the mode contains expressions and depends on parameters.
     """
 
     root: Reference
@@ -378,7 +386,7 @@ class Mode(ModeSettings):
 
 
 class RawAttribute(OneLineRepr, FrozenStruct):
-    """A raw attribute, such as `raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys, and the value as text.
+    """A raw attribute, such as `raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys, and the value as a string.
 
     For this example `target` is `mjcf` and `path` is `("joint", "yaw", "solreflimit")`. Values for `usd`, which has typed attributes, are
     JSON. `origin` is the place of the value, `keys` are the places of the keys.
@@ -430,11 +438,12 @@ class JointRange(OneLineRepr, FrozenStruct):
 
 
 class Test(OneLineRepr, FrozenStruct):
-    """A test of a document. It runs in each of its `modes` (empty: it does not depend on the mode) and `poses`.
+    """A test of a document. The test runs in each of its `modes` and `poses`. `modes` is empty for a test that does not depend on the mode.
 
     `kind` is the key in the document. In `poses`, None is the initial pose of the mode. `every_pose` requests all keyframes of the mode;
-    `poses` is then empty, as for tests that do not depend on the pose. `check` is the specification, a frozen struct in SI; references in
-    it are found by type. `spans` are the places of values in the test by dotted key (`within.x`), for diagnostics.
+    `poses` is then empty, as for tests that do not depend on the pose. `check` is the specification, a frozen struct in SI. Other passes
+    find the references in the struct by their type. `spans` are the places of values in the test by dotted key (`within.x`), for
+    diagnostics.
     """
 
     name: str

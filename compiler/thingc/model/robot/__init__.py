@@ -1,1 +1,1 @@
-"""Spanning trees: one robot per mode. Coordinates have the same meaning whichever link is the root."""
+"""Spanning trees: one robot per mode. The meaning of coordinates does not depend on the root."""

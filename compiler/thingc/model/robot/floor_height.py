@@ -1,4 +1,4 @@
-"""Compute the height of modes with `on: floor`, so that their lowest point touches z = 0 of the world.
+"""Compute the height of the robot in modes with `on: floor`, so that its lowest point touches z = 0 of the world.
 
 The lowest point of the collision shapes is used, so that a simulation starts with the robot touching the floor without
 penetration. The height of a mode is computed for its start pose. If the base is `free`, each keyframe has its own height.
@@ -37,8 +37,8 @@ ROUNDING = 1e-6
 def stand(assembly: Assembly, mesh_vertices: MeshVertices | None, report: Report, memo: Memo | None = None) -> Assembly:
     """Return the assembly with computed heights in `at` and `at_in` of modes with `on: floor`.
 
-    Without `mesh_vertices`, bounding boxes of parts are used, which are accurate enough if meshes are not needed. A robot without
-    collision shapes is reported. `memo` caches results.
+    Without `mesh_vertices`, the heights are computed from bounding boxes of parts, which is accurate enough if meshes are not needed.
+    Report a robot without collision shapes. `memo` caches results.
     """
     if not any(mode.on_floor for mode in assembly.modes):
         return assembly
@@ -88,7 +88,7 @@ def _lowest(
 ) -> float:
     """Return the lowest z [m] of collision shapes, infinite if there are none.
 
-    Meshes are examined in the order of their boxes' lowest points, until the remaining meshes cannot be lower.
+    The function examines meshes in the order of the lowest points of their boxes, and stops if the remaining meshes cannot be lower.
     """
     lowest = inf
     meshes: list[tuple[float, int, int, Mesh, Pose]] = []

@@ -26,7 +26,7 @@ def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
 
 
 def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[TreeJoint, Twist]]:
-    """Yield the coordinates of a body in reverse order, with their twists in the world (or the frame of `pose`).
+    """Yield the coordinates of a body in reverse order, with their twists in the world (or in the reference frame of `pose`).
 
     `q` contains the coordinates [rad or m] of all joints by path.
     """
@@ -38,7 +38,7 @@ def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[T
 def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:
     """Return the poses of all bodies in the world, in body order. By default, the root has its pose in the mode.
 
-    `q` [rad or m] is keyed by joint path. Missing values are computed from mimics, or are 0.
+    `q` maps joint paths to coordinates [rad or m]. Missing coordinates are computed from mimics, or are 0.
     """
     full = coordinates(joints_of(robot.assembly), q)
     return placed_bodies(robot.bodies, full, robot.bodies[0].X_PL if root is None else root)
@@ -81,7 +81,7 @@ def rates(robot: Robot, tendon: LinkedTendon, q: Mapping[str, float], bodies: Se
     """Return the derivative of a tendon's length [m/rad or 1] by each coordinate of the tree at `q` (all joints by path).
 
     `bodies` are the poses of bodies in the world. For a tendon over joints, the derivatives are its factors. For a tendon along a path,
-    they are sums over its straight segments. The tendon slides on shapes, so it pulls there with the force of the adjacent segments.
+    they are sums over its straight segments. The tendon slides on shapes, so it pulls on a shape with the forces of the adjacent segments.
     """
     if not tendon.steps:
         return dict(tendon.moves)

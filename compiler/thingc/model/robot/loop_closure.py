@@ -22,10 +22,10 @@ from thingc.model.robot.tree import bodies_from, cut_closures, in_link, placing,
 from thingc.model.robot.types import Body, Closure, Keyframe, Unclosed, residual_words
 
 MET = 1e-12
-"""Poses with loops that are closed within this tolerance [m, rad] are used as written."""
+"""Tolerance [m, rad] for closed loops. A pose whose loops are closed within this tolerance is used as written."""
 
 STILL = 1e-9
-"""Joints that move less than this [rad or m] during loop closure are treated as unmoved."""
+"""Smallest movement of a joint during loop closure that counts [rad or m]."""
 
 FAR = radians(30.0)
 """Largest movement of a joint during loop closure [rad; proportional for slides] for which a pose keeps its name. The mode's start pose
@@ -41,7 +41,7 @@ Taken = Collection[int]
 def closures_of(
     assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], taken: Taken, report: Report, memo: Memo,
 ) -> tuple[Closure, ...] | None:
-    """Return the closures of a mode: its holds, then the joints outside its tree. Return None if one is invalid (reported).
+    """Return the closures of a mode: its holds, then the joints outside its tree. Report invalid closures and return None.
 
     `memo` caches results.
     """
@@ -73,7 +73,7 @@ def closures_of(
 
 
 def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Report) -> bool:
-    """Return whether all joints in `cut` are cut. Report joints that are not on a loop, or on a loop that is cut elsewhere."""
+    """Return whether the tree cuts all joints in `cut`. Report joints that are not on a loop, or on a loop that is cut at another joint."""
     joints = {mate.name: number for number, mate in enumerate(assembly.mates) if mate.name is not None}
     wrong = [one for one in mode.cut if joints.get(one.joint) in taken]
     for one in wrong:
@@ -98,20 +98,20 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Repo
 
 
 def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
-    """Return the target pose of a hold's mount: mated to the hold's pose like a root to `at`, or (`here`) its current pose."""
+    """Return the target pose of a hold's mount: for `here` its current pose, otherwise mated to the hold's pose like a root to `at`."""
     if hold.pose is not None:
         return hold.pose if hold.mount.of_component else hold.pose @ MATE
     return (where or {})[body] @ X_LM
 
 
 def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], memo: Memo) -> dict[int, Pose]:
-    """Return the poses of bodies in the mode's own pose (by default all joints at 0), with loops of joints closed."""
+    """Close the loops of joints in the mode's own pose (by default all joints at 0), and return the poses of bodies."""
     pose = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
     return dict(enumerate(placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
 
 
 def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -> dict[str, float]:
-    """Return q [rad or m] of all joints in a pose (None: all at 0), with joint loops closed as far as possible.
+    """Close joint loops in a pose as far as possible, and return q [rad or m] of all joints. If the pose is None, all joints start at 0.
 
     `memo` caches results.
     """
@@ -135,10 +135,10 @@ def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
 def keyframes_of(
     assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], closures: tuple[Closure, ...], report: Report, memo: Memo,
 ) -> tuple[tuple[Keyframe, ...], tuple[Unclosed, ...]] | None:
-    """Return the mode's poses in order, with q of all joints and closed loops, and the poses that do not close.
+    """Close the loops in the mode's poses. Return the closed poses in order, with q of all joints, and the poses that do not close.
 
-    A free base moves first, then joints that are not in the pose. Joints in the pose move only if this is not enough. Return None if the
-    mode's own pose does not close, or if no pose closes (reported). `memo` caches results.
+    A free base moves first, then joints that are not in the pose. Joints in the pose move only if these movements are not enough. If the
+    mode's own pose does not close, or if no pose closes, report an error and return None. `memo` caches results.
     """
     joints = joints_of(assembly)
     by_name = {pose.name: pose for pose in assembly.poses}
@@ -230,8 +230,8 @@ def _moved(loops: Loops, start: SolverState, solution: Solution, following: Coll
 def close_pose(loops: Loops, start: SolverState, named: Collection[str], base_moves: bool) -> Solution:
     """Close the loops from a pose. Return the best solution if they do not close.
 
-    Coordinates without a given value (not in `named`) move first. If that is not enough, the result is the closed state nearest to
-    the given values.
+    Coordinates without a given value (not in `named`) move first. If these movements are not enough, the result is the closed state nearest
+    to the given values.
     """
     as_written = Solution(state=start, residuals=loops.residuals(start))
     inside = all(c.lower - STILL <= start.q[c.path] <= c.upper + STILL for c in loops.coordinates)

@@ -51,7 +51,7 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
 
 
 def closing(assembly: Assembly, taken: Collection[int], number: int) -> list[Mate]:
-    """Return the mates that close loops through a mate (by index) of the tree `taken`. Empty if it is not on a loop."""
+    """Return the mates that close loops through a mate (by index) of the tree `taken`. The result is empty if the mate is not on a loop."""
     groups = DisjointSets(len(assembly.links))
     for other in taken:
         if other != number:

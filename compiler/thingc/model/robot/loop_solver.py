@@ -6,9 +6,9 @@ that was cut, and B is the frame on the child:
     p = p_B - p_A,    w = R_A log(inv(R_A) R_B)
 
 Steps are computed by the method of Levenberg and Marquardt (Marquardt, "An algorithm for least-squares estimation of nonlinear parameters",
-1963): the shortest step for underdetermined closures, the least-squares step for overdetermined or unsolvable ones. A coordinate that would
-exceed a limit is set to it, and the step is repeated with the other coordinates.
-The module is pure Python, because importing numpy would slow down `check` and there are only a few equations.
+1963): the shortest step for underdetermined closures, the least-squares step for overdetermined or unsolvable ones. If a step would move a
+coordinate beyond a limit, the coordinate is set to the limit and the step is repeated with the other coordinates. The module is pure
+Python, because importing numpy would slow down `check` and there are only a few equations.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ the plane cannot be corrected.
 """
 
 FREE = 100.0
-"""Factor by which coordinates without given values move farther in `nearest` than those with given values, at the same cost."""
+"""Factor by which coordinates without given values may move farther in `nearest` than other coordinates, at the same cost."""
 
 SAMPLES = 50
-"""Number of sampled values of a leader in each direction, to check the limits of a joint that follows it by a polynomial."""
+"""Number of sampled values of a leader in each direction, to check the limits of a joint that mimics the leader by a polynomial."""
 
 PROJECTION, NEAR, GAIN = 1e-10, 1e-9, 1e-4
 """For `nearest`: damping, convergence threshold of steps [rad], and smallest relative gain of the squared distance."""
@@ -55,8 +55,8 @@ TRUST = 0.25
 ROUNDING = 1e-13
 """Relative gain below which a step counts as having no gain.
 
-Such a step is retried with more damping, which turns it towards the steepest descent: if a step takes two joints to their limits, possibly
-only one of them belongs there.
+A step without gain is retried with more damping, which turns the step towards the steepest descent: if a step moves two joints to their
+limits, the correct state may have only one joint at its limit.
 """
 
 
@@ -85,10 +85,10 @@ class Solution(FrozenStruct):
 
 
 class LoopCoordinate(FrozenStruct):
-    """An independent coordinate: one joint and the joints that follow it. Its limits [rad or m] respect the limits of all of them.
+    """An independent coordinate: one joint and the joints that mimic it. Its limits [rad or m] respect the limits of all these joints.
 
-    The joints are by path, with dq / dcoordinate (for polynomials at leaders = 0). `unit` is the length equivalent to a radian [m], 1 for
-    rotations.
+    The joints are keyed by path, with dq / dcoordinate (for polynomials at leaders = 0). `unit` is the length equivalent to a radian [m], 1
+    for rotations.
     """
 
     path: str
@@ -115,7 +115,7 @@ class Loops:
         self._bent = bent(joints)
 
     def follows(self, q: Mapping[str, float]) -> Mapping[str, tuple[str, float]]:
-        """Return for every joint its independent coordinate (its own or the one that it follows), and the ratio of their speeds at `q`.
+        """Return for every joint the independent coordinate that moves it (its own or its leader's), and the ratio of their speeds at `q`.
 
         `q` has the coordinates of all joints by path [rad or m].
         """
@@ -132,7 +132,7 @@ class Loops:
         return frozenset(path for path, (leader, _) in self._moves.items() if leader not in moved)
 
     def alone(self, q: Mapping[str, float]) -> Loops:
-        """Return the loops without elements that do not affect them: other bodies, and limits of joints `outside` if `q` is within them."""
+        """Return the loops without other bodies and without limits of joints `outside` that `q` respects. They do not affect the loops."""
         outside = self.outside
         if not all(c.lower <= q[c.path] <= c.upper for c in self.coordinates if c.path in outside):
             return self
@@ -151,7 +151,7 @@ class Loops:
     def _extent(self) -> float:
         """Return the size of the robot [m]: the largest distance at q = 0 of bodies on its loops from their mean position.
 
-        It is independent of the root, and defines the length equivalent to a radian.
+        The size is independent of the root, and defines the length equivalent to a radian.
         """
         at = self._placed(SolverState(q=dict.fromkeys(self.joints, 0.0), base=NO_POSE))
         places = [at[body].translation for body in self._needed]
@@ -180,7 +180,7 @@ class Loops:
         return A, at[closure.child] @ closure.X_CB
 
     def residuals(self, state: SolverState) -> tuple[tuple[float, float], ...]:
-        """Return |p| [m] and |w| [rad] of every closure."""
+        """Compute |p| [m] and |w| [rad] of every closure."""
         return tuple((hypot(*p), hypot(*w)) for p, w in self._errors(state))
 
     def closed(self, state: SolverState) -> bool:
@@ -188,19 +188,19 @@ class Loops:
         return Solution(state=state, residuals=self.residuals(state)).closed
 
     def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
-        """Return p [m] and w [rad] of every closure, in world axes. A ball has no w."""
+        """Return p [m] and w [rad] of every closure, in world axes. A ball closure has no w."""
         at = self._placed(state)
         errors = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
         return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, errors, strict=True)]
 
     def linearized(self, state: SolverState, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
-        """Return the residuals of all closures in one list, p [m] then w [rad] of each, and their derivatives by `coordinates`.
+        """Return the residuals of all closures in one list (p [m], then w [rad] of each closure), and their derivatives by `coordinates`.
 
-        Coordinates are in rad or m. With `base_moves`, there are also derivatives by three translations (in lengths of the robot) and three
-        rotations of the base.
+        Coordinates are in rad or m. With `base_moves`, the result also contains derivatives by three translations (in lengths of the robot)
+        and three rotations of the base.
 
-        The derivatives are exact if the loops are closed. Otherwise they omit the common rotation of p and w, which changes neither |p| nor
-        |w|.
+        The derivatives are exact if the loops are closed. Otherwise, the derivatives omit the common rotation of p and w, which changes
+        neither |p| nor |w|.
         """
         sizes = [1.0, 1.0, 1.0, self.length, self.length, self.length] * len(self.closures)
         error = [value / size for value, size in zip(self._stacked(state), sizes, strict=True)]
@@ -212,9 +212,9 @@ class Loops:
         ]
 
     def close(self, start: SolverState, movable: Collection[str] | None, *, base_moves: bool) -> Solution:
-        """Return the state near `start`, as reached by the steps, in which the loops are closed, or the best state found.
+        """Step from `start` until the loops are closed. Return the closed state, or the best state that the steps reached.
 
-        `movable` are the joints that can move (None: all), by path. With `base_moves` the root link can also move.
+        `movable` contains the paths of joints that can move (None: all joints). With `base_moves`, the root link can also move.
         """
         chosen = [c for c in self.coordinates if movable is None or c.path in movable]
         state = self._within(start, chosen)
@@ -244,8 +244,9 @@ class Loops:
     def nearest(self, start: SolverState, closed: Solution, given: Collection[str], *, base_moves: bool) -> Solution:
         """Move a closed solution along the closures to the state nearest to `start`.
 
-        The distance is the sum of squares over the coordinates in `given` (paths; rad, slides in lengths of the robot). The method uses
-        Gauss-Newton steps for a constrained least-squares problem, and tries shorter steps if they do not converge.
+        The distance is the sum of squares over the coordinates in `given`, which contains paths. Rotations are in rad, slides in lengths of
+        the robot. The method uses Gauss-Newton steps for a constrained least-squares problem, and tries shorter steps if the steps do not
+        converge.
         """
         weighted = [c if c.path in given else replace(c, unit=FREE * c.unit) for c in self.coordinates]
         for share in (1.0, 0.3, 0.1):
@@ -280,7 +281,7 @@ class Loops:
     def _columns(self, state: SolverState, chosen: Sequence[LoopCoordinate], base_moves: bool) -> list[list[float]]:
         """Return the derivatives of the stacked residuals by each coordinate (in its unit), then by the motion of the base.
 
-        This is three translations (in lengths of the robot) and three rotations about the root link's origin.
+        The motion of the base has three translations (in lengths of the robot) and three rotations about the root link's origin.
         """
         at = self._placed(state)
         by_path: dict[str, list[float]] = {}
@@ -388,7 +389,7 @@ class Loops:
 
 
 def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCoordinate, ...]:
-    """Return an independent coordinate for every joint that does not mimic another one, in joint order.
+    """Return an independent coordinate for every joint that does not mimic another joint, in joint order.
 
     The limits of a coordinate respect the limits of its followers.
     """
@@ -428,7 +429,8 @@ def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:
 def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: float, high: float) -> tuple[float, float]:
     """Return the range of a leader [rad or m] around 0 in which a follower is between `low` and `high`.
 
-    It is within the leader's own limits, and infinite if the leader has none, or if the follower is outside its range at the start.
+    The range is within the leader's own limits. It is infinite if the leader has no limits, or if the follower is outside its range at the
+    start.
     """
     limit = joints[leader].limit
     if limit.lower is None or limit.upper is None:
@@ -461,7 +463,7 @@ def _error(A: Pose, B: Pose) -> tuple[Vector, Vector]:
 
 
 def rotation_vector(r: Matrix) -> Vector:
-    """Return log(R), the axis times the angle [rad] from 0 to pi. It is computed from the quaternion, which is accurate near 0 and pi."""
+    """Return log(R), the axis times the angle [rad] from 0 to pi. The computation uses the quaternion, which is accurate near 0 and pi."""
     return turn_of(Pose(rotation=r).quaternion())
 
 

@@ -18,7 +18,7 @@ from thingc.model.robot.types import Robot, Site
 
 
 def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None = None) -> Robot | None:
-    """Return the robot of `mode`. Return None if a link cannot be reached from its root, or if a loop does not close (reported).
+    """Return the robot of `mode`. If the root has no connection to a link, or if a loop does not close, report an error and return None.
 
     Frames of bodies are the frames of their links and do not depend on the root. The root only determines which end of a joint is the
     parent. Coordinates keep their meaning: q is the motion of the document's child relative to its parent. `memo` caches results.
@@ -53,13 +53,13 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
 def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[Site]:
     """Yield the sites without duplicate names.
 
-    These are exported mounts at every level, frames, links that are part of another, roots, holds and feet of every mode, and mounts of
-    sensors and tendons.
+    Sites are exported mounts at every level, frames, links that are part of another link, roots, holds and feet of every mode, and mounts
+    of sensors and tendons.
     """
     placed = in_link(assembly)
     named: set[str] = set()
     wanted: list[tuple[LinkedMount, Origin]] = [(mount, mount.origin) for mount in assembly.exported]
-    named_by = {link.frame for link in assembly.links}  # shape links that are bodies already have this name
+    named_by = {link.frame for link in assembly.links}  # a body from a link with shapes already has this name
     wanted += [
         (LinkedMount(path=o.path, occurrence=o.index, mount="origin"), o.origin) for o in assembly.occurrences
         if o.component.frame or o.listed is not None and o.index not in named_by
@@ -80,8 +80,8 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
 def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:
     """Return the pairs of bodies that do not collide.
 
-    Neighbours through a joint (including loop closures) come first, in joint order. The mode's own pairs follow. The bodies of a pair are
-    in link order, which is the same in every mode.
+    Neighbours through a joint (including loop closures) come first, in joint order. The pairs in the mode's own `exclude` come last. The
+    bodies of a pair are in link order, which is the same in every mode.
     """
     pairs: dict[tuple[int, int], None] = {}
     for one, other in (*neighbouring_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):

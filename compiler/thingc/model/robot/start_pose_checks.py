@@ -29,16 +29,17 @@ MOVED = {True: radians(0.5), False: 0.5e-3}
 """Largest movement of a given value of a pose by loop closure without a warning: [rad] for rotations, [m] for slides."""
 
 ROUNDING = 1e-9
-"""Tolerance [rad, m] by which 0 may exceed a limit."""
+"""Tolerance [rad, m] for joint limits at q = 0."""
 
 
 def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> None:
     """Check the start states of modes. Modes with the same problem share a warning.
 
-    Warn of modes that should stand on the plane but start with a part below it. (The root of a `fixed` base may reach into the ground,
-    unless all of it is below.) Without `mesh_vertices` (the vertices of a mesh) only bounding boxes are known; the depth is then a lower
-    bound, based on the fact that a part touches every side of its box. Also warn of modes with a part lower than the feet, of modes that
-    start without a pose although 0 is outside the limits of a joint, and of poses that loop closure changes.
+    Warn of modes in which the robot should stand on the plane but starts with a part below the plane. (The root of a `fixed` base may
+    extend into the ground, unless the whole root is below the plane.) Without `mesh_vertices` (the vertices of a mesh), only bounding boxes
+    are known. The depth is then a lower bound, based on the fact that a part touches every side of its box. Also warn of modes with a part
+    lower than the feet, of modes that start without a pose although 0 is outside the limits of a joint, and of poses that loop closure
+    changes.
     """
     _check_feet(robots, report)
     _check_limits(robots, report)
@@ -58,8 +59,8 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
 def _is_meant_to_stand(robot: Robot) -> bool:
     """Return whether the document places the robot on the plane: by `at`, or by feet.
 
-    A robot that is held, or whose root is at the origin by default (as in most imported files), may be at any height. With `on: floor` it
-    cannot be too low.
+    A robot that is held, or whose root is at the origin by default (as in most imported files), may be at any height. With `on: floor`, the
+    robot cannot be too low.
     """
     mode = robot.mode
     placed = mode.at.translation != (0.0, 0.0, 0.0) and (robot.base != "held" or mode.at.translation[2] < 0.0)
@@ -112,7 +113,7 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
 def _under_feet(robot: Robot) -> tuple[int, float] | None:
     """Return the lowest part of the links without feet, and how much lower [m] it certainly is than all parts of links with feet.
 
-    Return None if this is less than `DEEP` or unknown.
+    Return None if the height difference is less than `DEEP` or unknown.
     """
     assembly = robot.assembly
     standing = {assembly.link_of[foot.mount.occurrence] for foot in robot.mode.feet}
@@ -155,7 +156,7 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
 
 
 def _check_poses(robots: Sequence[Robot], report: Report) -> None:
-    """Warn once of each pose whose given values change considerably by loop closure. (Holds may move joints.)"""
+    """Warn once of each pose whose given values change considerably during loop closure. (Holds may also move joints.)"""
     looped = [robot for robot in robots if robot.closures and not any(closure.hold for closure in robot.closures)]
     frames: dict[str, Keyframe | Unclosed] = {}
     for robot in looped:
@@ -191,7 +192,7 @@ def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices 
             continue
         seen = list(_seen(assembly, assembly.links[body.link], at))
         if body.parent is None and robot.base != "free" and any(_top(box, pose) > -DEEP for _, box, pose in seen):
-            continue  # a fixed base may reach into the ground
+            continue  # a fixed base may extend into the ground
         for part, box, pose in seen:
             if pose.translation[2] + of_box(box, pose.rotation[2]) > -DEEP:
                 continue

@@ -1,4 +1,4 @@
-"""The tree of bodies below a root: the joints that it contains, the loops that it leaves open, and the direction of each joint."""
+"""The tree of bodies below a root: the joints in the tree, the loops that the tree cuts, and the direction of each joint."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def placing(assembly: Assembly) -> frozenset[int]:
 
 
 def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose, memo: Memo | None = None) -> tuple[Body, ...]:
-    """Return the tree over the mates `taken`, depth first from link `start`, whose pose is `at`.
+    """Return the tree over the mates `taken`, in depth-first order from the link `start`, whose pose is `at`.
 
     Children are in the order of their links.
     """
@@ -60,7 +60,10 @@ def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose
 
 
 def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
-    """Return the pose of the root link in the world. A component root has its origin at `at`; a mount root is mated to it."""
+    """Return the pose of the root link in the world. A root that is a component has its origin at `at`.
+
+    A root that is a mount is mated to `at`.
+    """
     choice = mode.root
     X_WO = mode.at
     if not choice.of_component:
@@ -69,7 +72,7 @@ def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
 
 
 def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
-    """Return the coordinates of a base that moves like a joint in the frame of `at`: `planar` in its plane, `ball` about its origin.
+    """Return the coordinates of a base that moves like a joint: `planar` in the plane of `at`, or `ball` about the origin of `at`.
 
     `root` is the pose of the root link. The result is empty for other bases.
     """
@@ -87,7 +90,7 @@ def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
 
 
 def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection[int]) -> tuple[Closure, ...]:
-    """Return the loops that a tree leaves open: joints that it does not contain, and `fixed` joints that close a loop."""
+    """Return the loops that a tree cuts: joints that the tree does not contain, and `fixed` joints that close a loop."""
     placed = in_link(assembly)
     body_of = {body.link: index for index, body in enumerate(bodies)}
     closures: list[Closure] = []
@@ -119,7 +122,7 @@ def _across(mate: Mate, number: int, parent: int, link: int, reversed_: bool, pl
 
 
 def seen_at_zero(twists: tuple[Twist, ...], offsets: tuple[float, ...], frame: Pose) -> tuple[Twist, ...]:
-    """Return the twists of a sequence in a frame that moves with all of them. In the last twist's frame it is at `frame`.
+    """Return the twists of a sequence in a frame that moves with all twists. The frame has the pose `frame` in the frame of the last twist.
 
     All coordinates are at 0, where each joint has moved by its offset. The pose `exp(t_0 (q_0 + o_0)) exp(t_1 (q_1 + o_1)) ... @
     inv(frame)` is its value at q = 0 times `exp(s_0 q_0) exp(s_1 q_1) ...`.
@@ -136,9 +139,10 @@ def _lowered(
 ) -> tuple[Pose, tuple[Twist, ...]]:
     """Return the pose of a joint's child link in its parent link at q = 0, and its twists in the child's frame, in the order of the tree.
 
-    `parent` and `child` are the poses of the mated occurrences in their links. F is the joint's frame in the document's parent link, and G
-    the child link in the joint's moving frame: `X_parent_child(q) = F @ exp(t_0 (q_0 + o_0)) ... @ G`. A reversed joint is the inverse: the
-    inverse sequence, with each twist negated and in the frame of the document's parent, which is the tree's child.
+    `parent` and `child` are the poses of the mated occurrences in their links. F is the pose of the joint's frame in the document's parent
+    link, and G the pose of the child link in the joint's moving frame: `X_parent_child(q) = F @ exp(t_0 (q_0 + o_0)) ... @ G`. A reversed
+    joint is the inverse: the inverse sequence, with each twist negated and in the frame of the document's parent, which is the tree's
+    child.
     """
     F, G = parent @ X_PJ, X_JC @ child.inverse()  # a ball has no offsets, because all its twists are in one frame
     at_zero = F @ moved(twists, offsets) @ G

@@ -18,9 +18,9 @@ from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode
 class TreeJoint(JointEdge):
     """A coordinate of a joint in the direction of the tree: the child link moves relative to its tree parent.
 
-    `twist` is in the child link's frame with the following coordinates of the body at 0. It is the same at every q of its own and the
-    preceding coordinates. Positive q has the document's meaning in either direction. `reversed` means that the document's child is the
-    tree's parent, and the twist has been negated. Motion is measured from q = 0.
+    `twist` is in the child link's frame with the following coordinates of the body at 0. The twist is the same for all values of its own
+    and the preceding coordinates. Positive q has the document's meaning in either direction. `reversed` means that the document's child is
+    the tree's parent, and the twist has been negated. Motion is measured from q = 0.
     """
 
     reversed: bool
@@ -31,8 +31,8 @@ class Body(OneLineRepr, FrozenStruct):
     """A link in the tree.
 
     `parent` is an index into `Robot.bodies` (None: the world). `X_PL` is the pose of its frame in the parent link's frame at q = 0 (for the
-    root: in the world, as placed by the mode's `at`). It moves by its `joints` in sequence, `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1)
-    ...`, or, for a ball, by exponential coordinates. The root has no joints.
+    root: in the world, as placed by the mode's `at`). The body moves by its `joints` in sequence, `X_PL @ exp(twist_0 q_0) @ exp(twist_1
+    q_1) ...`, or, for a ball, by exponential coordinates. The root has no joints.
     """
 
     link: int
@@ -42,12 +42,12 @@ class Body(OneLineRepr, FrozenStruct):
 
     @property
     def twists(self) -> tuple[Twist, ...]:
-        """The twists of its coordinates."""
+        """The twists of the body's coordinates."""
         return tuple(joint.twist for joint in self.joints)
 
     @property
     def at_once(self) -> bool:
-        """Whether it moves by a ball joint (exponential coordinates)."""
+        """Whether the body moves by a ball joint (exponential coordinates)."""
         return bool(self.joints) and self.joints[0].kind.at_once
 
 
@@ -63,21 +63,21 @@ class Site(OneLineRepr, FrozenStruct):
 ClosureKind = Literal["weld", "ball", "hinge", "slide", "screw", "universal", "several"]
 """The motion that a cut loop allows.
 
-In this order: no motion, rotation about a point, one rotation, one translation, a screw, rotation about two perpendicular axes that meet,
-or several coordinates.
+The allowed motions are, in this order: no motion, rotation about a point, one rotation, one translation, a screw, rotation about two
+perpendicular axes that meet, or several coordinates.
 """
 
 
 class Closure(OneLineRepr, FrozenStruct):
-    """A loop that the tree leaves open, between the body `parent` (None: the world) and the body `child`.
+    """A loop that the tree cuts, between the body `parent` (None: the world) and the body `child`.
 
     A is a frame on the parent and B a frame on the child. The loop is closed if
 
         X_W,parent @ X_PA @ exp(twist_0 q_0) @ exp(twist_1 q_1) ... == X_W,child @ X_CB
 
     over the `joints` that were cut. Their `twists` are in A with the following coordinates at 0, and their offsets are in `X_PA`. A closure
-    without joints is a weld; if it `turns`, only the origins of A and B meet. With `hold`, the world holds a mount: `path` is the mount's
-    path and B its frame. Otherwise `path` is the joint's path. `name` is the name of its equality in files, if specified.
+    without joints is a weld. If the closure `turns`, only the origins of A and B coincide. With `hold`, the world holds a mount: `path` is
+    the mount's path and B its frame. Otherwise `path` is the joint's path. `name` is the name of the equality in files, if specified.
     """
 
     path: JointPath | SitePath
@@ -118,9 +118,9 @@ def residual_words(residual: tuple[float, float]) -> str:
 class Keyframe(OneLineRepr, FrozenStruct):
     """A pose of this mode: q of all joints by path [rad or m], including joints that mimic and joints that were cut.
 
-    In a mode with closures it is the named pose with closed loops. `moved` is how far [rad or m] each joint had to leave the pose (without
-    joints on loops that the pose does not name), `residual` the largest loop error [m, rad]. `base` is the pose of the root link in the
-    world, if closures or the floor have moved a free base (None: as in the mode).
+    In a mode with closures, the keyframe is the named pose with closed loops. `moved` is the movement [rad or m] of each joint from its
+    value in the pose (without joints on loops that the pose does not name). `residual` is the largest loop error [m, rad]. `base` is the
+    pose of the root link in the world, if closures or the floor have moved a free base (None: as in the mode).
     """
 
     name: PoseName
@@ -132,10 +132,10 @@ class Keyframe(OneLineRepr, FrozenStruct):
 
 
 class Unclosed(OneLineRepr, FrozenStruct):
-    """A pose without a keyframe, because its loops do not close within the limits of the joints, or close too far away.
+    """A pose without a keyframe, because its loops do not close within the limits of the joints, or close only far from the pose.
 
-    If they do not close, `path` names the closure with the largest error, and `residual` is the smallest error found [m, rad]. If they
-    close too far from the pose, `moved` is the movement in that state.
+    If the loops do not close, `path` is the path of the closure with the largest error, and `residual` is the smallest error that was found
+    [m, rad]. If the loops close too far from the pose, `moved` is the movement to the closed state.
     """
 
     name: PoseName
@@ -148,11 +148,11 @@ class Unclosed(OneLineRepr, FrozenStruct):
 class Robot(OneLineRepr, FrozenStruct):
     """The robot of one mode. `bodies` are in depth-first order, with parents before children and children in document order.
 
-    `base` is `fixed | held | free | planar | ball`; `moves` are the coordinates of the last two (0 in every pose). `excluded` are pairs of
-    body indices without collisions: neighbours through a joint, which are the same links in every mode, and the mode's own pairs. A link
-    that a hold fixes to the world is a neighbour of the world in this mode. `closures` are holds, then joints that were cut. `keyframes`
-    are the poses that close, `unclosed` the other poses. `adhesion` is the control in this mode by adhesion path [N] (0 by default).
-    `present` are the joints whose actuators exist in this mode, in joint order.
+    `base` is `fixed | held | free | planar | ball`; `moves` contains the coordinates of a planar or ball base (0 in every pose). `excluded`
+    are pairs of body indices without collisions: neighbours through a joint, which are the same links in every mode, and the mode's own
+    pairs. A link that a hold fixes to the world is a neighbour of the world in this mode. `closures` are holds, then joints that were cut.
+    `keyframes` contains the poses whose loops close, `unclosed` the other poses. `adhesion` is the control [N] of each adhesion in this
+    mode by path (0 by default). `present` are the joints whose actuators exist in this mode, in joint order.
     """
 
     name: str
@@ -182,5 +182,5 @@ class Robot(OneLineRepr, FrozenStruct):
 
     @property
     def carried(self) -> bool:
-        """Whether the base is free and is supported by feet or holds."""
+        """Whether the base is free and feet or holds support it."""
         return self.base == "free" and (bool(self.mode.feet) or any(closure.hold for closure in self.closures))

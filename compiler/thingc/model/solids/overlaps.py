@@ -1,4 +1,4 @@
-"""Find parts that overlap, such as duplicates, parts on a wrong mount, or parts that do not fit into a bracket."""
+"""Find parts that overlap, such as duplicates, parts on a wrong mount, or parts that are too large for a bracket."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Occurrence, Surface
 
 SHARE = 0.2
-"""Largest accepted overlap of two equal links that list shapes, relative to the smaller one."""
+"""Largest accepted overlap of two equal links that list shapes, relative to the smaller link."""
 
 DIGITS = 12
 """Number of decimals [m] of the relative poses of parts. Further digits are rounding errors."""
 
 KIND = "overlaps"
-"""Kind of documents in the store for the intersections of two parts in a relative pose."""
+"""Kind of the store's documents with the intersections of two parts in a relative pose."""
 
 
 class PartPair(FrozenStruct, kw_only=False):
@@ -37,8 +37,8 @@ class PartPair(FrozenStruct, kw_only=False):
 class Overlaps:
     """Intersections of parts, cached in memory and in the store.
 
-    An intersection counts if its mean thickness exceeds `deep` [m]. Thinner ones may be caused by the `tolerance` [m] of the meshes, which
-    applies to each surface.
+    An intersection counts if its mean thickness exceeds `deep` [m]. The `tolerance` [m] of the meshes, which applies to each surface, may
+    cause thinner intersections.
     """
 
     def __init__(self, store: Store, tolerance: float, memo: Memo) -> None:
@@ -46,7 +46,7 @@ class Overlaps:
         self._store, self._memo = store, memo
 
     def pairs(self, parts: Sequence[Occurrence], poses: Sequence[Pose]) -> list[PartPair]:
-        """Return the pairs of parts, at these poses, whose bounding boxes overlap deeply enough, in document order."""
+        """Return the pairs of parts whose bounding boxes overlap deeply enough at these poses, in document order."""
         placed = sorted(
             ((pose.around(part.box), part, pose) for part, pose in zip(parts, poses, strict=True) if part.box is not None),
             key=lambda one: one[0][0][0],
@@ -65,7 +65,7 @@ class Overlaps:
     def shared(self, pair: PartPair, *, keep: bool = True) -> tuple[float, float] | None:
         """Return the volume [m^3] and the mean thickness [m] of an intersection. Return None if it does not count.
 
-        `keep` also caches it in the store.
+        `keep` also caches the result in the store.
         """
         content = [self.deep, _made_of(pair.one), _made_of(pair.other), repr(pair.at)]
         key = hashlib.sha256(json.dumps(content).encode()).hexdigest()
@@ -111,7 +111,7 @@ def check_overlaps(assembly: Assembly, poses: Sequence[Pose], overlaps: Overlaps
 
 
 def reason_to_skip(one: Occurrence, other: Occurrence) -> str:
-    """Return why two parts that touch by design cannot be compared. Return "" if they can be compared."""
+    """Return why two parts that touch by design cannot be compared. Return "" for parts that can be compared."""
     if one.definition != other.definition and (one.listed or other.listed):
         return "shapes of links are approximate"
     for part in (one, other):
@@ -121,7 +121,7 @@ def reason_to_skip(one: Occurrence, other: Occurrence) -> str:
 
 
 def contact_places(assembly: Assembly, one: Occurrence, other: Occurrence) -> list[Note]:
-    """Return the places in documents, in addition to the place of `other`, at which the overlap of two parts can be allowed."""
+    """Return the places in documents, in addition to the place of `other`, where `allow` can suppress the overlap of two parts."""
     links = {assembly.link_of[one.index], assembly.link_of[other.index]}
     return [*(Note(message=f"`{one.path}` is here", span=span) for span in one.origin[:1]), *(
         Note(message=f"joint `{mate.name or mate.loop}` connects them", span=mate.origin[0]) for mate in assembly.mates
@@ -149,7 +149,7 @@ def _cubic(volume: float) -> str:
 
 
 def _thickness(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> float:
-    """Return the smallest extent [m] of the intersection of two boxes, an upper bound of the mean thickness of an intersection inside.
+    """Return the smallest extent [m] of the intersection of two boxes. It bounds the mean thickness of the intersection of their parts.
 
     The result is not positive if the boxes do not intersect.
     """
@@ -169,7 +169,7 @@ def _digits(vector: Vector) -> Vector:
 
 
 def _volume(part: Occurrence) -> float:
-    """Return the volume [m^3] of a part. For a link it is the sum over its shapes, even if they overlap."""
+    """Return the volume [m^3] of a part. The volume of a link is the sum over its shapes, even if the shapes overlap."""
     if part.record is not None:
         return part.record.volume if part.record.exact else 0.0
     return sum_of(one.solid.volume if isinstance(one.solid, Primitive) else one.volume for one in part.solids)
@@ -180,7 +180,7 @@ def _is_closed(surface: Surface) -> bool:
 
 
 def _made_of(part: Occurrence) -> list[tuple[object, ...]]:
-    """Return the data from which the solid of a part is made."""
+    """Return the data that define the solid of a part."""
     return [
         (one.solid.shape, one.solid.size, one.solid.pose.rotation, one.solid.pose.translation) if isinstance(one.solid, Primitive)
         else (one.solid.sha256, one.pose.rotation, one.pose.translation)

@@ -22,7 +22,7 @@ FACETS = 128
 THIN = 1e-8
 """Thickness [m] of solids that represent a point or a line, which manifold3d does not support."""
 ENDLESS = 100.0
-"""Size [m] of planes, and of the solid below them."""
+"""Size [m] of planes, and of the solid below a plane."""
 
 
 class Solid(FrozenStruct, kw_only=False):
@@ -48,7 +48,7 @@ class Solid(FrozenStruct, kw_only=False):
         return np.stack([centre - reach, centre + reach])
 
     def gap(self, other: Solid, within: float) -> float:
-        """Return the distance [m] to another solid: 0 if they intersect, `within` if it is larger than that."""
+        """Return the distance [m] to another solid, but at most `within`. The distance is 0 if the solids intersect."""
         return min(
             max(float(one.min_gap(two, within + more + also)) - more - also, 0.0)
             for one, more in self.cores for two, also in other.cores
@@ -57,8 +57,8 @@ class Solid(FrozenStruct, kw_only=False):
     def overlap(self, other: Solid) -> tuple[float, float]:
         """Return the volume [m^3] of the intersection with another solid, and its mean thickness [m].
 
-        The thickness is twice the volume divided by the surface area (for a thin layer this is its thickness). Both are 0 if the solids
-        only touch.
+        The mean thickness is twice the volume divided by the surface area, which is the thickness of a thin layer. Both results are 0 if
+        the solids only touch.
         """
         shared = self.whole ^ other.whole
         volume = float(shared.volume())
@@ -66,16 +66,19 @@ class Solid(FrozenStruct, kw_only=False):
 
 
 class Solids:
-    """The solids of parts and links by the texts of their definitions, created on demand. They are in metres, in their own frames."""
+    """The solids of parts and links, keyed by the text of the definition and created on demand.
+
+    Solids are in metres, in their own frames.
+    """
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._solids: dict[str, Solid | None] = {}
         self.hulls: set[str] = set()
-        """Texts of definitions whose surface is not closed and is replaced by its convex hull."""
+        """Texts of definitions whose surface is not closed. The convex hull replaces this surface."""
 
     def solid(self, occurrence: Occurrence) -> Solid | None:
-        """Return the solid of a part or link, with meshes as in the output. Return None if nothing in it is solid."""
+        """Return the solid of a part or link, with the same meshes as in the output. Return None if none of its shapes is solid."""
         text = occurrence.definition.text
         if text not in self._solids:
             self._solids[text] = solid_of(self._store, occurrence.solids)
@@ -110,7 +113,7 @@ def _mesh(store: Store, mesh: Mesh) -> Any:
 
 
 def _primitive(primitive: Primitive) -> Any:
-    """Return a primitive with facets, in its own frame. As in simulators, planes are infinite, whatever their size."""
+    """Return a primitive with facets, in its own frame. As in simulators, the size of a plane is ignored: planes are infinite."""
     size = primitive.size
     match primitive.shape:
         case "box":

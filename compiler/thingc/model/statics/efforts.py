@@ -5,8 +5,8 @@ closing conditions of the loops, N a basis of the motions that these conditions 
 
     N' (Q + S t) = 0
 
-A tree has no C: the drives on a coordinate balance it in closed form. Loops, holds and feet on the floor share the load by least squares
-(`load_sharing.py`, which alone needs numpy). Dry friction in joints is not taken into account.
+A tree has no C: the drives on each coordinate balance its load in closed form. Loops, holds and feet on the floor share the load by least
+squares (`load_sharing.py`, the only module of this folder that imports numpy). Dry friction in joints is not taken into account.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from thingc.model.statics.types import DriveTransmission, Efforts, answer
 def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Efforts:
     """Return the efforts that hold a mode at `q` (all joints by path, rad or m; loops closed).
 
-    `bodies` are the poses of its bodies in the world. A free base is supported by the mode's feet and holds. A free base without these, and
-    any other base, is fixed.
+    `bodies` are the poses of its bodies in the world. The mode's feet and holds support a free base. A free base without feet and holds is
+    treated as fixed, and so is any other base.
     """
     load, drives = problem(robot, q, bodies)
     if not robot.closures and not robot.carried and all(len(drive.moves) == 1 for drive in drives):
@@ -78,7 +78,7 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission])
     For drives on one coordinate, with factors f and weights l, the least sum of (t / l)^2 with sum f t = -Q is at
     t = -Q f l^2 / sum (f l)^2.
     """
-    largest: dict[str, float] = {}  # for scaling, because the square of a limit may overflow
+    largest: dict[str, float] = {}  # scale the limits, because the square of a limit may overflow
     for _, ((leader, factor),), _, weight in drives:
         largest[leader] = numeric.maximum(largest.get(leader, 0.0), abs(factor * weight))
 

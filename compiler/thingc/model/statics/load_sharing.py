@@ -1,15 +1,15 @@
 """Static efforts by least squares, for loads that loops, holds and feet on the floor can share in several ways.
 
-x are the coordinates of a robot (for a floating one including the six of the base), Q the load of gravity and springs on them, N a basis of
+x are the coordinates of a robot (including the six coordinates of a floating base), Q the load of gravity and springs on them, N a basis of
 the motions that loops and holds allow, S the drives, and J the velocities of the feet. The efforts t and the forces f of the floor balance
 the load if
 
     N' (Q + S t + J' f) = 0,    every f within the cone |f_t| <= mu f_n of its foot, moved down its axis by the force of adhesion
 
 The result is the t with the smallest sum of squares of effort divided by limit. Without feet this is a pseudo-inverse. With feet, the f are
-nonnegative sums of the edges of pyramids within the cones. The problem is then nonnegative least squares with equality constraints, which
-have a weight large enough to be satisfied (Haskell and Hanson, "An algorithm for linear least squares problems with equality and
-nonnegativity constraints", 1981). Then the set of used edges is fixed, and the rest is solved exactly.
+nonnegative sums of the edges of pyramids within the cones. The problem is then nonnegative least squares with equality constraints. A large
+weight enforces the constraints (Haskell and Hanson, "An algorithm for linear least squares problems with equality and nonnegativity
+constraints", 1981). The last step keeps the set of used edges and solves the remaining equations exactly.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from thingc.model.statics.types import DriveTransmission, Efforts, Topple, answe
 Array = NDArray[np.float64]
 
 RANK = 1e-9
-"""Singular values below this fraction of the largest one count as 0."""
+"""Singular values below this fraction of the largest singular value count as 0."""
 
 EDGES = 16
 """Number of edges of the pyramid inside a friction cone, whose friction is at most 1 - cos(pi / 16) = 2 % less than the cone's."""
@@ -49,7 +49,7 @@ def balance_shared(
 ) -> Efforts:
     """Return the efforts at `q`, with closed loops. `load` [N m or N] is by coordinate.
 
-    For a robot without closures and feet, the result is the same as from `balance_tree`. The base is held, unless it is free and supported
+    For a robot without closures and feet, the result is the same as from `balance_tree`. The base is fixed, unless it is free and supported
     by feet or holds.
     """
     loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), bodies[0])
@@ -102,7 +102,10 @@ def _feet(robot: Robot, q: Mapping[str, float], stands: Support, column: Mapping
 
 
 def _fall(robot: Robot, stands: Support) -> Topple | None:
-    """Return why the floor cannot support the robot, whatever its drives do. Return None if it can, or if holds also support it."""
+    """Return why the floor cannot support the robot with any efforts.
+
+    Return None if the floor can support it, or if holds also support it.
+    """
     if robot.closures and any(closure.hold for closure in robot.closures):
         return None
     known = np.concatenate([stands.weight, np.cross(np.subtract(stands.centre, stands.feet[0].point), stands.weight)])
@@ -143,7 +146,7 @@ def _share(held: Array, known: Array, pushed: Array) -> _Shares:
     left, sizes, right = np.linalg.svd(held) if held.size else (np.eye(len(known)), np.zeros(0), np.eye(held.shape[1]))
     rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
     inverse = right[:rank].T / sizes[:rank] @ left[:, :rank].T
-    rigid = left[:, rank:].T  # directions that no drive can balance
+    rigid = left[:, rank:].T  # the directions in which no drive can balance the load
     y = _forces(rigid @ pushed, rigid @ known, inverse @ pushed, inverse @ known) if pushed.shape[1] else np.zeros(0)
     inner = inverse @ pushed @ _null_space(rigid @ pushed) if pushed.shape[1] else np.zeros((len(inverse), 0))
     open_ = held.shape[1] - rank + (int(np.linalg.matrix_rank(inner, tol=1e-9 * np.abs(inverse @ pushed).max())) if inner.size else 0)

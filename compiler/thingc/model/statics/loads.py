@@ -13,9 +13,9 @@ def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[
     """Return the load of gravity and of its own spring on every joint [N m or N] by joint path, positive along positive q.
 
     `q` has all joints by path (rad or m); the poses of the bodies are in the world. The gravity load is the moment about the joint's axis
-    of everything behind the joint in the tree, with loops open. A closed loop does no work along motions that it allows, so these are also
-    the generalized forces of a robot with loops. A joint that was cut has only the load of its spring. For the moments of weights about
-    axes see Featherstone, Rigid Body Dynamics Algorithms, section 5.3 (inverse dynamics at rest). The time is linear in the number of
+    of everything behind the joint in the tree, with loops open. A closed loop does no work along motions that it allows, so the loads are
+    also the generalized forces of a robot with loops. A joint that was cut has only the load of its spring. For the moments of weights
+    about axes see Featherstone, Rigid Body Dynamics Algorithms, section 5.3 (inverse dynamics at rest). The time is linear in the number of
     bodies.
     """
     count = len(robot.bodies)

@@ -18,8 +18,8 @@ LEVEL = 0.02
 class FootContact(NamedTuple):
     """A foot at `point` [m] in the world, where the floor pushes upwards.
 
-    `moves` is its velocity per speed of each joint that carries it [m/rad or 1], by path. `pull` [N] is the force of its adhesion to the
-    floor.
+    `moves` is the velocity of the foot per speed of each joint that carries the foot [m/rad or 1], by path. `pull` [N] is the force of the
+    foot's adhesion to the floor.
     """
 
     path: str
@@ -32,7 +32,7 @@ class FootContact(NamedTuple):
 class Support(NamedTuple):
     """Support of a robot with a free base.
 
-    It consists of feet, the `origin` of the root link and the `centre` of mass in the world [m], and the `weight` [N].
+    The fields are the feet, the `origin` of the root link and the `centre` of mass in the world [m], and the `weight` [N].
     """
 
     feet: tuple[FootContact, ...]
@@ -88,7 +88,7 @@ def lifted(feet: Sequence[FootContact]) -> dict[str, float]:
 def outside(stance: Support) -> float:
     """Return the distance [m] along the floor from the support polygon to the centre of mass, projected along gravity.
 
-    It is 0 inside, and infinite if gravity does not pull towards the floor.
+    The distance is 0 inside the polygon, and infinite if gravity does not pull towards the floor.
     """
     if stance.weight[2] >= -1e-9 * hypot(*stance.weight):
         return inf

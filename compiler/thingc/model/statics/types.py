@@ -12,10 +12,10 @@ NO_LOAD = 1e-12
 
 
 class DriveTransmission(NamedTuple):
-    """Transmission of the drive of joint `path`: its speed per speed of each coordinate.
+    """Transmission of the drive of joint `path`: the speed of the drive per speed of each coordinate.
 
-    There is one coordinate, which the joint is or follows; a ball has three. `limit` is its effort limit [N m or N]. `weight` scales its
-    effort in least squares; it is 1 without a limit above 0.
+    The drive of a ball joint has three coordinates. Other drives have one coordinate: the coordinate of the joint or of its leader. `limit`
+    is the effort limit [N m or N]. `weight` scales the effort in least squares, and is 1 without a limit above 0.
     """
 
     path: str
@@ -25,7 +25,7 @@ class DriveTransmission(NamedTuple):
 
 
 class Topple(NamedTuple):
-    """The reason why the floor cannot support a robot on its feet, whatever its drives do.
+    """The reason why the floor cannot support a robot on its feet with any efforts of its drives.
 
     The robot `tips`, with its centre of mass `outside` [m] the support polygon, it `slides`, or gravity `pulls` it off.
     """
@@ -37,10 +37,10 @@ class Topple(NamedTuple):
 class Efforts(NamedTuple):
     """Efforts of drives [N m or N] by joint path, positive along positive q. `margins` contains the drives with an effort limit.
 
-    If there are several solutions (two held feet, two drives on a loop, two coupled joints), this is the solution with the least sum of
-    squares of effort divided by limit. `choices` is the dimension of the space of solutions. `unheld` is the largest load that no drive
-    balances, relative to the largest load, at the coordinate `where` (empty if there is none, and for the free base). `fall` is set if
-    the robot would fall off its feet with any efforts.
+    If there are several solutions (two held feet, two drives on a loop, two coupled joints), `Efforts` contains the solution with the least
+    sum of squares of effort divided by limit. `choices` is the dimension of the space of solutions. `unheld` is the largest load that no
+    drive balances, relative to the largest load. `where` is the coordinate of this load (empty if all loads are balanced, and for a load on
+    the free base). `fall` is set if the robot would fall off its feet with any efforts.
     """
 
     by_joint: dict[str, float]
@@ -66,5 +66,5 @@ def answer(
 
 
 def margin(limit: float, effort: float) -> float:
-    """Return the ratio of a drive's limit to its effort [both N m or N]; `inf` if the effort is 0."""
+    """Return the ratio of a drive's limit to its effort (both in [N m] or [N]). The ratio is `inf` if the effort is 0."""
     return limit / abs(effort) if abs(effort) > NO_LOAD else numeric.inf
