@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from itertools import islice
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.source import Origin, Path, Span
+from thingc.base.source import Origin, Path
 from thingc.base.suggestions import Hint, did_you_mean, nearest
 from thingc.documents.spec.name_types import RESERVED
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope
@@ -281,7 +281,7 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
     if name == ORIGIN or name in node.mounts:
         return True
     if node.bare is not None:
-        _report_mount(scope, f"{node.bare} `{node.name}`", name, [ORIGIN, *node.mounts], node.scope.span(node.path, key=True), path, key)
+        _report_mount(scope, node, name, path, key)
         return False
     if node.table is None:
         return True
@@ -345,10 +345,10 @@ def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, ke
     scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
 
 
-def _report_mount(scope: Scope, what: str, name: str, known: list[str], place: Span, path: Path, key: bool) -> None:
+def _report_mount(scope: Scope, node: ComponentScope, name: str, path: Path, key: bool) -> None:
     scope.error(
-        Code.UNKNOWN_MOUNT, f"{what} has no mount `{name}`", path, help=suggested(name, known, what="mounts"), key=key,
-        notes=[Note(message="it is written here", span=place), *_repeated(scope, path, key)],
+        Code.UNKNOWN_MOUNT, f"{node.bare} `{node.name}` has no mount `{name}`", path,
+        help=suggested(name, [ORIGIN, *node.mounts], what="mounts"), key=key, notes=[*declared(node), *_repeated(scope, path, key)],
     )
 
 
