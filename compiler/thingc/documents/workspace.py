@@ -1,7 +1,7 @@
 """The workspace of a document: the folder that contains all its files, and its settings.
 
-It is the nearest folder above the document with a `thingc.toml`, or a `pyproject.toml` with `[tool.thingc]`; otherwise the
-document's own folder.
+The workspace is the nearest folder above the document that contains a `thingc.toml`, or a `pyproject.toml` with `[tool.thingc]`. Otherwise
+it is the document's own folder.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from thingc.base.source import Document
 
 MAX_BYTES = 500_000
-"""Maximum size of a workspace file. (The limit does not apply to a `pyproject.toml` that does not mention thingc.)"""
+"""Maximum size of a workspace file. The limit does not apply to a `pyproject.toml` that does not mention thingc."""
 OWN_FILE = "thingc.toml"
 SHARED_FILE = "pyproject.toml"
 DEFAULT_PARTS = ("parts",)
@@ -36,7 +36,7 @@ DEFAULT_PACKAGES = ("thingc_stock", "bd_warehouse")
 DEFAULT_BUILD = "build"
 DEFAULT_TIMEOUT = 120.0
 LONGEST = 1e6
-"""Largest timeout [s], more than ten days, because systems cannot wait for arbitrarily long times."""
+"""Largest timeout [s], more than ten days. Operating systems cannot wait arbitrarily long."""
 MESH_URIS = ("relative", "package", "absolute")
 """Styles of mesh paths in URDF files: relative to the file, in the robot's ROS package, or absolute. The first is the default."""
 
@@ -54,14 +54,14 @@ class Tessellation(FrozenStruct):
     angular: float
 
     def coarser(self, other: Tessellation) -> Tessellation:
-        """Return the larger value of both tessellations, for each tolerance separately."""
+        """Return a tessellation with the larger value of each tolerance."""
         return Tessellation(linear=max(self.linear, other.linear), angular=max(self.angular, other.angular))
 
 
 DEFAULT_MESH = Tessellation(linear=1e-4, angular=0.17453292519943295)
-"""0.1 mm and 10 deg, for printing and clearance checks."""
+"""Tessellation for printing and clearance checks: 0.1 mm and 10 deg."""
 DEFAULT_SIMULATION = Tessellation(linear=1e-4, angular=0.5235987755982988)
-"""0.1 mm and 30 deg, for simulators.
+"""Tessellation for simulators: 0.1 mm and 30 deg.
 
 The linear tolerance is the same as in `DEFAULT_MESH`. Surfaces with a radius below 2.9 mm have a third of the facets; most of a robot's
 facets belong to such surfaces (holes, screws, fillets).
@@ -72,19 +72,19 @@ DEFAULT_MEMORY = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 i
 """Default memory limit [bytes] of a part: half of the machine's memory."""
 
 LIBRARIES = frozenset({"site-packages", "dist-packages"})
-"""Names of folders of installed packages. An environment in the folder of a workspace is not part of the workspace."""
+"""Names of folders that contain installed packages. A virtual environment inside a workspace folder is not part of the workspace."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Workspace:
     """A workspace folder and its settings.
 
-    `root` is absolute. `parts` are absolute folders with modules that `part:` can name; `packages` are installed packages that it can also
-    name. `build` is the absolute folder of build outputs. `part_timeout` [s] and `part_memory` [bytes] are limits for one part. `mesh` is
-    the tessellation for printing and checks, `simulation` the tessellation for simulators. `emit` are the default targets of a build.
-    `mesh_uri` is one of `MESH_URIS`. `about` is the metadata of ROS packages. `compat` are the `CONSUMERS` that read MuJoCo models.
-    `origin` is the workspace file, or None. `inputs` are the files that were examined, by absolute path, with the SHA-256 of their content
-    (None: does not exist).
+    `root` is an absolute path. `parts` are absolute paths of folders whose modules `part:` can name; `packages` are installed packages that
+    `part:` can also name. `build` is the absolute folder of build outputs. `part_timeout` [s] and `part_memory` [bytes] are limits for one
+    part. `mesh` is the tessellation for printing and checks, `simulation` the tessellation for simulators. `emit` are the default targets
+    of a build. `mesh_uri` is one of `MESH_URIS`. `about` is the metadata of ROS packages. `compat` are the `CONSUMERS` for which MuJoCo
+    models are written. `origin` is the workspace file, or None. `inputs` maps each examined file (an absolute path) to the SHA-256 of its
+    content, or to None if the file does not exist.
     """
 
     root: str
@@ -106,7 +106,8 @@ class Workspace:
     def find(document: str, report: Report, texts: Mapping[str, bytes] | None = None) -> Workspace | None:
         """Find the workspace of a document (a path that need not exist).
 
-        Return None if its file is invalid (reported). `texts` replace contents on disk, by absolute path.
+        If the workspace file is invalid, report the error and return None. `texts` are file contents by absolute path that replace the
+        contents on disk.
         """
         start = folder = os.path.dirname(os.path.abspath(document))
         if not is_text(start):
@@ -133,7 +134,7 @@ class Workspace:
             folder = above
 
     def relative(self, path: str) -> str:
-        """Return the path inside the workspace with `/` and with links resolved. All outputs use this form.
+        """Return the path relative to the workspace, with `/` as separator and with symbolic links resolved. All outputs use this form.
 
         Documents of installed packages have a dotted name, `thingc_stock.materials`, because their location depends on the machine.
         """
@@ -144,7 +145,10 @@ class Workspace:
         return name
 
     def span(self, path: Path) -> Span | None:
-        """Return the span of a value in the workspace file: `("emit", 1)`. Reads the file again. None if there is no such value."""
+        """Return the span of a value in the workspace file, for example at `("emit", 1)`, or None if the value does not exist.
+
+        The file is parsed at each call.
+        """
         if self.origin is None:
             return None
         from thingc.base.source import node_at
@@ -156,7 +160,7 @@ class Workspace:
         return node.span if node is not None else self.origin
 
     def contains(self, path: str) -> bool:
-        """Return whether a path, with links resolved, is inside the workspace (it need not exist)."""
+        """Return whether the resolved path is inside the workspace. The path need not exist."""
         return _inside(path, self.root)
 
 
@@ -185,7 +189,7 @@ def _default(folder: str, inputs: dict[str, str | None]) -> Workspace:
 def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) -> tuple[str, ...]:
     """Return the existing folders inside the workspace.
 
-    Missing folders are added to the inputs, because creating them changes the workspace.
+    Missing folders are added to the inputs, because creating such a folder changes the workspace.
     """
     folders = [os.path.normpath(os.path.join(root, name)) for name in names]
     inputs.update({folder: None for folder in folders if not os.path.isdir(folder) or not _inside(folder, root)})
@@ -193,11 +197,11 @@ def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) 
 
 
 def _bytes(path: str) -> bytes | None:
-    """Return the content of a file (at most one byte more than the limit), or None if it does not exist.
+    """Return the content of a file, up to one byte more than the limit, or None if the file does not exist.
 
-    Raises OSError if it cannot be read.
+    Raises OSError if the file cannot be read.
 
-    Files that are not regular files, and links to targets outside the folder, count as missing.
+    Special files, and symbolic links to targets outside the folder, count as missing.
     """
     if os.path.islink(path) and not _inside(path, os.path.dirname(path)):
         return None
@@ -208,9 +212,9 @@ def _bytes(path: str) -> bytes | None:
 
 
 def _has_table(data: bytes) -> bool:
-    """Return whether a `pyproject.toml` has a `[tool.thingc]` table. A quick search first avoids parsing other projects' files.
+    """Return whether a `pyproject.toml` has a `[tool.thingc]` table. A text search first excludes files of other projects without parsing.
 
-    If the file cannot be parsed, return True if it contains the header, so that the error is reported.
+    If a file with this header cannot be parsed, return True, so that the syntax error is reported.
     """
     if b"thingc" not in data:
         return False
@@ -228,8 +232,8 @@ def _has_table(data: bytes) -> bool:
 def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | None], report: Report) -> Workspace | None:
     """Return the workspace that a file describes.
 
-    The settings are first read in a simple way, without positions and models. If anything is unusual, the document model validates the file
-    and reports errors.
+    The settings are first read without positions and models, which is fast. If any setting is unusual, the document model validates the
+    file and reports errors.
     """
     if len(data) > MAX_BYTES:
         report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes", line_of(path), help="remove content that is not for thingc")
@@ -269,7 +273,7 @@ class _Settings(FrozenStruct):
 
     @staticmethod
     def plain(table: dict[str, Any]) -> _Settings | None:
-        """Return the settings of a regular table; None (or ValueError, TypeError) if anything is unusual."""
+        """Return the settings of a table. If a setting is unusual, return None or raise ValueError or TypeError."""
         known = {"thingc", "parts", "packages", "build", "part_timeout", "part_memory", "mesh", "emit", "mesh_uri", "about", "compat"}
         mesh, about = table.get("mesh", {}), table.get("about", {})
         if table["thingc"] != "workspace/1" or not known.issuperset(table.keys() - {"$schema"}):
@@ -326,7 +330,7 @@ def _plain_value(table: dict[str, Any], key: str, dimension: Dimension, default:
 
 
 def bytes_of(memory: Any) -> int:
-    """Parse a text such as `4 GB` to bytes. None gives the default. Raises `ValueError`, `TypeError`."""
+    """Parse a string such as `4 GB` to a number of bytes. Return the default for None. Raises `ValueError` or `TypeError`."""
     if memory is None:
         return DEFAULT_MEMORY
     if (match := re.fullmatch(MEMORY, memory)) is None:
@@ -356,7 +360,7 @@ MAX_FOLDERS = 100
 
 
 def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
-    """Return an error and a hint for an invalid path in the workspace file; None if it is inside the workspace."""
+    """Return an error and a hint for an invalid path in the workspace file, or None if the path is inside the workspace."""
     shown = shortened(text)
     if not text.strip() or "\0" in text:
         return f"expected a folder, found `{shown}`", "`.` is the workspace itself"
@@ -368,7 +372,7 @@ def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
 
 
 def _explained(path: str, data: bytes, root: str, prefix: Path, inputs: dict[str, str | None], report: Report) -> Workspace | None:
-    """Read the file with positions and the document model. Return None if there is any error."""
+    """Read the workspace file with positions and validate it with the document model. Report all errors; if there are any, return None."""
     from thingc.base.source import Document, node_at
     from thingc.documents.load.documents import document_kind, read_tree
     from thingc.documents.spec.validation import validate_one
@@ -397,7 +401,7 @@ def _explained(path: str, data: bytes, root: str, prefix: Path, inputs: dict[str
 
 
 def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
-    """Return the settings of a validated model; expressions and values that are not above 0 are reported."""
+    """Return the settings of a validated model. Expressions and values that are not above 0 are reported as errors."""
 
     def value(said: Any, path: Path, default: float) -> float:
         if said is None:

@@ -1,7 +1,7 @@
-"""Kinds of document tests (`tests:` of a document).
+"""Kinds of tests that a document can define under `tests:`.
 
-Every module of `driver/testing/kinds/` with a `KIND` defines a kind. Its declarations determine the language, the schema, the page in the
-documentation, references, linking and measurements.
+Every module of `driver/testing/kinds/` with a `KIND` defines a kind. The module determines the keys of the test, its schema, its page in
+the documentation, its references, and how the test is linked and measured.
 """
 
 from __future__ import annotations
@@ -15,12 +15,15 @@ from thingc.base.diagnostics import Code, DiagnosticCode
 from thingc.documents.checks.kind import CheckKind
 
 KINDS = "thingc.driver.testing.kinds"
-"""The package of the kinds. It belongs to a later room, because kinds measure robots, and is therefore imported only when it is needed."""
+"""The package that contains the kinds.
+
+Kinds measure robots, so the package belongs to a later room and is imported only when it is needed.
+"""
 
 
 @cache
 def kinds() -> dict[str, CheckKind[Any, Any]]:
-    """Return every kind by its name, in the order of the documentation."""
+    """Return all kinds of tests by name, in the order of the documentation."""
     (folder,) = import_module(KINDS).__path__
     stems = (name.removesuffix(".py") for name in os.listdir(folder) if name.endswith(".py") and name != "__init__.py")
     modules = [import_module(f"{KINDS}.{stem}") for stem in stems]
@@ -30,5 +33,5 @@ def kinds() -> dict[str, CheckKind[Any, Any]]:
 
 @cache
 def all_codes() -> tuple[DiagnosticCode, ...]:
-    """Return every diagnostic code: the members of `Code`, then the codes of kinds of tests."""
+    """Return all diagnostic codes: first the members of `Code`, then the codes that the kinds of tests define."""
     return (*Code, *(code for kind in kinds().values() for code in kind.codes))

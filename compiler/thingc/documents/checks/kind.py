@@ -1,4 +1,4 @@
-"""Definition of a kind of document test, which the modules of kinds and the passes share."""
+"""Definition of a kind of document test. The modules of kinds and the compiler passes share this definition."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from thingc.model.resolve.types import NamedPose, Test
 
 BOUNDED = ConfigDict(json_schema_extra={"anyOf": [{"required": ["min"]}, {"required": ["max"]}]})
-"""Configuration of models that require `min`, `max` or both, for the schema."""
+"""Model configuration for the schema: models with this configuration require `min`, `max` or both."""
 
 
 def require_bounds(low: object, high: object, kind: str, example: str) -> None:
@@ -41,18 +41,19 @@ Stated = TypeVar("Stated", bound=OneLineRepr)
 class CheckKind(FrozenStruct, Generic[Written, Stated]):
     """A kind of test.
 
-    `model` is the model of the value under the key `name`. With a field `mode` the test runs once for each mode, with a field `pose` once
-    for each pose, else once. `read(written, reader)` returns the specification, in SI units and with names resolved, or None if it is
-    invalid, which the reader has reported. References in the specification are linked by type.
+    `model` is the model of the value under the key `name`. If the model has a field `mode`, the test runs once for each mode; if it has a
+    field `pose`, once for each pose; otherwise once. `read(written, reader)` returns the specification of the test, in SI units and with
+    names resolved. If the value is invalid, the reader reports the error and `read` returns None. References in the specification are
+    linked by type.
 
     `codes` are the codes of failed tests. `link(test, stated, joints by path, findings)` reports errors that depend on the linked assembly.
-    `measure(case, stated)` measures one case. `poses(stated, pose)` returns the poses of a case that is named after `pose`.
-    `finish(linked, outcomes, report)` receives all outcomes if the test was run in all of its modes.
+    `measure(case, stated)` measures one case. `poses(stated, pose)` returns all poses of the case with the name `pose`.
+    `finish(linked, outcomes, report)` is called with all outcomes if the test ran in all of its modes.
 
-    `position` is the place among the kinds in the documentation; `summary` is one sentence for a schema and a table; `examples` are values
-    of the key; `stub` is the content of a new test of this kind, which is valid in any robot, with `$mount` and `$base` in place of mounts;
-    `page` is the documentation, with a table of keys for each model of the file. `lengths` are names of measured and expected values that
-    are lengths [m], which `thingc diff` prints with a unit. `of_limits` is True if the specification depends on the limits of joints.
+    `position` is the position of the kind in the documentation; `summary` is one sentence for a schema and a table; `examples` are values
+    of the key; `stub` is the content of a new test of this kind, with the placeholders `$mount` and `$base` for mounts; the test is valid
+    in any robot; `page` is the documentation, with a table of keys for each model of the file. `lengths` are the names of the values that
+    are lengths [m]: `thingc diff` prints these values with a unit. `of_limits` is True if the specification depends on joint limits.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Expressions such as `=reach / 2 + 8 mm`: a small grammar with positions. Dimensions are checked during evaluation.
+"""Expressions such as `=reach / 2 + 8 mm`. Every term has a source position. Physical dimensions are checked during evaluation.
 
     comparison := sum [("<" | "<=" | ">" | ">=" | "==" | "!=") sum]
     sum        := product (("+" | "-") product)*
@@ -7,6 +7,6 @@
     power      := atom ["**" unary]
     atom       := number [unit] | name | function "(" comparison ("," comparison)* ")" | "(" comparison ")"
 
-A unit belongs to the number before it, without spaces around its own `*` and `/`: `10 mm/rad * q` is (10 mm/rad) q. There are no other
-forms. The length of the text bounds the cost of evaluation, because every value is one double.
+A unit belongs to the number before it, without spaces around its own `*` and `/`: `10 mm/rad * q` is (10 mm/rad) q. Other syntax is
+invalid. Every value is one double, so the length of an expression bounds the cost of its evaluation.
 """

@@ -1,4 +1,4 @@
-"""Evaluate expressions. Each term has a double and a dimension; errors are located at terms."""
+"""Evaluate expressions. The value of each term is a double with a physical dimension; each error has the position of a term."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ ExpressionValue = Union[Quantity, bool, str]
 def evaluate(expression: Expression, names: Mapping[str, ExpressionValue]) -> ExpressionValue:
     """Evaluate an expression. `names` are the parameters and the repeat index (a Quantity of dimension NUMBER).
 
-    An expression that is a single name may be a boolean or a text. A comparison returns a boolean, all others a finite Quantity.
+    The value of a single name may be a boolean or a string. The value of a comparison is a boolean. All other values are finite Quantities.
     Raises ExpressionError for unknown names, incompatible dimensions, and results that are not finite.
     """
     return _Evaluator(expression.text, names).value(expression.tree)
 
 
 class _Evaluator:
-    """Evaluates a tree; the text is used in messages."""
+    """Evaluates a syntax tree. Messages quote the source text of the expression."""
 
     def __init__(self, text: str, names: Mapping[str, ExpressionValue]) -> None:
         self.text = text
@@ -68,7 +68,7 @@ class _Evaluator:
         return shortened(self.text[term.offset : term.end])
 
     def same(self, left: Term, a: Quantity, right: Term, b: Quantity) -> Dimension:
-        """Return the common dimension of two operands. A bare 0 takes the dimension of the other operand."""
+        """Return the common physical dimension of two operands. A bare 0 has the dimension of the other operand."""
         if fits(b.dimension, a.dimension) and fits(a.dimension, b.dimension):
             return a.dimension
         if _zero(right):
@@ -184,21 +184,21 @@ def _zero(term: Term) -> bool:
 
 
 def kind_of(value: ExpressionValue) -> str:
-    """Describe the type of a value, with its article: `an angle`, `a text`, `true or false`."""
+    """Return a description of the type of a value, for example `an angle`, `a text` or `true or false`."""
     if isinstance(value, Quantity):
         return value.dimension.words
     return "a boolean" if isinstance(value, bool) else "a string"
 
 
 def words_of(value: ExpressionValue) -> str:
-    """Format a value as in a document."""
+    """Return a value as it is written in a document."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return str(value)
 
 
 def plain(value: ExpressionValue) -> float | bool | str:
-    """Return a value without its dimension."""
+    """Return the value of a quantity without its physical dimension."""
     if not isinstance(value, Quantity):
         return value
     if value.dimension == NUMBER and value.value % 1.0 == 0.0:

@@ -1,4 +1,4 @@
-"""Parse expressions by precedence climbing, because Python's own parser has no positions inside units."""
+"""Parse expressions by precedence climbing. Python's own parser cannot report positions inside units."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _FOREIGN = {
 
 
 class _Parser:
-    """Precedence climbing over a text. `at` is the index of the next character, `names` the pattern of names."""
+    """Precedence-climbing parser for a string. `at` is the index of the next character; `names` is the pattern for names."""
 
     def __init__(self, text: str, names: re.Pattern[str] = _NAME) -> None:
         self.text = text
@@ -227,13 +227,13 @@ class _Parser:
 
 
 _MARKED = re.compile(r"(?:\$\{|\{\{|\$\(|#\{|<%=?)\s*(.*?)\s*(?:\}\}?|\)|%>)|\$([A-Za-z]\w*)")
-"""Marks of expressions in the texts of other languages: xacro, shells, templates."""
+"""Syntax of expressions in other languages: xacro, shells and templates."""
 
 
 def expression_hint(text: str, names: Collection[str] | None = None) -> Suggestion | None:
-    """Return a hint for a text that is an expression without `=`, or with the marks of another language.
+    """Return a hint for a string that is an expression without `=` or an expression in the syntax of another language.
 
-    Return None if it is not an expression, or uses names that are not in `names`.
+    Return None if the string is not an expression or uses names that are not in `names`.
     """
     text = text.strip()
     marked = _MARKED.fullmatch(text)

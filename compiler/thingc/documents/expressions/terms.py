@@ -1,4 +1,4 @@
-"""The syntax tree of an expression, with the place of every term."""
+"""The syntax tree of an expression, with the position of every term."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class ExpressionError(ValueError):
     """An expression cannot be parsed or evaluated.
 
     `kind` is `expression` (syntax), `name` (an unknown name), `dimension`, `unit` or `value` (a result that is not
-    finite). `offset` and `end` are character positions in the expression's text, including its `=`, if any.
+    finite). `offset` and `end` are character positions in the source text of the expression, which includes the `=`, if any.
     """
 
     def __init__(self, message: Hint, offset: int, end: int, *, kind: str = "expression", help: Hint | None = None) -> None:
@@ -28,14 +28,14 @@ class ExpressionError(ValueError):
 
 
 class _Place(FrozenStruct):
-    """Place of a term in its text: from the character `offset` to `end` (exclusive)."""
+    """Position of a term in its expression: from the character `offset` to `end` (exclusive)."""
 
     offset: int
     end: int
 
 
 class Literal(_Place):
-    """A number with its unit. `zero` is True for a bare 0, which is valid for every dimension."""
+    """A number with its unit. `zero` is True for a bare 0, which is a valid value of every physical dimension."""
 
     value: Quantity
     zero: bool
@@ -85,19 +85,19 @@ MAX_DEPTH = 60
 
 
 class Expression(FrozenStruct):
-    """A parsed expression: its text as written (including its `=`, if any) and its tree."""
+    """A parsed expression: the source text (with its `=`, if any) and the syntax tree."""
 
     text: str
     tree: Term
 
     @property
     def compares(self) -> bool:
-        """Whether the expression is a comparison, whose result is a boolean."""
+        """Whether the expression is a comparison. The value of a comparison is a boolean."""
         return isinstance(self.tree, Binary) and self.tree.operator in COMPARISONS
 
     @property
     def names(self) -> tuple[NameUse, ...]:
-        """All uses of names except constants and functions, in the order written."""
+        """All uses of names except constants and functions, in source order."""
         return tuple(term for term in _terms(self.tree) if isinstance(term, NameUse) and term.name not in CONSTANTS)
 
 
@@ -115,7 +115,7 @@ def _terms(tree: Term) -> Iterator[Term]:
 
 
 def words_in(expression: Expression) -> Iterator[tuple[int, int, str]]:
-    """Yield each word of an expression: start, end, and whether it is a `name`, a `function`, a `number` or a `unit`."""
+    """Yield the start, the end and the kind (`name`, `function`, `number` or `unit`) of each word of an expression."""
     for term in _terms(expression.tree):
         if isinstance(term, NameUse):
             yield term.offset, term.end, "name"

@@ -1,4 +1,4 @@
-"""Format values as text that `-p NAME=VALUE` parses to exactly the same value."""
+"""Format values as strings that `-p NAME=VALUE` parses to exactly the same value."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from thingc.documents.expressions.evaluation import ExpressionValue, plain
 
 
 def text_of(value: ExpressionValue, unit: str = "") -> str:
-    """Format a value as text that `-p NAME=VALUE` parses exactly.
+    """Format a value as a string that `-p NAME=VALUE` parses to exactly the same value.
 
-    Quantities are in `unit` if possible, else in SI (`95.5 mm`, `0.0955 m`); flags are `true` or `false`; texts are unchanged.
+    A quantity is formatted in `unit` (`95.5 mm`) if possible, otherwise in SI units (`0.0955 m`). A boolean becomes `true` or `false`. A
+    string is unchanged.
     """
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -39,9 +40,10 @@ def _exact(number: float) -> str:
 
 
 def _in_unit(quantity: Quantity, unit: str) -> str | None:
-    """Format a quantity in a unit with the fewest digits that represent it exactly.
+    """Format a quantity in a unit with the fewest digits that represent the value exactly.
 
-    Return None if no digits represent it (some degrees, which are rounded twice), or if the unit has another dimension.
+    Return None if no decimal number represents the value exactly (some values in degrees, which are rounded twice), or if the unit has
+    another physical dimension.
     """
     known = _scanned(unit)
     if known is None or known[2] != quantity.dimension:

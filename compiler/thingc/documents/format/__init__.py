@@ -1,1 +1,1 @@
-"""Rewrite the text of documents: format it in the canonical layout without changing its meaning, and edit it at given places."""
+"""Rewrite the source text of documents: format documents in the canonical layout without changing their meaning, and edit single values."""

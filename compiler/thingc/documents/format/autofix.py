@@ -1,7 +1,7 @@
 """Select and apply the unambiguous fixes of diagnostics.
 
-A name may be misspelt at its use or at its declaration. The use is fixed only if the misspelling occurs once and the other spelling at
-least twice. Otherwise the fix is ambiguous.
+A name may be misspelt at its use or at its declaration. The use is fixed only if the misspelling occurs once and the other spelling occurs
+at least twice. Otherwise the fix is ambiguous.
 """
 
 from __future__ import annotations
@@ -20,17 +20,20 @@ LANGUAGE = frozenset({
     Code.BAD_COLOR, Code.EXPRESSION_COMMA, Code.RAW_TARGET, Code.RAW_UNKNOWN, Code.LIBRARY, Code.PART_MISSING, Code.MISSING_FILE,
     Code.DIMENSION,
 })
-"""Codes of errors in words that do not come from documents: words of the language, units, Python, files, and expressions."""
+"""Codes of errors in words that documents do not define: keywords, units, Python names, file names, and expressions."""
 
 GIVING = frozenset({"components", "joints", "links", "mounts", "parameters", "materials", "poses", "modes", "sensors", "tendons"})
 """Keys of a document whose entries declare names."""
 
 PASSES = 5
-"""Maximum number of passes: fixing an error may reveal others."""
+"""Maximum number of passes. More than one pass may be needed, because fixing an error may reveal other errors."""
 
 
 class TextEdit(FrozenStruct):
-    """A text edit. It replaces the characters from `start` to `end` (exclusive) of the text of `file`, at `line` and `column` (from 1)."""
+    """A text edit that replaces the characters from `start` to `end` (exclusive) of `file`.
+
+    `line` and `column` (from 1) are the position of `start`.
+    """
 
     file: str
     line: int
@@ -42,20 +45,20 @@ class TextEdit(FrozenStruct):
 
 
 class CheckResult(FrozenStruct):
-    """The result of a check, and the documents that it read (empty if it could not read any)."""
+    """The result of a check, and the documents that the check read (empty if no document could be read)."""
 
     found: Sequence[Diagnostic]
     documents: Sequence[Document]
 
 
 Look = Callable[[Mapping[str, bytes]], CheckResult]
-"""Checks documents. File contents given by absolute path replace those on disk."""
+"""Function that checks documents. Its argument contains file contents by absolute path, which replace the contents on disk."""
 
 
 def located(edit: Edit, text: str) -> tuple[int, int] | None:
-    """Return the range that an edit replaces in the text of its file (without a byte order mark).
+    """Return the range of characters that an edit replaces in its file, whose text has no byte order mark.
 
-    Return None unless the text to replace occurs there exactly once.
+    Return None unless the replaced text occurs exactly once at the position of the edit.
     """
     source = Source(edit.span.file, text)
     if not (0 < edit.span.line <= len(source.starts) and 0 < edit.span.end_line <= len(source.starts)):
@@ -71,16 +74,16 @@ def located(edit: Edit, text: str) -> tuple[int, int] | None:
 def autofix(
     look: Look, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
 ) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
-    """Apply unambiguous fixes until none are left.
+    """Apply unambiguous fixes until no such fix is left.
 
-    `contents` are files that have been changed before, by absolute path. `allowed` returns whether a file may be changed, `read` returns
-    its bytes on disk. Return the edits in the order made, the contents of all changed files, and the remaining diagnostics. An edit is not
-    made if it does not remove the error at its place. In the end, every changed file has fewer errors than before in the first pass whose
-    number of errors changed.
+    `contents` are the contents of files that have already been changed, by absolute path. `allowed` returns whether a file may be changed;
+    `read` returns the bytes of a file on disk. Return the edits in the order made, the contents of all changed files, and the remaining
+    diagnostics. An edit that does not remove the error at its position is not made. For every changed file, the first pass whose number of
+    errors changed reports fewer errors than before.
     """
     before = look(contents)
     done, texts, left = _autofix(look, before, contents, allowed, read, strict=False)
-    # A fixed error may reveal others. If there are now more errors than were fixed, each edit must reduce the number of errors.
+    # A fixed error may reveal other errors. If an edited file does not have fewer errors than before, each edit must reduce the errors.
     if any(_faults(left, one.file) >= _faults(before.found, one.file) for one in done):
         return _autofix(look, before, contents, allowed, read, strict=True)
     return done, texts, left
@@ -137,7 +140,7 @@ def safe_edits(
 
 
 def _base(word: str) -> str:
-    """Return a name without the index of a repeat."""
+    """Return a name without the suffix that is the index of a repeat."""
     return re.sub(r"_(?:\d+|\$\w+)$", "", word)
 
 
@@ -158,7 +161,10 @@ def _word_counts(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]
 
 
 def _told_apart(edit: Edit, words: Counter[str], given: set[str]) -> bool:
-    """Return whether a name is certainly misspelt at its use. It is not if the other spelling is declared but not used elsewhere."""
+    """Return whether a name is certainly misspelt at its use.
+
+    The result is False if the other spelling is declared but not used elsewhere.
+    """
     written, meant = (_base(word.rpartition(".")[2]) for word in (edit.written, edit.replacement))
     if words[written] != 1:
         return False
@@ -179,13 +185,16 @@ def _applied(chosen: Sequence[TextEdit], texts: Mapping[str, bytes], read: Calla
 
 
 def _faults(diagnostics: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
-    """Return the number of errors of each pass in a file, first pass first; fewer errors in an early pass are better."""
+    """Return the number of errors of each pass in a file, in the order of the passes. Fewer errors in an early pass are better."""
     passes = Counter(d.code.code[2] for d in diagnostics if d.severity is Severity.ERROR and d.span is not None and d.span.file == file)
     return tuple(passes[digit] for digit in "123456789")
 
 
 def _better(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Sequence[Diagnostic], *, strict: bool) -> list[TextEdit]:
-    """Return the edits that removed the error at their place and, with `strict`, reduced the number of errors of their file."""
+    """Return the edits that removed the error at their position.
+
+    With `strict`, the edits must also have reduced the number of errors of their file.
+    """
     errors = [d.span for d in after if d.severity is Severity.ERROR and d.span is not None]
 
     def mended(one: TextEdit) -> bool:

@@ -1,6 +1,6 @@
-"""Format scalars and values in braces and brackets: one space between elements, keys in order. Line breaks are preserved.
+"""Format scalars and values in braces and brackets with one space between elements and keys in canonical order. Line breaks are preserved.
 
-The order of keys is the order in the document models; user-defined keys keep their order.
+The canonical order of keys is the order of fields in the document models. User-defined keys keep their order.
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ FIRST: dict[type[BaseModel], tuple[str, ...]] = {
         "modes", "sensors", "names",
     ),
 }
-"""Models whose order of keys differs from the order of their fields, which begin with inherited ones. These keys come first, then the
-others in the model's order.
+"""Keys that come first in these models, before all other keys in the order of the model's fields.
+
+The fields of a model begin with the inherited fields.
 """
 
 FREE = ("$schema", "thingc")
@@ -60,14 +61,20 @@ def root_shape(kind: str | None) -> FieldType | None:
 
 
 def shape_for(shape: FieldType | None, value: Any) -> FieldType | None:
-    """Return the type of a value; for a union, the branch that is meant. Only the type and the keys of `value` are used."""
+    """Return the type of a value; for a union, the branch that `value` is probably meant for.
+
+    Only the type and the keys of `value` are used.
+    """
     if shape is None or shape.kind != "union":
         return shape
     return branch_of(shape, value)
 
 
 def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
-    """Return the type of an entry (or, without a key, of an item) of a value of this type, if known."""
+    """Return the type of the entry with this key in a value of this type, or None if it is unknown.
+
+    Without a key, return the type of an item.
+    """
     if shape is None:
         return None
     if shape.model is not None and shape.kind == "model":
@@ -78,7 +85,7 @@ def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
 
 
 def ordered(names: Sequence[str], shape: FieldType | None) -> list[int]:
-    """Return the canonical order of the keys of a mapping, as indices into `names`. An unknown key stays after the key before it."""
+    """Return the canonical order of the keys of a mapping, as indices into `names`. An unknown key stays after its predecessor."""
     if shape is None or shape.kind != "model" or shape.model is None:
         return list(range(len(names)))
     ranks = _keys(shape.model)[0]
@@ -95,7 +102,7 @@ _GLUED = re.compile(rf"({_NUMBER}(?: {_NUMBER})*)( *)((?:[^\W\d_]|%).*)", re.ASC
 
 
 def spaced(text: str, shape: FieldType | None) -> str:
-    """Insert the space before units: `120 mm` for `120mm`, `0 0 4 mm` for `0 0 4mm`; other texts are unchanged."""
+    """Insert a space before each unit: `120mm` becomes `120 mm`, and `0 0 4mm` becomes `0 0 4 mm`. Other strings are unchanged."""
     match = _GLUED.fullmatch(text)
     if match is None or match.group(2) == " " or shape is None:
         return text
@@ -104,7 +111,7 @@ def spaced(text: str, shape: FieldType | None) -> str:
 
 
 def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
-    """Return whether two texts are the same quantity for a field."""
+    """Return whether two strings represent the same quantity for a field."""
     if shape is not None and shape.kind == "field" and shape.field is not None:
         try:
             value = shape.field.validate(text)
@@ -120,7 +127,7 @@ def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
 
 
 def takes_vectors(shape: FieldType) -> bool:
-    """Return whether a field is a vector, so that the items of a list are quantities."""
+    """Return whether the value of a field is a vector, in which case the items of a list are quantities."""
     if shape.kind != "field" or shape.field is None:
         return False
     try:
@@ -130,20 +137,20 @@ def takes_vectors(shape: FieldType) -> bool:
 
 
 class Inline:
-    """Formats the values of a text; `separator` is between key and value (`: ` or ` = `)."""
+    """Formats the values of a document. `separator` is the string between key and value (`: ` or ` = `)."""
 
     def __init__(self, text: str, separator: str) -> None:
         self.text = text
         self.separator = separator
 
     def value(self, piece: Segment, shape: FieldType | None, by: int) -> str:
-        """Format a value, with its continuation lines moved by `by` columns."""
+        """Format a value and shift its continuation lines by `by` columns."""
         written = self.text[piece.start : piece.end]
         if piece.kind == "scalar":
             return self.scalar(piece, written, shape, by)
         if piece.odd:
             return shifted(written, by)
-        # an alias may be among user-defined keys, whose order matters
+        # an alias may be among user-defined keys, which keep their order
         shape = None if piece.body > piece.start else shape_for(shape, outline(piece))
         head = self.text[piece.start : piece.body].rstrip()
         opening, closing = self.text[piece.body], self.text[piece.end - 1]
@@ -182,7 +189,7 @@ class Inline:
         return self.text[piece.start : piece.body] + quote + spaced(inner, shape) + quote
 
     def gaps(self, piece: Segment) -> list[str]:
-        """Return the text before, between and after the entries."""
+        """Return the pieces of source text before, between and after the entries."""
         at = piece.body + 1
         gaps: list[str] = []
         for item in piece.items:
@@ -191,7 +198,7 @@ class Inline:
         return [*gaps, self.text[at : piece.end - 1]]
 
     def tidied(self, gap: str, outer: bool, by: int) -> str:
-        """Remove trailing spaces in a gap of a value over several lines."""
+        """Remove trailing spaces from the text between two entries of a multi-line value."""
         if "\n" not in gap:
             return ("," if "," in gap else "") if outer else ", "
         first, *others = gap.split("\n")
@@ -208,7 +215,10 @@ def outline(piece: Segment) -> Any:
 
 
 def order_of(items: list[Item], shape: FieldType | None) -> list[int]:
-    """Return the canonical order of the entries of a mapping; the written order if reordering would separate an alias from its anchor."""
+    """Return the canonical order of the entries of a mapping.
+
+    If reordering would change the order of an alias and its anchor, return the written order.
+    """
     order = ordered([item.name for item in items], shape)
     if order == sorted(order):
         return order

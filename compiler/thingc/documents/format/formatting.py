@@ -12,15 +12,15 @@ from thingc.documents.load.documents import document_kind, read_tree
 from thingc.documents.spec.annotation_types import FieldType
 
 MODELINE = "# yaml-language-server: $schema="
-"""Prefix of the comment that specifies the schema for the YAML language server."""
+"""Prefix of the comment that specifies the schema of a document for the YAML language server."""
 
 
 def format_document(path: str, data: bytes, report: Report, *, schema: str | None = None, tree: MappingNode | None = None) -> bytes | None:
-    """Return the bytes of a document in canonical layout, or None if it is not well-formed (reported).
+    """Return the bytes of a document in canonical layout. If the document is not well-formed, report the error and return None.
 
-    All lines get the line ending of the file's first line; a byte order mark is removed. With `schema` (a path relative to the document), a
-    YAML document gets a modeline that names it. `tree` is the parsed text, if available. Texts with unsupported syntax are returned
-    unchanged.
+    All lines get the line ending of the file's first line; a byte order mark is removed. If `schema` (a path relative to the document) is
+    given, a modeline with this path is added to a YAML document. `tree` is the parsed document, if available. Documents with unsupported
+    syntax are returned unchanged.
     """
     before = tree or read_tree(path, data, report)
     kind = None if before is None else document_kind(before, report)
@@ -51,7 +51,7 @@ def format_document(path: str, data: bytes, report: Report, *, schema: str | Non
 
 
 def is_laid_out(document: Document) -> bool:
-    """Return whether `format_document` would leave a document unchanged, except for line ends."""
+    """Return whether `format_document` would change nothing in a document except line ends."""
     text = re.sub(r"\r\n?", "\n", document.text)
     try:
         return _layout(document.path, text, root_shape(document.kind)) == text
@@ -70,7 +70,10 @@ def _layout(path: str, text: str, shape: FieldType | None) -> str:
 
 
 def with_modeline(text: str, schema: str) -> str:
-    """Return the text with a modeline that names a schema. An existing modeline is updated, otherwise one is added at the top."""
+    """Return the text of a document with a modeline that names a schema.
+
+    An existing modeline is updated; otherwise a modeline is added at the top.
+    """
     line = MODELINE + schema
     lines = text.split("\n")
     for at, old in enumerate(lines):
@@ -82,7 +85,7 @@ def with_modeline(text: str, schema: str) -> str:
 
 
 def schema_path(relative: str) -> str:
-    """Return the path of the schema that `thingc schema` writes, relative to the document (a path in the workspace)."""
+    """Return the path of the schema file that `thingc schema` writes, relative to the folder of a document in the workspace."""
     up = "../" * relative.count("/")
     return f"{up}.thingc/schema/{relative}.json"
 
@@ -90,7 +93,7 @@ def schema_path(relative: str) -> str:
 def same(before: Node, after: Node, shape: FieldType | None) -> bool:
     """Return whether two trees are equivalent: equal values and keys, and user-defined keys in the same order.
 
-    Quantities may differ in the space before the unit.
+    A difference in the space before a unit is ignored.
     """
     if isinstance(before, ScalarNode) and isinstance(after, ScalarNode):
         if type(before.value) is type(after.value) and before.value == after.value:

@@ -1,6 +1,6 @@
 """Split the text of a document into segments: the range of every key and value, with adjacent comments.
 
-Segments do not contain values. All positions are indices into the text, whose lines end with a line feed.
+Segments contain positions but no values. All positions are indices into the text of the document, whose lines end with a line feed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ COMMENT_GAP = 2
 
 
 class UnsupportedStyle(Exception):
-    """The text has unsupported syntax: the document is not changed."""
+    """The document has unsupported syntax and is not changed."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -29,7 +29,10 @@ class EndComment:
 
 
 def commented(line: str, comment: EndComment | None) -> str:
-    """Return a line with its comment, if any. The comment keeps its column if that is free and was not just the default gap."""
+    """Return a line with its comment, if any.
+
+    The comment keeps its column if the line ends before this column and the original gap was larger than the default gap.
+    """
     if comment is None:
         return line
     spaces = COMMENT_GAP if comment.gap <= COMMENT_GAP else max(COMMENT_GAP, comment.column - len(line))
@@ -40,8 +43,8 @@ def commented(line: str, comment: EndComment | None) -> str:
 class Item:
     """An entry of a mapping (`key` is the range of its key, `name` its text) or an item of a list (no key).
 
-    `leading` are the comment lines above it, with None for an empty line. If the value begins below, `key_comment` is the comment after the
-    colon (or dash). `comment` is the comment after the value.
+    `leading` are the comment lines above the item, with None for an empty line. If the value begins on a later line, `key_comment` is the
+    comment after the colon (or dash). `comment` is the comment after the value.
     """
 
     value: Segment
@@ -55,16 +58,17 @@ class Item:
 
     @property
     def start(self) -> int:
-        """The index at which it begins."""
+        """The index of the first character of the item."""
         return self.key[0] if self.key is not None else self.value.start
 
 
 @dataclass(slots=True, kw_only=True)
 class Segment:
-    """A value: `scalar` (also an alias), `map` or `list`. `flow` is True if it is in braces or brackets.
+    """A value: `scalar` (also an alias), `map` or `list`. `flow` is True if the value is in braces or brackets.
 
-    `body` is the index where it begins after its anchor. `names` are the anchors in it, `aliases` are the anchors that it refers to.
-    `trailing` are comments at the end of a block. `column` (from 0) is the column of a block's keys or dashes.
+    `body` is the index of the first character after the anchor of the value. `names` are the anchors inside the value; `aliases` are the
+    anchors to which the value refers. `trailing` are comments at the end of a block. `column` (from 0) is the column of a block's keys or
+    dashes.
     """
 
     kind: str
@@ -81,12 +85,12 @@ class Segment:
 
     @property
     def block(self) -> bool:
-        """Whether its entries are on separate lines."""
+        """Whether the entries of the value are on separate lines."""
         return self.kind != "scalar" and not self.flow
 
 
 class Trivia(FrozenStruct):
-    """The text between two pieces: a comment at the end of the line, and separate lines as (column, text).
+    """The text between two segments: a comment at the end of the line, and the following comment lines as (column, text).
 
     An empty line is None.
     """
@@ -96,9 +100,9 @@ class Trivia(FrozenStruct):
 
 
 def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
-    """Parse the gap from `start` to `end`; with `compact`, the next piece may be on the same line (`- key: value`).
+    """Parse the gap from `start` to `end`. With `compact`, the next segment may be on the same line (`- key: value`).
 
-    Raises `UnsupportedStyle` if it contains anything but comments and empty lines.
+    Raises `UnsupportedStyle` if the gap contains anything but comments and empty lines.
     """
     lines = text[start:end].split("\n")
     comment: EndComment | None = None
@@ -109,7 +113,7 @@ def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
         if bare and not bare.startswith("#"):
             raise UnsupportedStyle
         last = number == len(lines) - 1
-        if last and end < len(text):  # indentation of the next piece
+        if last and end < len(text):  # indentation of the next segment
             if "\t" in line or (number == 0 and not begins_line and not compact):
                 raise UnsupportedStyle
         elif number == 0 and not begins_line:
@@ -131,12 +135,12 @@ def tidy(lines: list[str | None]) -> list[str | None]:
 
 
 def first_lines(lines: list[str | None]) -> list[str | None]:
-    """Return comment lines as `tidy` does, without empty lines at the beginning."""
+    """Return comment lines without consecutive empty lines and without empty lines at the beginning."""
     return list(dropwhile(lambda line: line is None, tidy(lines)))
 
 
 def shifted(text: str, by: int) -> str:
-    """Indent (or unindent, as far as there are spaces) all lines of a text but the first."""
+    """Shift all lines of a string except the first by a number of columns. A line is never shifted left beyond its leading spaces."""
     if by == 0 or "\n" not in text:
         return text
     first, *others = text.split("\n")
@@ -156,6 +160,6 @@ _PROPERTY = re.compile(r"&[^\s\[\]{},]+\s+")
 
 
 def body_of(text: str, start: int) -> int:
-    """Return where a value begins after its `&anchor`, if that is on the same line."""
+    """Return the index of a value after its `&anchor`, if the anchor is on the same line."""
     match = _PROPERTY.match(text, start)
     return match.end() if match is not None else start

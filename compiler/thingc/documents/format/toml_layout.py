@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True, kw_only=True)
 class _Statement:
-    """A header `[a.b]` (`value` is None) or `key = value`: its position, the words of its key, and its comments."""
+    """A header `[a.b]` (`value` is None) or a pair `key = value`, with its position, the words of its key, and its comments."""
 
     start: int
     end: int
@@ -30,9 +30,9 @@ class _Statement:
 
 @dataclass(slots=True)
 class _Names:
-    """The tables of a document: for each key, the keys below it in the order first written.
+    """The tables of a document: the keys of each table, in the order of their first occurrence.
 
-    After `settle`, it also has the types of tables and the canonical position of each key.
+    `settle` adds the types of the tables and the canonical position of each key.
     """
 
     below: dict[str, _Names] = field(default_factory=dict)
@@ -57,11 +57,11 @@ class _Names:
             table.settle(shape_below(inner, word))
 
     def rank(self, words: tuple[str, ...]) -> tuple[int, ...]:
-        """Return the position of a key in canonical order, at every level."""
+        """Return the position of a key in canonical order at each of its levels."""
         return tuple(self.at(words[:depth]).ranks[word] for depth, word in enumerate(words))
 
     def at(self, words: tuple[str, ...]) -> _Names:
-        """Return the names below a key."""
+        """Return the keys in the table at a key."""
         table = self
         for word in words:
             table = table.below[word]
@@ -69,7 +69,7 @@ class _Names:
 
 
 def toml_layout(text: str, shape: FieldType | None) -> str:
-    """Return the text in canonical layout (with line feeds, as in `text`). Raises `UnsupportedStyle`."""
+    """Return a document in canonical layout. Lines end with a line feed, as in `text`. Raises `UnsupportedStyle`."""
     sections, foot = _Cutter(text).sections()
     names = _Names()
     for section in sections:
@@ -85,7 +85,7 @@ def toml_layout(text: str, shape: FieldType | None) -> str:
 
 
 def _opening(sections: list[_Statement]) -> list[str | None]:
-    """Return the comments at the top that an empty line separates from the first statement, or that are meant for an editor."""
+    """Return the comments at the top of a document: comments before an empty line, and comments that configure an editor."""
     first = next((s for section in sections for s in (section, *section.pairs) if s.end), None)
     if first is None:
         return []
@@ -96,7 +96,7 @@ def _opening(sections: list[_Statement]) -> list[str | None]:
 
 
 def _section(section: _Statement, text: str, names: _Names, first: bool) -> list[str]:
-    """Return the lines of a section: its header (the first section has none) and its pairs in order."""
+    """Return the lines of a section: its header (the first section has no header) and its pairs in canonical order."""
     lines: list[str] = []
     if section.end:
         lines.extend([] if first else [""])
@@ -115,7 +115,10 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
 
 
 def _alignment(pairs: list[_Statement], text: str) -> list[int]:
-    """Return the number of spaces before each `=`. It is more than one if the `=` is aligned with a neighbour's."""
+    """Return the number of spaces before each `=`.
+
+    The number is larger than 1 if the `=` is aligned with the `=` of a neighbouring line.
+    """
     columns: list[int] = []
     widths: list[int] = []
     for pair in pairs:
@@ -131,7 +134,7 @@ def _alignment(pairs: list[_Statement], text: str) -> list[int]:
 
 
 class _Cutter:
-    """Converts tree-sitter's tree to statements."""
+    """Converts the syntax tree of tree-sitter to statements."""
 
     def __init__(self, text: str) -> None:
         self.text = text

@@ -1,4 +1,4 @@
-"""Set and remove values in the text of a document by path; comments, layout and other text do not change."""
+"""Set and remove values in the text of a document by path. Comments, layout and all other text are preserved."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from thingc.documents.load.yaml_scalars import core_value
 
 Keys = tuple[str, ...]
 Written = str | Mapping[str, "Written"] | Sequence["Written"]
-"""A value in a document: the text of a scalar (`120 mm`), or a mapping or list of such texts."""
+"""A value in a document: a scalar as a string (`120 mm`), or a mapping or list of such values."""
 
 
 class CannotSetValue(Exception):
-    """A value cannot be written without changing something else. The message is the reason."""
+    """A value cannot be written without changing other values. The message explains the reason."""
 
 
 def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
-    """Return a document in whose text values (as in a document: `120 mm`) are set at their keys.
+    """Return a document with values set at the given paths. Values are strings as in a document (`120 mm`).
 
     Missing entries are added after existing ones, as a mapping in braces if necessary. In a section whose mappings are on several lines,
     and in a new section, a new mapping is also written on several lines. Raises `CannotSetValue` if this would change other values.
@@ -61,14 +61,14 @@ def _meant(value: Written) -> Plain:
 
 
 def _parse_document(document: Document, text: str) -> Document | None:
-    """Parse a new text of a document. Return None if it is not a well-formed mapping."""
+    """Parse the new content of a document. Return None if the content is not a well-formed mapping."""
     report = Report()
     tree = read_tree(document.path, text.encode(), report)
     return replace(document, text=text, tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
 
 def _put(whole: Any, keys: Keys, value: Any, mapping: Callable[[], Any] = dict) -> Any:
-    """Set a value in the plain values of a document, in place; `mapping` creates missing mappings."""
+    """Set a value in the plain values of a document, in place. `mapping` is called to create missing mappings."""
     inner = whole
     for key in keys[:-1]:
         if isinstance(inner, dict) and not isinstance(inner.get(key), (dict, list)):
@@ -207,7 +207,8 @@ def _in_toml(document: Document, keys: Keys, value: Written) -> str:
 def _behind_entries(document: Document, keys: Keys) -> tuple[int, bool] | None:
     """Return where to insert a new entry of a section with a header, and whether the last entry is a table with its own header.
 
-    The place is the end of the last entry's last line. Return None if the entry exists, or if the section has another form.
+    The new entry belongs at the end of the last line of the last entry. Return None if the entry exists, or if the section has another
+    form.
     """
     source, text, node = Source(document.path, document.text), document.text, node_at(document.tree, keys[:1])
     if not isinstance(node, MappingNode) or not node.entries or keys[1] in node.entries:
@@ -246,12 +247,12 @@ def _toml_value(value: Written) -> Any:
         return value
     try:
         return tomlkit.value(value)
-    except TOMLKitError:  # a number as only YAML writes it: `.5`
+    except TOMLKitError:  # a number that is valid in YAML but not in TOML: `.5`
         return plain
 
 
 def changes(document: Document, values: Mapping[Keys, str]) -> Iterator[tuple[str, str | None, str]]:
-    """Yield each path with its previous (None if there was none) and its new text."""
+    """Yield each path with its previous value (None if the path did not exist) and its new value."""
     for keys, value in values.items():
         node = node_at(document.tree, keys)
         yield ".".join(keys), None if node is None else _as_written(document, node), value

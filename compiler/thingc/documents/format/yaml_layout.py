@@ -1,4 +1,4 @@
-"""The canonical layout of a YAML document, based on the events of libyaml."""
+"""Format a YAML document in canonical layout, based on the events of libyaml."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _BLOCK_ANCHOR = re.compile(r"&\S+")
 
 
 def yaml_pieces(text: str) -> tuple[Segment, int, list[str | None]]:
-    """Return the root of a well-formed YAML text, the start of the document (after `---`), and the comments above its first key.
+    """Return the root of a well-formed YAML document, the index where it starts (after `---`), and the comments above its first key.
 
-    Raises `UnsupportedStyle` for explicit keys (`?`), texts that keep trailing line breaks (`|+`), an end mark (`...`), or
+    Raises `UnsupportedStyle` for explicit keys (`?`), block scalars that keep trailing line breaks (`|+`), an end mark (`...`), or
     lists with empty items.
     """
     import yaml
@@ -40,7 +40,7 @@ def yaml_pieces(text: str) -> tuple[Segment, int, list[str | None]]:
 
 
 class _Cutter:
-    """Converts events to segments. Columns refer to the text."""
+    """Converts the events of libyaml to segments. Columns are columns of the source text."""
 
     def __init__(self, text: str, events: Any) -> None:
         self.text = text
@@ -61,7 +61,7 @@ class _Cutter:
         return self.sequence(event, anchors)
 
     def block_end(self, start: int, end: int) -> int:
-        """Return the end of the last non-empty line of a block text."""
+        """Return the end of the last non-empty line of a block scalar."""
         written = self.text[start:end]
         header, _, rest = written.partition("\n")
         header = header.partition("#")[0]
@@ -147,7 +147,7 @@ class _Commenter:
         self.ended: list[Segment] = []
 
     def run(self, root: Segment, start: int) -> list[str | None]:
-        """Assign the comments. Return the comments above the first entry that belong to the document."""
+        """Assign every comment. Return those comments above the first entry that belong to the document as a whole."""
         self.at = start
         if root.flow:
             head = gap(self.text, start, root.start)
@@ -167,7 +167,10 @@ class _Commenter:
         return self.head(root.items[0])
 
     def head(self, first: Item) -> list[str | None]:
-        """Separate comments of the document from comments of its first key. An empty line follows the former, or they are for an editor."""
+        """Separate comments of the document from comments of its first key.
+
+        Comments before an empty line, and comments for an editor, belong to the document.
+        """
         lines = first.leading
         cut = max((at for at, line in enumerate(lines) if line is None or is_modeline(line)), default=-1) + 1
         first.leading = lines[cut:]
@@ -195,7 +198,7 @@ class _Commenter:
     def list_item(self, item: Item, piece: Segment) -> None:
         dash = self.at
         while dash < item.value.start:
-            # a comment above may contain dashes as well: the dash of the list is in its column
+            # a comment above the list may also contain dashes: only the dash in the column of the list marks an item
             if self.text[dash] == "-" and dash - (self.text.rfind("\n", 0, dash) + 1) == piece.column:
                 break
             dash += 1
@@ -223,7 +226,7 @@ class _Commenter:
         self.last, self.inside = item, False
 
     def take(self, gap: Trivia, column: int) -> list[str | None]:
-        """Assign the comments of a gap. Return the lines above the following entry, which is in `column`."""
+        """Assign the comments of a gap. Return the comment lines that belong to the next entry, which is in `column`."""
         if gap.comment is not None:
             if self.last is None:
                 raise UnsupportedStyle
@@ -251,12 +254,12 @@ class _Commenter:
 
 
 def is_modeline(line: str) -> bool:
-    """Return whether a comment is for an editor or a language server, which expect it at the top of the file."""
+    """Return whether a comment configures an editor or a language server. Such comments must be at the top of the file."""
     return bool(re.match(r"#\s*(yaml-language-server:|-\*-|vim?:|:schema\b)", line))
 
 
 def _chain(piece: Segment) -> list[Segment]:
-    """Return the blocks that end at the same place as this value, outermost first."""
+    """Return the blocks that end at the same position as this value, outermost first."""
     blocks: list[Segment] = []
     while piece.block:
         blocks.append(piece)
@@ -269,7 +272,7 @@ INDENT = 2
 
 
 def yaml_layout(text: str, shape: FieldType | None) -> str:
-    """Return the text in canonical layout (with line feeds, as in `text`). Raises `UnsupportedStyle`."""
+    """Return a document in canonical layout. Lines end with a line feed, as in `text`. Raises `UnsupportedStyle`."""
     root, start, head = yaml_pieces(text)
     printer = _Printer(text)
     lines: list[str] = []
@@ -285,14 +288,14 @@ def yaml_layout(text: str, shape: FieldType | None) -> str:
 
 
 class _Printer:
-    """Formats blocks; every method returns lines with their indentation."""
+    """Formats blocks. Every method returns indented lines."""
 
     def __init__(self, text: str) -> None:
         self.text = text
         self.inline = Inline(text, ": ")
 
     def mapping(self, piece: Segment, shape: FieldType | None, indent: int, *, top: bool = False) -> list[str]:
-        # an alias may be among user-defined keys, whose order matters
+        # an alias may be among user-defined keys, which keep their order
         shape = None if piece.body > piece.start else shape
         shape = shape_for(shape, outline(piece))
         items = [piece.items[at] for at in order_of(piece.items, shape)]
@@ -310,7 +313,10 @@ class _Printer:
         return [*lines, *_own_lines(tidy(piece.trailing), indent)]
 
     def alignment(self, items: list[Item]) -> list[int]:
-        """Return the number of spaces after the colon of each entry. It is more than one if the value is aligned with a neighbour's."""
+        """Return the number of spaces after the colon of each entry.
+
+        The number is larger than 1 if the value is aligned with the value of a neighbouring line.
+        """
         written: list[tuple[int, int] | None] = []
         for item in items:
             assert item.key is not None
@@ -346,14 +352,14 @@ class _Printer:
         return lines
 
     def head(self, head: str, item: Item) -> str:
-        """Return the line above a block, with its anchor and comment."""
+        """Return the line that introduces a block, with its anchor and comment."""
         value = item.value
         if value.body > value.start:
             head += " " + self.text[value.start : value.body]
         return commented(head, item.key_comment)
 
     def leaf(self, piece: Segment, shape: FieldType | None, by: int) -> str:
-        """Format a value that is not a block; empty lines of block texts have no trailing spaces."""
+        """Format a value that is not a block. Empty lines of block scalars have no trailing spaces."""
         written = self.inline.value(piece, shape, by)
         if piece.kind == "scalar" and self.text[piece.body] in "|>":
             original = self.text[piece.start : piece.end].split("\n")

@@ -1,1 +1,4 @@
-"""Read documents: convert text to trees in which every key and value has a position. Values are not interpreted here."""
+"""Read documents: parse their text into trees in which every key and value has a source position.
+
+Values are interpreted by later passes.
+"""

@@ -1,7 +1,7 @@
-"""Find documents: in a folder, by their extension and their first bytes, and in packages.
+"""Find documents in a folder (by file extension and first bytes) and in packages.
 
-Documents of packages are beside the modules and have dotted names like modules (`thingc_stock.materials`). They are read as data:
-code of packages is neither run nor imported.
+Documents of a package are in the same folders as its modules and have dotted names like modules (`thingc_stock.materials`). Documents are
+read as data; the code of a package is neither run nor imported.
 """
 
 from __future__ import annotations
@@ -23,28 +23,31 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 HEAD = 65536
-"""Number of bytes in which the `thingc:` key of a document is searched."""
+"""Number of bytes at the start of a file in which the key `thingc` is searched."""
 
 _HEADER = re.compile(rb"""^(?:\xef\xbb\xbf)?["']?thingc["']?[ \t]*[:=](?![ \t]*["']?workspace/)""", re.MULTILINE)
 _TABLE = re.compile(rb"^[ \t]*\[", re.MULTILINE)
-"""Start of the first table of a TOML file: keys after it belong to the table (`[project.scripts]`)."""
+"""Start of the first table of a TOML file. Keys after this position belong to a table (`[project.scripts]`)."""
 _OTHERS = frozenset({"node_modules", "__pycache__"})
 
 
 def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
     """Return the absolute paths of assembly, materials and variants documents below a folder, sorted.
 
-    These are all files with the key `thingc`, even if its value is invalid.
+    Every file with the key `thingc` is a document, even if the value of the key is invalid.
 
     With a workspace, its build folder and nested workspaces are skipped. Without a workspace file the extent of the workspace is unknown,
-    so the search is bounded as in `documents_near`. Hidden folders and virtual environments are always skipped. Links to folders are not
-    followed. Unreadable files are skipped; a command that is given their name reports the reason.
+    so the search is bounded as in `documents_near`. Hidden folders and virtual environments are always skipped. Symbolic links to folders
+    are not followed. Unreadable files are skipped; a command reports the reason if the file is its argument.
     """
     return _documents(folder, workspace, bounded=workspace is not None and workspace.origin is None)
 
 
 def _documents(folder: str, workspace: Workspace | None, *, bounded: bool) -> list[str]:
-    """Return all documents below a folder. If bounded, search only the nearest `MOST_FOLDERS` folders and `MOST_FILES` candidate files."""
+    """Return all documents below a folder.
+
+    A bounded search reads only the nearest `MOST_FOLDERS` folders and `MOST_FILES` candidate files.
+    """
     paths: list[str] = []
     build = os.path.realpath(workspace.build) if workspace is not None else None
     waiting = deque([os.path.abspath(folder)])
@@ -109,14 +112,15 @@ _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 
 
 def is_packaged(text: str) -> bool:
-    """Return whether a text is the name of a document of a package: dotted words that are not a file name of a document."""
+    """Return whether a string is the dotted name of a document of a package. A file name of a document is not a dotted name."""
     return _DOTTED.fullmatch(text) is not None and not text.lower().endswith(DOCUMENT_SUFFIXES)
 
 
 def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked_at: set[str], report: Report) -> str | None:
     """Return the absolute path of the document with a dotted name: in a part folder of the workspace, else in an allowed package.
 
-    Report an error at `where` and return None if there is no such document. All examined paths are added to `looked_at`, existing or not.
+    If the document does not exist, report an error at `where` and return None. All examined paths, existing or not, are added to
+    `looked_at`.
     """
     package, *words = text.split(".")
     installed = package_folder(package) if package in workspace.packages else None
@@ -144,7 +148,7 @@ def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked
 
 
 def packaged_documents(workspace: Workspace) -> dict[str, str]:
-    """Return the materials documents at the top of all available packages: absolute paths by dotted name, sorted."""
+    """Return the materials documents in the top folder of each available package: absolute paths by dotted name, sorted."""
     documents: dict[str, str] = {}
     folders = [os.path.join(parts, name) for parts in workspace.parts for name in listing(parts) if name.isidentifier()]
     packages = [folder for name in workspace.packages if (folder := package_folder(name)) is not None]
@@ -158,7 +162,7 @@ def packaged_documents(workspace: Workspace) -> dict[str, str]:
 
 
 def _stays(path: str, top: str, workspace: Workspace) -> bool:
-    """Return whether a file of a package, with links resolved, is in the package, and in the workspace if the package is."""
+    """Return whether the resolved path of a file is in its package and, if the package is in the workspace, also in the workspace."""
     return os.path.realpath(path).startswith(os.path.join(os.path.realpath(top), "")) and (
         workspace.contains(path) or not os.path.abspath(path).startswith(os.path.join(workspace.root, ""))
     )

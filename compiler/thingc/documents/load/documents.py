@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 KINDS: dict[str, str] = {"assembly": "1", "materials": "1", "variants": "1", "workspace": "1"}
-"""Kinds of documents, with the supported version."""
+"""Kinds of documents, each with its supported version."""
 
 MAX_CHAIN = 100
 """Maximum depth of nested documents."""
@@ -33,10 +33,10 @@ MAX_CHAIN = 100
 class Documents(FrozenStruct):
     """A document and all documents that it references, directly or indirectly.
 
-    `by_path` is keyed by path in the workspace, in the order of first reference. `links` maps (path of a document, text in it) to the path
-    of the referenced document. `broken` are the documents on a cycle of assemblies (reported). `files` are absolute paths, existing or not:
-    all files in the workspace that they reference (documents and parts, symbolic links unresolved), and paths that were examined for
-    documents of packages.
+    `by_path` is keyed by path in the workspace, in the order of first reference. `links` maps (path of a document, reference in the
+    document) to the path of the referenced document. `broken` are the documents on a cycle of assemblies; the cycle has been reported.
+    `files` are absolute paths, existing or not: all files in the workspace that the documents reference (documents and parts, symbolic
+    links unresolved), and all paths that were examined to find documents of packages.
     """
 
     root: Document
@@ -46,7 +46,7 @@ class Documents(FrozenStruct):
     files: frozenset[str] = frozenset()
 
     def named(self, document: Document, text: str) -> Document | None:
-        """Return the document that `text` refers to in `document`, or None if it could not be read (reported)."""
+        """Return the document to which the reference `text` in `document` points, or None if that document could not be read."""
         path = self.links.get((document.relative, text))
         return None if path is None else self.by_path.get(path)
 
@@ -97,9 +97,9 @@ def _known(path: str, relative: str, sha256: str) -> tuple[tuple[str, str, str],
 
 
 def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, report: Report) -> Documents:
-    """Return the documents together with additional assemblies (named relative to the root document) and their documents.
+    """Return the documents, additional assemblies (named relative to the root document), and the documents that these assemblies reference.
 
-    Documents are not read again. Only errors of the new documents are reported.
+    Documents that have already been read are reused. Only errors of new documents are reported.
     """
     reader = _Reader(workspace, report)
     reader.by_path.update(documents.by_path)
@@ -115,7 +115,7 @@ def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, 
 
 
 def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
-    """Report that a document is of a kind that is not accepted here."""
+    """Report that a document has a kind that is not accepted."""
     if root.kind == "variants":
         report.add(
             Code.WRONG_KIND, "this is a variants document, but a single assembly is required here", root.span(("thingc",)),
@@ -133,7 +133,10 @@ def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
 
 
 def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
-    """Return the tree of a YAML or TOML file (by its extension), or None if it is not a well-formed mapping (reported)."""
+    """Parse a YAML or TOML file, depending on its extension.
+
+    If the content is not a well-formed mapping, report the error and return None.
+    """
     source = decode(path, data, report)
     if source is None:
         return None
@@ -195,7 +198,7 @@ class _Reader:
         )
 
     def enough(self, where: Span) -> bool:
-        """Return whether to stop reading because a limit is exceeded (reported)."""
+        """Return whether a limit is exceeded, and report this. No further documents are read then."""
         if self.ended:
             return True
         if self.bytes > MAX_ALL_BYTES:
@@ -238,7 +241,7 @@ class _Reader:
         return document
 
     def follow(self, document: Document, chain: list[tuple[Document, Span]]) -> None:
-        """Read the documents that a document references. `chain` are the assemblies above it, each with the place of its reference."""
+        """Read the documents that a document references. `chain` contains its parent assemblies, each with the place of its reference."""
         if document.relative in self.done:
             return
         self.done.add(document.relative)
@@ -259,7 +262,7 @@ class _Reader:
                 self.nest(nested, [*chain, (document, where)])
 
     def nest(self, nested: Document, hops: list[tuple[Document, Span]]) -> None:
-        """Follow a nested assembly. `hops` are the assemblies above it."""
+        """Read a nested assembly. `hops` are its parent assemblies."""
         position = next((k for k, (above, _) in enumerate(hops) if above.relative == nested.relative), None)
         if position is not None:
             self.cycle(hops[position:])
@@ -306,9 +309,9 @@ def head_line(path: str, kind: str = "assembly") -> str:
 
 
 def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly") -> str | None:
-    """Return the kind in a document's `thingc:` key, or None if it is missing or unknown (reported).
+    """Return the kind in the key `thingc` of a document. If the kind is missing or unknown, report an error and return None.
 
-    `usual` is the kind that hints show.
+    `usual` is the kind that the help text suggests.
     """
     file = tree.span.file
     node = tree.entries.get("thingc")
@@ -349,7 +352,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
 
 
 def _named_files(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
-    """Yield the files that an assembly references, with their kind: materials, files of parts, meshes of links, nested assemblies."""
+    """Yield the files that an assembly references, each with its kind: materials, part files, meshes of links, and nested assemblies."""
     components = [entries_of(one) for one in entries_of(tree.entries.get("components")).values()]
     shapes = [entries_of(shape) for one in components for shape in _items(one.get("shapes"))]
     named = [

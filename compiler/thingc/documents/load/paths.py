@@ -1,4 +1,4 @@
-"""Resolve paths in documents: relative to the document, inside the workspace, with links resolved."""
+"""Resolve the paths in documents. Paths are relative to the document and must be inside the workspace; symbolic links are resolved."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PART_SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj", ".ply", ".off
 MESH_SUFFIXES = (".stl", ".obj", ".dae", ".ply", ".glb")
 """Extensions of mesh files of links."""
 SUFFIXES_WITH_UNIT = (".step", ".stp", ".3mf", ".glb", ".gltf", ".dae")
-"""Extensions of file formats that specify the unit."""
+"""Extensions of file formats that specify the unit of length."""
 
 _HEAD = 1 << 16
 _LIBRARY = re.compile(rb"^mtllib[ \t]+([^\r\n]+?)[ \t]*\r?$", re.MULTILINE)
@@ -32,10 +32,10 @@ _DRIVE = re.compile(r"[A-Za-z]:|\\\\")
 def find_file(
     text: str, *, beside: str, where: Span | None, workspace: Workspace, suffixes: tuple[str, ...], what: str, report: Report,
 ) -> str | None:
-    """Return the absolute path of the file that the text refers to in the document at `beside`.
+    """Return the absolute path of the file to which a reference in the document at `beside` points.
 
-    Return None if the text is an absolute path, or if the file is outside the workspace, does not exist, or has none of the `suffixes`
-    (reported at `where`). `what` describes the file in messages (`an assembly document`).
+    Report an error at `where` and return None if the reference is an absolute path, or if the file is outside the workspace, does not
+    exist, or has none of the `suffixes`. `what` describes the file in messages (`an assembly document`).
     """
     shown = shortened(text)
     if not text.strip():
@@ -74,19 +74,22 @@ def find_file(
 
 
 def find_assembly(text: str, *, beside: str, where: Span | None, workspace: Workspace, report: Report) -> str | None:
-    """Return the path of an assembly document, see `find_file`."""
+    """Return the absolute path of an assembly document. The rules are the same as in `find_file`."""
     return find_file(
         text, beside=beside, where=where, workspace=workspace, suffixes=DOCUMENT_SUFFIXES, what="an assembly document", report=report,
     )
 
 
 def named(text: str, beside: str) -> str | None:
-    """Return the absolute path that the text refers to in the document at `beside`, existing or not; None if it cannot be a path."""
+    """Return the absolute path to which a reference in the document at `beside` points, existing or not.
+
+    Return None for an invalid path.
+    """
     return None if unseen(text) else os.path.normpath(os.path.join(os.path.dirname(beside), text))
 
 
 def libraries(path: str) -> tuple[str, ...]:
-    """Return the names of the material libraries that the first lines of an OBJ file list, if they are in the same folder.
+    """Return the material libraries that the first lines of an OBJ file name and that are in the same folder.
 
     Return an empty tuple for other files.
     """
@@ -101,7 +104,7 @@ def libraries(path: str) -> tuple[str, ...]:
 
 
 def refuse_name(name: str, where: Span | None, report: Report) -> None:
-    """Report that a file name has invisible characters or is not valid UTF-8."""
+    """Report a file name that contains invisible characters or is not valid UTF-8."""
     what = "invisible characters" if is_text(name) else "bytes that are not UTF-8"
     report.add(
         Code.FILE_NAME, f"the file name `{escape_control(name)}` has {what}: `{escape_control(unseen(name))}`", where,

@@ -10,11 +10,11 @@ from thingc.base.source import Span, line_of
 
 MAX_BYTES = 10_000_000
 MAX_ALL_BYTES = 40_000_000
-"""Maximum total size of a document and all documents that it names."""
+"""Maximum total size [bytes] of a document and all documents that it references."""
 MAX_LEVELS = 100
 MAX_ALIAS_NODES = 10_000
 MAX_NODES = 300_000
-"""Maximum number of values of a document. Without it, ten megabytes of `{}` would take a gigabyte."""
+"""Maximum number of values in a document. Without this limit, ten megabytes of `{}` would need a gigabyte of memory."""
 MAX_FAULTS = 200
 """Maximum number of errors reported per document. A broken file of ten megabytes may have a million errors."""
 
@@ -24,8 +24,8 @@ _FORBIDDEN = "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufff
 """Characters that documents must not contain.
 
 These are control characters (unsafe in terminals), NEL, line and paragraph separators (which editors and parsers count differently),
-surrogates, and a byte order mark that is not at the start. (The pattern is compiled on demand: that takes as long as reading a short
-document.)
+surrogates, and a byte order mark that is not at the start. The pattern is compiled on demand, because compiling it takes as long as reading
+a short document.
 """
 
 _SPOKEN = {
@@ -67,7 +67,7 @@ class Source:
 
 
 def decode(file: str, data: bytes, report: Report) -> Source | None:
-    """Decode a file as UTF-8, with optional byte order mark and CRLF. Return None if it is invalid (reported)."""
+    """Decode a file as UTF-8, with optional byte order mark and CRLF. If the file is invalid, report the error and return None."""
     top = line_of(file)
     if len(data) > MAX_BYTES:
         report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes", top, help="split the document")

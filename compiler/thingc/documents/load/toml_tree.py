@@ -1,4 +1,4 @@
-"""Parse TOML to a tree with positions: values from tomllib, positions from tree-sitter."""
+"""Parse TOML to a tree with source positions. tomllib provides the values, tree-sitter the positions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def read_toml(source: Source, report: Report) -> MappingNode | None:
-    """Return the tree of a TOML 1.0 text, or None if it is invalid (reported)."""
+    """Parse a TOML 1.0 document to a tree. If the document is invalid, report the error and return None."""
     syntax = TomlSyntax(source.text)
     if _too_large(source, syntax, report):
         return None
@@ -34,7 +34,7 @@ def read_toml(source: Source, report: Report) -> MappingNode | None:
 
 
 class TomlSyntax:
-    """tree-sitter's syntax tree of a TOML text, from its `root`, with positions as character indices."""
+    """The syntax tree that tree-sitter builds of a TOML document. `root` is its root node. Positions are character indices."""
 
     def __init__(self, text: str) -> None:
         import tree_sitter_toml
@@ -66,7 +66,7 @@ class TomlSyntax:
 
 @dataclass(slots=True)
 class _Leaf:
-    """A scalar with its character indices."""
+    """A scalar with its start and end as character indices."""
 
     start: int
     end: int
@@ -83,7 +83,7 @@ class _Array:
 
 @dataclass(slots=True)
 class _Table:
-    """A table: its entries, the range of each key, and repeated places of keys (`again`)."""
+    """A table: its entries, the range of each key, and further places (`again`) of keys that occur in several headers."""
 
     start: int
     end: int
@@ -97,7 +97,7 @@ _Item = Union[_Leaf, _Array, _Table]
 
 
 class _Statements:
-    """Processes the statements of a TOML text in order and adds them to their tables. With a report, duplicate keys are reported."""
+    """Adds the statements of a TOML document to their tables, in source order. Duplicate keys are reported if a report is given."""
 
     def __init__(self, source: Source, syntax: TomlSyntax, report: Report | None) -> None:
         self.source = source
@@ -173,7 +173,7 @@ class _Statements:
         return True
 
     def descend(self, table: _Table, parts: list[tuple[str, tuple[int, int]]], start: int, end: int) -> _Table | None:
-        """Return the table at a dotted key, after creating it if necessary. For an array of tables it is the last table."""
+        """Return the table at a dotted key. A missing table is created. For an array of tables, return the last table."""
         for name, place in parts:
             entry = table.entries.get(name)
             if isinstance(entry, _Array) and entry.items:
@@ -205,7 +205,7 @@ class _Statements:
 
 
 class _Joiner:
-    """Combines values and positions into nodes."""
+    """Combines the values of tomllib and the positions of tree-sitter into nodes."""
 
     def __init__(self, source: Source, report: Report) -> None:
         self.source = source
@@ -268,7 +268,7 @@ class _Joiner:
 def _too_large(source: Source, syntax: TomlSyntax, report: Report) -> bool:
     """Return whether nesting of brackets or dotted keys, or the number of values, exceeds the limit (reported).
 
-    This is checked before any recursion.
+    The check does not recurse.
     """
     waiting = [(syntax.root, 0)]
     values = 0
@@ -291,7 +291,7 @@ _TWICE = ("overwrite", "twice", "mutate", "Duplicate", "namespace")
 
 
 def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: Report) -> None:
-    """Report an error of tomllib, with its place and the probable intention."""
+    """Report an error of tomllib, with its position and a hint about the probable intention."""
     if isinstance(error, RecursionError):
         start = _bracket_beyond(source.text)
         report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
@@ -322,7 +322,10 @@ def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: 
 
 
 def _bracket_beyond(text: str) -> int:
-    """Return where the brackets of a malformed text first exceed the maximum depth. Brackets in strings count as well."""
+    """Return the first position in a malformed document at which nested brackets exceed the maximum depth.
+
+    Brackets in strings are counted, too.
+    """
     level = 0
     for at, character in enumerate(text):
         level += character in "[{"
@@ -333,9 +336,9 @@ def _bracket_beyond(text: str) -> int:
 
 
 def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
-    """Return the range of an unquoted text or quantity at or before `index`, and the key of the value ("" in a list).
+    """Return the range of an unquoted string or quantity at or before `index`, and the key of the value ("" in a list).
 
-    Return None if it does not look like an unquoted value.
+    Return None if no unquoted value is found.
     """
     number = source.line_at(min(index, max(0, len(source.text) - 1)))
     line, begin = source.line(number), source.starts[number]
@@ -348,7 +351,7 @@ def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
 
 
 def _in_words(words: str) -> tuple[str, str | None]:
-    """Convert a message of tomllib to our wording, with a hint."""
+    """Convert an error message of tomllib to the wording of thingc, with a hint."""
     if words.startswith("Expected '=' after a key"):
         return "expected `=` after the key", "TOML writes `key = value`"
     if words == "Invalid value":

@@ -15,11 +15,11 @@ _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 _SPECIAL = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)", re.ASCII)
 
 MAX_DIGITS = 400
-"""Maximum number of digits of an integer; larger ones overflow a double."""
+"""Maximum number of digits of an integer. Integers with more digits overflow a double."""
 
 
 def core_value(text: str) -> Scalar:
-    """Return the value of a plain scalar: `yes`, `no`, `on` are text; `1e-3` is a float; `0o17` is 15.
+    """Return the value of a plain scalar: `yes`, `no` and `on` are strings; `1e-3` is a float; `0o17` is 15.
 
     Raises OverflowError for `.inf`, `.nan` and for numbers that overflow a double.
     """

@@ -1,4 +1,4 @@
-"""Explain errors of the YAML parser: the place of the cause and the probable intention."""
+"""Explain errors of the YAML parser. The explanation contains the position of the cause and the probable intention."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from thingc.documents.load.text import Source
 
 
 class SyntaxFault(FrozenStruct):
-    """A message, the range of the error, a hint, and a second place with its message."""
+    """A syntax error: its message, its range, a hint, and a related position with its own message."""
 
     message: str
     start: int
@@ -21,9 +21,9 @@ class SyntaxFault(FrozenStruct):
 
 
 _LONGEST_KEY = 200
-"""Maximum number of characters of a key that is searched for (without its colon): longer searches are slow in large texts."""
+"""Maximum number of characters of a key (without its colon) in a search. Searches for longer keys are slow in large documents."""
 _QUOTED = re.compile(r"""(?:^|(?<=[\s\[{,:]))(?:"(?:\\.|[^"\\])*"|'(?:''|[^'])*'|\#[^\n\r]*)""", re.MULTILINE | re.DOTALL)
-"""A quoted text, or a comment."""
+"""A quoted string, or a comment."""
 _NO_SPACE = re.compile(r"\s*(?:-\s+)*(?P<key>[A-Za-z_][\w.*$-]*):(?P<value>[^\s:#].*)")
 
 
@@ -96,7 +96,7 @@ def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault 
 
 
 def _by_layout(source: Source, problem: str, context: str, at: int, began: int) -> SyntaxFault:
-    """Explain errors of indentation, and all remaining errors."""
+    """Explain errors of indentation and all other remaining errors."""
     at = min(at, max(0, len(source.text) - 1))
     end = at + max(1, len(re.match(r"[^\s:,{}\[\]]*", source.text[at:]).group()))  # type: ignore[union-attr]
     if "sequence entries are not allowed" in problem:
@@ -142,9 +142,9 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
 
 
 def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
-    """Return the start of the line above a line whose column matches no mapping, and the columns (from 1) that would match.
+    """Return the start of the line above a wrongly indented line, and the columns (from 1) that match a mapping.
 
-    Return None if the line is not indented less than the line above it.
+    Return None unless the line is indented less than the line above.
     """
     own = at - source.starts[source.line_at(at)]
     place: int | None = None
@@ -163,7 +163,7 @@ def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
 
 
 def _shallow_above(source: Source, at: int) -> int | None:
-    """Return the start of the line above the line at `at`, if the line above is less indented and has a key with its value."""
+    """Return the start of the line above the line at `at`, if the line above is less indented and contains both a key and its value."""
     own = at - source.starts[source.line_at(at)]
     start, indent, written = next(_lines_above(source, at), (0, own, ""))
     return start if indent < own and re.match(r"\s*[\w.$*-]+: +[^\s#]", written) else None
@@ -172,7 +172,8 @@ def _shallow_above(source: Source, at: int) -> int | None:
 def _lines_above(source: Source, at: int) -> Iterator[tuple[int, int, str]]:
     """Yield the lines above the line that begins at `at`, nearest first, without empty lines and comments.
 
-    Each item has the start of its text, the width of the indentation, and the line. Yield nothing if other text precedes `at` in its line.
+    Each item contains the index of the first non-blank character, the width of the indentation, and the line. Yield nothing if other text
+    precedes `at` on the same line.
     """
     number = source.line_at(at)
     if source.line(number)[: at - source.starts[number]].strip():
@@ -185,7 +186,7 @@ def _lines_above(source: Source, at: int) -> Iterator[tuple[int, int, str]]:
 
 
 def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
-    """Explain an error in a `{` or `[` that is followed by something other than `,` or its end."""
+    """Explain a missing `,` or a missing closing bracket in a value that begins with `{` or `[`."""
     opened, closing = ("{", "}") if mapping else ("[", "]")
     if source.text[began : began + 1] not in "{[":
         began = max(source.text.rfind("{", 0, at), source.text.rfind("[", 0, at), 0)
@@ -232,7 +233,7 @@ def _tab_before(source: Source, at: int) -> int | None:
 
 
 def _missing_space(source: Source, at: int) -> tuple[str, str, int] | None:
-    """Find `key:value` on the line of the error or on one of the two lines above it. Return the key, the value and the position."""
+    """Find `key:value` on the line of the error or on the two lines above. Return the key, the value and the position."""
     line = source.line_at(min(at, len(source.text)))
     for number in range(line, max(-1, line - 3), -1):
         match = _NO_SPACE.fullmatch(source.line(number))

@@ -1,6 +1,6 @@
-"""Parse YAML to a tree with positions, from the events of libyaml and with additional rules.
+"""Parse YAML to a tree with source positions, based on the events of libyaml. Additional rules of thingc apply.
 
-PyYAML's values follow YAML 1.1 (`on` is true, `1e-3` is text), so only its event stream is used.
+PyYAML interprets values as YAML 1.1 (`on` is true, `1e-3` is a string). Therefore only the event stream of PyYAML is used.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from thingc.documents.load.yaml_syntax import explain
 
 
 def read_yaml(source: Source, report: Report) -> Node | None:
-    """Return the tree of a YAML 1.2 text, or None if it is invalid (reported).
+    """Parse a YAML 1.2 document to a tree. If the document is invalid, report the errors and return None.
 
     Recoverable errors are reported and corrected (the first of duplicate keys is used, tags are dropped), so that
     later passes can check the rest of the document.
@@ -38,10 +38,10 @@ def read_yaml(source: Source, report: Report) -> Node | None:
 
 
 def report_syntax(error: Any, source: Source, report: Report) -> None:
-    """Report a syntax error of YAML, with its place and the probable intention."""
+    """Report a YAML syntax error, with its position and a hint about the probable intention."""
     problem, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
     at = min(problem.index if problem is not None else 0, len(source.text))
-    # libyaml has its own limit of 1 000 levels. It is larger than MAX_LEVELS, but libyaml reads ahead of the events that it has returned.
+    # libyaml has a limit of 1 000 levels, which is larger than MAX_LEVELS. But libyaml reads ahead, so it may raise its own error first.
     if "nesting depth" in str(getattr(error, "problem", "")):
         report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(at, at + 1))
         return
@@ -54,7 +54,7 @@ def report_syntax(error: Any, source: Source, report: Report) -> None:
 
 
 class _Stop(Exception):
-    """Parsing cannot continue. The reason has been reported."""
+    """Parsing cannot continue. The reason has already been reported."""
 
 
 @dataclass(slots=True)
@@ -67,7 +67,7 @@ class _Anchored:
 
 
 class _Builder:
-    """Builds nodes from the events in one pass. `nodes` is the number of nodes with aliases expanded."""
+    """Builds nodes from the events in one pass. `nodes` counts the nodes with all aliases expanded."""
 
     def __init__(self, source: Source, report: Report, events: Any) -> None:
         self.source = source
@@ -190,7 +190,7 @@ class _Builder:
         return ScalarNode(value=value, text=text, span=span, damaged=damaged)
 
     def after_properties(self, start: int, end: int) -> int:
-        """Return the index where the scalar begins after its `&anchor` and `!tag`."""
+        """Return the index of the first character of a scalar after its `&anchor` and `!tag`."""
         text = self.source.text
         while start < end and text[start] in "&!":
             while start < end and not text[start].isspace():
@@ -262,7 +262,7 @@ class _Builder:
             return self.source.span(start, end)
         text = self.source.text
         end = min(last.start_mark.index, len(text))
-        # libyaml ends a block collection at the start of the next token: exclude comments and blank lines before it
+        # libyaml ends a block collection at the start of the next token: exclude comments and blank lines before that token
         while end > start:
             line = self.source.line_at(end - 1)
             begin = max(self.source.starts[line], start)
@@ -276,7 +276,7 @@ class _Builder:
         return self.source.span(start, max(start, end))
 
     def key(self, event: Any, level: int) -> tuple[str, Span] | None:
-        """Return the text and the span of a key, or None for an invalid key (reported)."""
+        """Return the text and the span of a key. If the key is invalid, report the error and return None."""
         kind = type(event).__name__
         if kind == "AliasEvent":
             if event.anchor not in self.anchors:
@@ -321,12 +321,12 @@ class _Builder:
         return None
 
     # An unquoted comma inside `{length: =min(a, 80 mm)}` ends the value: the rest becomes keys without values, or further items of a list.
-    # Report this once, and join the pieces again.
+    # Report one error, and join the pieces to the intended value.
 
     def numbers(self, following: Any) -> tuple[list[tuple[Any, Any]], Any]:
-        """Return up to two keys without values that are elements of a vector, and the next event.
+        """Return up to two keys without values, which are elements of a vector, and the next event.
 
-        They are read from the event `following` on. The next event is None if the last key has a value.
+        Reading starts at the event `following`. The returned event is None if the last key has a value.
         """
         pairs: list[tuple[Any, Any]] = []
         while len(pairs) < 2 and _is_value(following):
@@ -343,7 +343,7 @@ class _Builder:
         span, text = self.source.span(start, end), " ".join(piece.value for piece in (first, *more))
         written = self.source.text[start:end]
         shared = all(scan_number(piece.value) == (piece.value, len(piece.value)) for piece in (first, more[0]))
-        whole = text if shared else f"[{written}]"  # a unit at the end applies to all three
+        whole = text if shared else f"[{written}]"  # a unit at the end applies to all three values
         self.report.add(
             Code.EXPRESSION_COMMA, "the comma ends the value: write a vector in `[]`, or separate its values by spaces", span,
             help=Suggestion(f"write `{shortened(whole)}`", (written, whole) if "\n" not in written else None),
@@ -383,12 +383,12 @@ class _Builder:
 
 
 def _cut(event: Any) -> bool:
-    """Return whether an event is a plain scalar with the start of an expression that ends before its parentheses are closed."""
+    """Return whether an event is a plain scalar that contains an expression with unclosed parentheses."""
     return type(event).__name__ == "ScalarEvent" and not event.style and event.value.startswith("=") and _open([event])
 
 
 def _is_value(event: Any) -> bool:
-    """Return whether an event is a plain scalar that is a number or an expression, or begins with one."""
+    """Return whether an event is a plain scalar that begins with a number or an expression."""
     if type(event).__name__ != "ScalarEvent" or event.style:
         return False
     return event.value.startswith("=") or scan_number(event.value) is not None
@@ -399,12 +399,15 @@ def _open(pieces: list[Any]) -> bool:
 
 
 def is_flow(text: str) -> bool:
-    """Return whether a text is a mapping or a list in YAML's flow style, well-formed or not. `[draft] arm` is neither."""
+    """Return whether a string is a mapping or a list in YAML's flow style, well-formed or not.
+
+    `[draft] arm` is neither a mapping nor a list.
+    """
     return text.startswith("{") or text.startswith("[") and text.endswith("]")
 
 
 def read_flow(text: str, place: Span) -> Node | Diagnostic:
-    """Parse a mapping or a list on one line that replaces a value of a document (`{on: floor}`). On an error, return its diagnostic.
+    """Parse a one-line mapping or list that replaces a value of a document (`{on: floor}`). If the text is invalid, return the diagnostic.
 
     All nodes have the same `place`.
     """

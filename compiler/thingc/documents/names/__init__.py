@@ -1,1 +1,1 @@
-"""Indexes of names in documents: what a name refers to, where it is used, and how to rename it."""
+"""Indexes of names in documents: the target of each name, all its uses, and the edits that rename it."""

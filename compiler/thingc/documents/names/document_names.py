@@ -1,6 +1,6 @@
-"""Names in the text of a document: its sections, the keys that repeats create, and all texts that declare or refer to names.
+"""Names in the text of a document: its sections, the keys that repeats create, and all strings that declare names or refer to names.
 
-The types of the models' fields define what a text refers to (`documents/spec/name_types.py`).
+The types of the fields of document models define to which kind of name a string refers (`documents/spec/name_types.py`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ EXPRESSION = RefersTo("expression")
 
 
 class NameOccurrence(FrozenStruct):
-    """A text that declares a name or refers to one: the key at `path`, or the scalar there if `key` is False."""
+    """A string that declares a name or refers to a name: the key at `path`, or the scalar at `path` if `key` is False."""
 
     path: Path
     key: bool
@@ -30,9 +30,9 @@ class NameOccurrence(FrozenStruct):
 
 
 class SettingWord(FrozenStruct):
-    """A name in the path of a setting (`components.leg.joints.knee.limit.upper`), at an `offset`.
+    """A name in the path of a setting (`components.leg.joints.knee.limit.upper`). `offset` is its position in the path.
 
-    It is resolved like a key at `path` in the document that is reached through the nested components `through`.
+    The name is resolved like a key at `path` in the document of the nested components `through`.
     """
 
     offset: int
@@ -42,7 +42,7 @@ class SettingWord(FrozenStruct):
 
 
 def mentions_of(document: Document) -> Iterator[NameOccurrence]:
-    """Yield the names in a document, in order. Values that are not in its model are skipped."""
+    """Yield the names in a document, in source order. Values that do not belong to the document model are skipped."""
     model = model_of(document.kind)
     if model is not None:
         yield from _in(document.tree, shape_of(model), ())
@@ -88,7 +88,7 @@ def _of_text(text: str, shape: FieldType) -> DeclaresName | RefersTo | None:
 def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
     """Yield the names of elements in `raw` (`raw: {mjcf: {joint: {NAME: ...}}}`).
 
-    In added elements, only the names that they refer to are included; in `order`, all names are.
+    From added elements, only references to names are included. From `order`, all names are included.
     """
     for kind, named in node.entries.items():
         if kind in ("add", "order"):
@@ -101,9 +101,9 @@ def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
 
 
 def referred(path: Path) -> str | None:
-    """Return the kind of element that a value in an added element refers to: a joint, a site, a body or any kind (`object`).
+    """Return the kind of element to which a value in an added element refers: a joint, a site, a body or any kind (`object`).
 
-    Return None if it does not refer to an element.
+    Return None if the value is not a reference to an element.
     """
     key = str(path[-1]).rstrip("12")
     if key in ("objname", "refname"):
@@ -119,7 +119,7 @@ REFERRED = {
 
 
 def setting_words(text: str) -> Iterator[SettingWord]:
-    """Yield the words in the path of a setting that are names."""
+    """Yield those words of a setting's path that are names."""
     offset = 0
     through: list[str] = []
     rest: str | None = text
@@ -145,16 +145,16 @@ def setting_words(text: str) -> Iterator[SettingWord]:
 
 
 GLOB = re.compile(r"[*?\[]")
-"""A character that makes a word a pattern."""
+"""Characters that only patterns contain."""
 SPECIAL = re.compile(r"[*?\[$]")
-"""A character that occurs in a pattern or in the index of a repeat."""
+"""Characters that only patterns and indices of repeats contain."""
 _ITEMS = 100
-"""Number of items of a repeat that patterns are matched against if its count is not a number."""
+"""Assumed number of items of a repeat for pattern matching, if its count is an expression."""
 
 
 @cache
 def pattern_of(text: str, index: str) -> re.Pattern[str]:
-    """Return the pattern of a word that may contain `*`, `?`, `[...]` and the index of a repeat."""
+    """Return the regular expression of a word that may contain `*`, `?`, `[...]` and the index of a repeat."""
     from fnmatch import translate
 
     if index:
@@ -163,7 +163,7 @@ def pattern_of(text: str, index: str) -> re.Pattern[str]:
 
 
 class DocumentNames:
-    """A document, its lines and the names in it."""
+    """A document with its lines and its names."""
 
     def __init__(self, document: Document) -> None:
         self.document, self.path = document, document.path
@@ -185,13 +185,13 @@ class DocumentNames:
         return node.entries if isinstance(node, MappingNode) else None
 
     def index_of(self, path: Path) -> str:
-        """Return the name of the index of the enclosing repeat, or an empty text."""
+        """Return the name of the index of the enclosing repeat, or an empty string."""
         if len(path) < 2 or path[0] not in ("components", "joints") or self.repeat(str(path[0]), str(path[1])) is None:
             return ""
         return self.text(path[0], path[1], "repeat", "as") or "i"
 
     def items(self, section: str, key: str) -> list[str]:
-        """Return the names of an entry; for a repeat, the names of all its items."""
+        """Return the name of an entry; for a repeat, the names of all its items."""
         repeat = self.repeat(section, key)
         if repeat is None:
             return [key]
@@ -211,16 +211,16 @@ class DocumentNames:
         return [key for key in entries if any(pattern.match(item) for item in self.items(section, key))]
 
     def stem(self, section: str, key: str, word: str) -> bool:
-        """Return whether a word that refers to a key begins with the key."""
+        """Return whether a word begins with the key to which it refers."""
         rest = word[len(key):]
         return word.startswith(key) and (not rest or rest[0] in "*?[$" or (rest[0] == "_" and self.repeat(section, key) is not None))
 
     def around(self, mention: NameOccurrence) -> Span:
-        """Return the span of the key or the scalar of a name."""
+        """Return the span of the key or the scalar that contains a name."""
         return self.document.span(mention.path, key=mention.key)
 
     def place(self, span: Span, text: str, start: int, end: int) -> Span | None:
-        """Return the span of the characters `start` to `end` of a text at `span`; None if it is written with escapes."""
+        """Return the span of the characters `start` to `end` of the string at `span`, or None if the string is written with escapes."""
         if span.file != self.path or span.line != span.end_line:
             return None
         begin = self.lines[span.line - 1][span.column - 1 : span.end_column - 1].find(text)

@@ -1,7 +1,7 @@
 """Index of the declarations and uses of names in a workspace's documents and parts.
 
-The types of the models' fields define what a text refers to (`document_names.py`). This module resolves it in the source text of documents,
-including documents with errors elsewhere. Nothing is compiled.
+The types of the fields of document models define to which kind of name a string refers (`document_names.py`). This module resolves such
+strings in the source text of documents, including documents with other errors. Nothing is compiled.
 """
 
 from __future__ import annotations
@@ -21,14 +21,15 @@ from thingc.documents.names.part_names import PartClass, PartName, PartNames
 from thingc.documents.spec.name_types import DeclaresName, ReferenceKind, RefersTo
 
 Role = Literal["declared", "used", "fits"]
-"""Roles of a name at a place. `fits` is a pattern that the name matches, or a text in which the name is written with escapes."""
+"""Roles of a name at a place. `fits` means a pattern that matches the name, or a string in which the name is written with escapes."""
 
 
 class Name(FrozenStruct, kw_only=False):
     """A name.
 
-    `what` is a word of `name_types.py`, or `document`, `part`, `part mount`, `part parameter`; `file` is the absolute path of the document
-    or module that declares it (empty if unknown); `owner` is its owner there (`components.leg`, a class).
+    `what` is a kind of name from `name_types.py`, or `document`, `part`, `part mount`, `part parameter`; `file` is the absolute path of the
+    document or module that declares the name (empty if unknown); `owner` is the component or class in this file to which the name belongs
+    (`components.leg`).
     """
 
     what: str
@@ -38,7 +39,10 @@ class Name(FrozenStruct, kw_only=False):
 
 
 class NamePlace(FrozenStruct, kw_only=False):
-    """A place where a name is declared or used. It covers only the characters of the name, or the whole pattern that it `fits`."""
+    """A place where a name is declared or used.
+
+    The place covers only the characters of the name, or the whole pattern for the role `fits`.
+    """
 
     name: Name
     span: Span
@@ -46,13 +50,13 @@ class NamePlace(FrozenStruct, kw_only=False):
 
 
 class NameIndex(FrozenStruct, kw_only=False):
-    """All places, by file and line."""
+    """All places of names, by file and line."""
 
     places: tuple[NamePlace, ...]
     by_name: Mapping[Name, tuple[NamePlace, ...]]
 
     def at(self, file: str, line: int, column: int) -> NamePlace | None:
-        """Return the narrowest place at a character (counted from 1). The character after a name counts as part of it."""
+        """Return the narrowest place that contains a character (counted from 1). The character after a name counts as part of the name."""
         around = [
             place for place in self.places
             if place.span.file == file and (place.span.line, place.span.column) <= (line, column)
@@ -61,12 +65,12 @@ class NameIndex(FrozenStruct, kw_only=False):
         return min(around, key=lambda place: (place.role == "fits", place.span.end_column - place.span.column), default=None)
 
     def declared(self, name: Name) -> Span | None:
-        """Return where a name is declared, or None if this is unknown."""
+        """Return the place of the declaration of a name, or None if the declaration is unknown."""
         return next((place.span for place in self.by_name.get(name, ()) if place.role == "declared"), None)
 
 
 def index(documents: Mapping[str, DocumentNames], parts: PartNames) -> NameIndex:
-    """Return the index of documents (all of a workspace, by absolute path) and of their parts."""
+    """Return the index of the names in documents (all documents of a workspace, by absolute path) and in their parts."""
     seen: dict[tuple[Name, Span], NamePlace] = {}
     for written in documents.values():
         for place in _Reader(documents, parts, written).places():
@@ -88,13 +92,13 @@ def index(documents: Mapping[str, DocumentNames], parts: PartNames) -> NameIndex
 
 
 Hit = tuple[int, int, Name, Role]
-"""An occurrence of a name in a text: start, end (exclusive), the name and its role."""
+"""An occurrence of a name in a string: start, end (exclusive), the name and its role."""
 Word = tuple[int, str]
-"""A word of a text and its start."""
+"""A word of a string and its start index."""
 
 
 def _moved(offset: int, hits: Iterable[Hit]) -> Iterator[Hit]:
-    """Shift hits by the offset of their text in an enclosing text."""
+    """Shift hits in a substring by the offset of the substring."""
     return ((offset + start, offset + end, name, role) for start, end, name, role in hits)
 
 
@@ -107,14 +111,14 @@ def _words(text: str) -> list[Word]:
 
 
 class _Reader:
-    """Resolves the names in the texts of one document."""
+    """Resolves the names in the strings of one document."""
 
     def __init__(self, documents: Mapping[str, DocumentNames], parts: PartNames, own: DocumentNames) -> None:
         self.documents = documents
         self.parts = parts
         self.own = own
         self.base: DocumentNames | None = own
-        """The assembly that names belong to; for variants, the assembly that they vary."""
+        """The assembly to which names belong. For a variants document, the assembly that the variants modify."""
         if own.document.kind == "variants":
             self.base = self.document(own, own.text("assembly"))
 
@@ -131,7 +135,7 @@ class _Reader:
                     yield NamePlace(name, exact or span, role if exact is not None else "fits")
 
     def hits(self, mention: NameOccurrence) -> Iterator[Hit]:
-        """Yield the names that a text refers to."""
+        """Yield the names to which a string refers."""
         written, path, text = self.own, mention.path, mention.text
         index = written.index_of(path)
         if index and "$" in text:
@@ -150,7 +154,7 @@ class _Reader:
         return Name(what, self.own.path, text, owner)
 
     def meant(self, base: DocumentNames | None, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """Yield the names in an assembly that a text at `path` refers to."""
+        """Yield the names in an assembly to which a string at `path` refers."""
         match what:
             case "assembly document":
                 yield from self._document(self.document(self.own, text), text)
@@ -162,7 +166,7 @@ class _Reader:
                 yield from self._inside(base, what, text, path, index)
 
     def _inside(self, base: DocumentNames, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """Yield the names in the assembly `base` that a text refers to."""
+        """Yield the names in the assembly `base` to which a string refers."""
         match what:
             case "expression":
                 yield from self.expression(base, text, path, index)
@@ -207,7 +211,7 @@ class _Reader:
                 assert_never(what)
 
     def posed(self, base: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """Yield the names that a key of a pose at `path` refers to: a joint, or a nested assembly whose pose is used."""
+        """Yield the names to which a key of a pose at `path` refers: a joint, or a nested assembly whose pose is used."""
         said = node_at(self.own.document.tree, path)
         pose = isinstance(said, ScalarNode) and isinstance(said.value, str) and re.fullmatch(r"\s*[A-Za-z]\w*\s*", said.value)
         exact = list(self.exact_joint(base, text, index))
@@ -216,11 +220,11 @@ class _Reader:
     # --- documents and parts ----------------------------------------------------------------------------------------
 
     def document(self, beside: DocumentNames, text: str | None) -> DocumentNames | None:
-        """Return the document that `text` refers to in the document `beside`."""
+        """Return the document to which the reference `text` in the document `beside` points."""
         return self.documents.get(named(text, beside.path) or "") if text else None
 
     def packaged(self, text: str) -> DocumentNames | None:
-        """Return the document of a package by its dotted name `package.document`."""
+        """Return the document of a package with the dotted name `package.document`."""
         end = os.sep + text.replace(".", os.sep) + "."
         return next((one for path, one in self.documents.items() if f"{os.path.splitext(path)[0]}.".endswith(end)), None)
 
@@ -248,7 +252,7 @@ class _Reader:
     def components_of(
         self, written: DocumentNames, words: Sequence[str], index: str,
     ) -> list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]]:
-        """Return the components at a path of words, each as a document and a key in it, with the components on the way."""
+        """Return the components at a path of words, each as a document and a key of this document, together with its parent components."""
         level: list[tuple[DocumentNames, tuple[tuple[DocumentNames, str], ...]]] = [(written, ())]
         reached: list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]] = []
         for depth, word in enumerate(words):
@@ -288,7 +292,10 @@ class _Reader:
                     yield from self.components(nested, [(at, last)], "")
 
     def of_component(self, written: DocumentNames, key: str, word: str, index: str) -> Iterator[Hit]:
-        """Yield the mounts of a component that a word refers to: added by the document, exported by a nested assembly, or of its part."""
+        """Yield the mounts of a component to which a word refers.
+
+        Mounts are added by the document, exported by a nested assembly, or declared by the part.
+        """
         added = node_at(written.document.tree, ("components", key, "mounts"))
         pattern = pattern_of(word, index)
         for mount in entries_of(added):
@@ -313,7 +320,7 @@ class _Reader:
             yield from self.mount(nested, text, index, "mount")
 
     def exact_joint(self, written: DocumentNames, text: str, index: str) -> Iterator[Hit]:
-        """Yield the joint that a text refers to without patterns: `hand.finger` or one of its coordinates `wrist[0]`."""
+        """Yield the joint to which a string without patterns refers: `hand.finger`, or one of its coordinates such as `wrist[0]`."""
         *words, (at, last) = _words(re.sub(r"\[\d+\]$", "", text))
         if any(GLOB.search(word) for _, word in (*words, (at, last))):
             return
@@ -328,7 +335,7 @@ class _Reader:
                 yield self._hit(owner, "joints", "joint", key, at, last)
 
     def joints(self, written: DocumentNames, text: str, index: str) -> Iterator[Hit]:
-        """Yield the joints that a name or a pattern matches; in a pattern `*` also matches dots."""
+        """Yield the joints that a name or a pattern matches. In a pattern, `*` also matches dots."""
         exact = list(self.exact_joint(written, text, index))
         if exact or not GLOB.search(text):
             yield from exact
@@ -350,7 +357,7 @@ class _Reader:
     ) -> Iterator[tuple[tuple[DocumentNames, str, str], ...]]:
         """Yield every joint of an assembly and of its nested assemblies.
 
-        Each item is the path of components followed by the joint, each with its document and section.
+        Each item contains the parent components and the joint, each with its document and section.
         """
         for key in written.section("joints"):
             yield (*way, (written, "joints", key))
@@ -360,7 +367,7 @@ class _Reader:
                 yield from self.all_joints(inner, (*way, (written, "components", key)))
 
     def in_section(self, written: DocumentNames | None, what: str, text: str) -> Iterator[Hit]:
-        """Yield names of one kind (`pose`) in their section that match a text; nothing without a document."""
+        """Yield the names of one kind (for example `pose`) in a section that a string matches. Yield nothing if the document is None."""
         if written is None:
             return
         entries = written.section(f"{what}s")
@@ -372,7 +379,7 @@ class _Reader:
                     yield 0, len(text), Name(what, written.path, key), "fits"
 
     def material(self, written: DocumentNames, text: str) -> Iterator[Hit]:
-        """Yield a material in the document, or in one of the materials documents that it lists."""
+        """Yield the material from the document or from one of the materials documents that the document lists."""
         node = written.document.tree.entries.get("materials")
         sources = [written]
         if not isinstance(node, MappingNode):
@@ -386,7 +393,7 @@ class _Reader:
     # --- values -----------------------------------------------------------------------------------------------------
 
     def expression(self, written: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """Yield the parameters and the index of a repeat that an expression uses."""
+        """Yield the parameters and the repeat index that an expression uses."""
         try:
             uses = parse_expression(text).names
         except ExpressionError:
@@ -398,7 +405,7 @@ class _Reader:
                 yield use.offset, use.end, Name("parameter", written.path, use.name), "used"
 
     def rule(self, written: DocumentNames, text: str) -> Iterator[Hit]:
-        """Yield the names in a comparison of parameters, settings and results."""
+        """Yield the names in a comparison between parameters, settings and results."""
         try:
             uses = parse_expression(text, dotted=True).names
         except ExpressionError:
@@ -414,7 +421,7 @@ class _Reader:
                 yield from self.setting(written, name, at)
 
     def setting(self, written: DocumentNames, text: str, at: int) -> Iterator[Hit]:
-        """Yield a parameter, or the names in the path of another value of the assembly."""
+        """Yield the parameter to which a setting refers, or the names in the path of any other value of the assembly."""
         if "." not in text:
             yield from _moved(at, self.in_section(written, "parameter", text))
             return
@@ -426,7 +433,7 @@ class _Reader:
             yield from _moved(at + word.offset, inside.key(word.path, str(word.path[-1]), word.names))
 
     def key(self, path: Path, text: str, names: DeclaresName | RefersTo) -> Iterator[Hit]:
-        """Yield the name that a key at a path of this document declares or refers to, existing or not."""
+        """Yield the name that the key at a path of this document declares or to which this key refers. The key need not exist."""
         if isinstance(names, RefersTo):
             key = self.own.fitting("components", str(path[1])) if path[0] == "components" and len(path) > 2 else [path[1]]
             for one in key:
@@ -448,7 +455,7 @@ class _Reader:
         return one
 
     def choice(self, written: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
-        """Yield the chosen part, document or material. The path of the choice determines which."""
+        """Yield the chosen part, document or material. The path of the choice determines the kind."""
         chosen = next(step for step in reversed(path) if isinstance(step, str))
         kind = chosen.rpartition(".")[2]
         if kind == "part":
@@ -482,7 +489,7 @@ class _Reader:
 
 
 def _dotted(way: Sequence[tuple[DocumentNames, str, str]]) -> Iterator[str]:
-    """Yield the dotted names of all items of a joint, through the components on the way."""
+    """Yield the dotted names of all items of a joint, with the names of its parent components."""
     (written, section, key), *rest = way
     for item in written.items(section, key):
         yield from (f"{item}.{inner}" for inner in _dotted(rest)) if rest else (item,)

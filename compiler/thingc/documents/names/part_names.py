@@ -1,4 +1,4 @@
-"""Names of Things in the modules of a workspace: classes, mounts (which are attributes), and parameters.
+"""Names of Things in the modules of a workspace: the names of classes, of mounts (which are attributes), and of parameters.
 
 Modules are parsed, never run.
 """
@@ -21,7 +21,7 @@ class PartName(FrozenStruct, kw_only=False):
     """A mount (an attribute) or a parameter of a Thing.
 
     `what` is `part mount` or `part parameter`, `file` the absolute path of its module and `owner` the class in it. If the declaration is
-    unknown, `file` is empty and `owner` is the reference of the class.
+    unknown, `file` is empty and `owner` is the reference `module:Class`.
     """
 
     what: str
@@ -62,7 +62,7 @@ class _Module:
         return self._inside[node.name]
 
     def span(self, line: int, end: int, text: str) -> Span | None:
-        """Return the span of a word that ends at a byte of a line; None if the line has other text there."""
+        """Return the span of a word that ends at a byte of a line, or None if the line contains other text at this position."""
         column = len(self.lines[line - 1].encode()[:end].decode(errors="replace")) - len(text) + 1
         if self.lines[line - 1][column - 1 : column - 1 + len(text)] != text:
             return None
@@ -74,9 +74,10 @@ class _Module:
 
 
 class _Inside:
-    """The attributes of `self` in a class.
+    """The attributes of `self` that a class uses.
 
-    `assigned` are the attributes with a value, each with whether it creates mounts. `by_name` has all places of each, assignments first.
+    `assigned` maps each assigned attribute to whether its value creates mounts. `by_name` maps each attribute to all its places,
+    assignments first.
     """
 
     def __init__(self, node: ast.ClassDef) -> None:
@@ -98,7 +99,7 @@ class _Inside:
 
 @dataclass(slots=True)
 class PartClass:
-    """A class that documents use as a part, and its base classes in the workspace. The class itself comes first."""
+    """A class that documents use as a part, followed by its base classes in the workspace."""
 
     reference: str
     lineage: list[tuple[_Module, ast.ClassDef]]
@@ -106,20 +107,21 @@ class PartClass:
 
     @property
     def file(self) -> str:
-        """The absolute path of its module."""
+        """The absolute path of the module of the class."""
         return self.lineage[0][0].file
 
     @property
     def span(self) -> Span | None:
-        """The place of its name in the class statement."""
+        """The place of the class name in the class statement."""
         module, node = self.lineage[0]
         header = re.search(rf"class\s+{node.name}\b", module.lines[node.lineno - 1])
         return None if header is None else module.span(node.lineno, len(module.lines[node.lineno - 1][: header.end()].encode()), node.name)
 
     def mounts(self, text: str, pattern: re.Pattern[str] | None) -> list[PartName]:
-        """Return the attributes that contain the mount `text`: the mount itself, or a list or dict (`screw` for `screw_0`).
+        """Return the attributes that contain the mount `text`: an attribute with this name, or a list or dict of mounts (`screw` for
+        `screw_0`).
 
-        With a `pattern`, the text is the part of the name before special characters, and all matching attributes are included.
+        With a `pattern`, `text` is the beginning of the name before the first special character, and all matching attributes are returned.
         """
         owners: dict[str, tuple[_Module, ast.ClassDef]] = {}
         several: set[str] = set()
@@ -136,7 +138,7 @@ class PartClass:
         return [self._give(PartName("part mount", owners[name][0].file, name, owners[name][1].name)) for name in chosen]
 
     def parameter(self, text: str) -> PartName:
-        """Return one of its parameters."""
+        """Return a parameter of the class."""
         for module, node in self.lineage:
             method = _init_of(node)
             if method is not None:
@@ -154,7 +156,7 @@ class PartClass:
 
 
 class PartNames:
-    """The modules of part folders (absolute paths). `read` returns a file's text, or None; modules are cached."""
+    """The modules in part folders (absolute paths). `read` returns the text of a file, or None. Parsed modules are cached."""
 
     def __init__(self, folders: Sequence[str], read: Callable[[str], str | None]) -> None:
         self.folders = tuple(folders)
@@ -164,7 +166,7 @@ class PartNames:
         self._given: dict[PartName, None] = {}
 
     def thing(self, reference: str) -> PartClass | None:
-        """Return the class `module:Class`, or None if it is not in a part folder."""
+        """Return the class `module:Class`, or None if its module is not in a part folder."""
         if reference not in self._things:
             lineage = self._lineage(reference, [])
             self._things[reference] = PartClass(reference, lineage, self._given) if lineage else None
@@ -180,11 +182,14 @@ class PartNames:
                     declared = True
 
     def classes(self) -> Iterator[tuple[str, PartClass]]:
-        """Yield the requested classes that exist, by reference."""
+        """Yield the requested classes that exist, each with its reference."""
         yield from ((reference, thing) for reference, thing in self._things.items() if thing is not None)
 
     def elsewhere(self, name: PartName) -> tuple[str, int] | None:
-        """Return a place (file and line) that may be this mount or parameter, or None. Only running the code could decide it."""
+        """Return a place (file and line) that may refer to this mount or parameter, or None.
+
+        Only running the code could decide whether it does.
+        """
         family = {(module.file, node.name) for module, node in self._family(name)}
         own = {(span.file, span.line, span.column) for module, node in self._family(name) for span in _name_spans(module, node, name)}
         for module in self._all():
@@ -199,7 +204,7 @@ class PartNames:
         return None
 
     def attributes(self, name: PartName) -> frozenset[str]:
-        """Return the names that the owner of a mount or a parameter already has: its attributes, or its parameters."""
+        """Return the names that the class of a mount (its attributes) or the class of a parameter (its parameters) already uses."""
         taken: set[str] = set()
         for module, node in self._family(name):
             if name.what == "part mount":
@@ -213,7 +218,7 @@ class PartNames:
         return [module.file for module in self._all()]
 
     def _family(self, name: PartName) -> list[tuple[_Module, ast.ClassDef]]:
-        """Return the class that declares a name; for a mount, also all derived classes in the part folders."""
+        """Return the class that declares a name. For a mount, also return all derived classes in the part folders."""
         family: dict[tuple[str, str], tuple[_Module, ast.ClassDef]] = {}
         for module in self._all() if name.what == "part mount" else ():
             for node in module.classes.values():
@@ -226,7 +231,7 @@ class PartNames:
         return list(family.values())
 
     def _all(self) -> Iterator[_Module]:
-        """Yield every module of the part folders."""
+        """Yield all modules in the part folders."""
         for folder in self.folders:
             for place, folders, files in os.walk(folder):
                 folders[:] = sorted(one for one in folders if one.isidentifier())
@@ -272,7 +277,7 @@ class PartNames:
 
 @lru_cache(maxsize=512)
 def _module_of(file: str, dotted: str, text: str) -> _Module | None:
-    """Parse a module; None if it is not valid Python."""
+    """Parse a module. Return None if the source is not valid Python."""
     try:
         return _Module(file, dotted, text)
     except (SyntaxError, ValueError, RecursionError):

@@ -1,6 +1,6 @@
-"""Rename a name: compute the edits for all its places, or the reason why it cannot be renamed.
+"""Compute the edits that rename a name at all its places, or the reason why the name cannot be renamed.
 
-The result is verified: the edited texts are parsed and resolved again, and every place must refer to the same name as before.
+The result is verified: the edited documents are parsed and resolved, and every place must refer to the same name as before.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from thingc.documents.names.workspace_index import WorkspaceIndex, mentioned
 from thingc.documents.spec.name_types import RESERVED
 
 WORDS = {"export": "exported mount", "part mount": "mount of a part", "part parameter": "parameter of a part"}
-"""Kinds of names as shown in messages, if they differ from the internal ones."""
+"""Kinds of names whose description in messages differs from the internal name."""
 
 _SECTIONS = {
     "component": "components", "joint": "joints", "parameter": "parameters", "pose": "poses", "mode": "modes", "link": "links",
     "sensor": "sensors", "tendon": "tendons", "test": "tests", "material": "materials", "export": "mounts",
 }
 _RESERVING = frozenset({"component", "joint", "export", "link", "mount", "part mount"})
-"""Kinds of names that must not be `world`, `root` or `origin`."""
+"""Kinds of names for which `world`, `root` and `origin` are reserved."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 
 
 class RenameRefused(Exception):
-    """The name cannot be renamed. The message is the reason."""
+    """The name cannot be renamed. The message explains the reason."""
 
 
 class RenameEdits(FrozenStruct):
     """The edits of a rename.
 
-    `texts` are the new texts of files by absolute path. `after` is the index after the rename. The places are ordered with the last one of
-    each file first.
+    `texts` are the new contents of files by absolute path. `after` is the index after the rename. The places of each file are ordered from
+    last to first.
     """
 
     places: tuple[Span, ...]
@@ -80,7 +80,7 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
 def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
     """Return the edits that rename a name.
 
-    Raises `RenameRefused` if the new name is invalid or already used, or if the meaning of other text would change.
+    Raises `RenameRefused` if the new name is invalid or already used, or if other references would resolve differently.
     """
     renamable(sight, name)
     _check(sight, name, new)
@@ -93,7 +93,7 @@ def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
 
 
 def with_spans(sight: WorkspaceIndex, spans: Iterable[Span], new: str) -> dict[str, str]:
-    """Return the texts of the files that contain the spans, with each span replaced by `new`."""
+    """Replace each span by `new`, and return the new contents of the files."""
     lines: dict[str, list[str]] = {}
     for span in sorted(spans, key=lambda one: (one.file, one.line, one.column), reverse=True):
         if span.file not in lines:
@@ -123,7 +123,7 @@ def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
         if new in sight.parts.attributes(PartName(name.what, name.file, name.text, name.owner)):
             raise RenameRefused(f"`{name.owner}` already has a `{new}`")
         alike = sight.parts.elsewhere(PartName(name.what, name.file, new, name.owner))
-        if alike is not None:  # the two names could not be distinguished any more, so the rename could not be undone
+        if alike is not None:  # both names would become the same, so the rename could not be undone
             where = f"{sight.relative(alike[0])}:{alike[1]}"
             raise RenameRefused(f"`{new}` at {where} would then refer to this {what} of `{name.owner}`: choose another name")
         return
@@ -161,7 +161,7 @@ def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, s
 
 
 def _compare(before: WorkspaceIndex, after: WorkspaceIndex, name: Name, new: str, spans: set[Span]) -> None:
-    """Check that the edits change only the name. Raises `RenameRefused`."""
+    """Raise `RenameRefused` if the edits change more than the name."""
     for path in {span.file for span in spans}:
         if path.endswith(".py"):
             try:
@@ -197,7 +197,7 @@ def _known_by(place: NamePlace) -> tuple[str, int, str, str, str, str, str]:
 
 
 def _differing(old: Node, new: Node, spans: set[Span]) -> Iterator[Span]:
-    """Yield where two trees differ, except at the edited places."""
+    """Yield the differences between two trees, except at the edited places."""
     if isinstance(old, MappingNode) and isinstance(new, MappingNode):
         if len(old.entries) != len(new.entries):
             yield old.span

@@ -1,4 +1,4 @@
-"""Index of all names in the documents and part modules of a workspace. Unsaved texts replace saved ones."""
+"""Index of all names in the documents and part modules of a workspace. The contents of open, unsaved files replace the contents on disk."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MAX_TEXT = 10_000_000
 
 
 class WorkspaceIndex(FrozenStruct):
-    """The documents of a workspace by absolute path: the readable `documents`, and the texts of `broken` documents.
+    """The documents of a workspace by absolute path: parsed `documents`, and the contents of `broken` documents that cannot be parsed.
 
     `read` returns the text of any file (or None), `relative` returns the display path of a file.
     """
@@ -38,7 +38,7 @@ class WorkspaceIndex(FrozenStruct):
     folders: tuple[str, ...] = ()
 
     def with_texts(self, texts: Mapping[str, str]) -> WorkspaceIndex:
-        """Return the index with the texts of some files replaced."""
+        """Return the index with the contents of some files replaced."""
         def read(path: str) -> str | None:
             return texts[path] if path in texts else self.read(path)
 
@@ -66,8 +66,8 @@ def index_workspace(
 ) -> WorkspaceIndex:
     """Return the index of a workspace, or of the documents in `only` (absolute paths).
 
-    `texts` are the texts of open files by absolute path. `last` are previous versions of documents, which are used if they cannot be read
-    now. `disk` reads other files.
+    `texts` are the contents of open files by absolute path. `last` are previous versions of documents, which replace documents that cannot
+    be parsed. `disk` reads all other files.
     """
     def read(path: str) -> str | None:
         return texts[path] if path in texts else disk(path)
@@ -98,7 +98,7 @@ def _seen(
 
 @lru_cache(maxsize=512)
 def read_document(path: str, relative: str, text: str) -> DocumentNames | None:
-    """Parse a document; None if it is not well-formed."""
+    """Parse a document. Return None if the document is not well-formed."""
     report = Report()
     data = text.encode("utf-8", errors="surrogatepass")
     tree = read_tree(path, data, report) if len(data) <= MAX_TEXT else None
@@ -111,5 +111,5 @@ def read_document(path: str, relative: str, text: str) -> DocumentNames | None:
 
 
 def mentioned(text: str, word: str) -> bool:
-    """Return whether a text contains a word, or the name of an item of a repeat that begins with the word."""
+    """Return whether a string contains a word, or the name of an item of a repeat that begins with the word."""
     return re.search(rf"(?<![A-Za-z0-9_]){re.escape(word)}(?![A-Za-z0-9])", text, re.ASCII) is not None

@@ -1,1 +1,1 @@
-"""Document models and their validation. They are imported lazily, because importing pydantic is slower than reading a document."""
+"""Document models and their validation. This package is imported lazily, because importing pydantic is slower than reading a document."""

@@ -1,4 +1,4 @@
-"""`allow:` in documents, which suppresses warnings."""
+"""The key `allow` of documents, which suppresses warnings."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 _BY_CODE = {code.code: code for code in all_codes()}
 
 ALLOWABLE = {code.code: code.title for code in all_codes() if code.warned_by is not None}
-"""Codes of warnings that can be suppressed, and their titles."""
+"""Codes of all warnings that can be suppressed, with their titles."""
 
 
 def _warning_code(value: Any) -> str:
-    """Validate the code of a warning."""
+    """Validate the code of a warning that is suppressed."""
     if not isinstance(value, str):
         raise fault("type", f"expected the code of a warning such as `TC407`, found {found(value)}")
     if value in ALLOWABLE:
@@ -35,7 +35,7 @@ def _warning_code(value: Any) -> str:
 
 
 def _reason(value: Any) -> str:
-    """Validate the reason."""
+    """Validate the reason for suppressing a warning."""
     if isinstance(value, str) and value.strip():
         return value
     raise fault("type", f"expected a reason, found {found(value)}", help="explain why the warning does not apply")
@@ -58,7 +58,7 @@ def allow() -> Any:
 
 
 def allowances(spec: AssemblySpec, document: Document) -> Iterator[Allowance]:
-    """Yield every line of every `allow` in a document: of the document itself, its components, its joints and its modes.
+    """Yield every entry of every `allow` in a document: in the document itself, its components, its joints and its modes.
 
     Warnings that a mode suppresses are also suppressed in modes that extend it.
     """
@@ -77,7 +77,7 @@ def allowances(spec: AssemblySpec, document: Document) -> Iterator[Allowance]:
 
 
 def _lines(written: Mapping[str, str], document: Document, path: Path, covered: list[Path] | None = None) -> Iterator[Allowance]:
-    """Yield the lines of an `allow` in the mapping at `path`, for the paths `covered` (by default that mapping)."""
+    """Yield the entries of the `allow` in the mapping at `path`. The entries suppress warnings at the paths `covered` (default: `path`)."""
     for code, reason in written.items():
         yield Allowance(
             code=_BY_CODE[code], reason=reason, where=document.span((*path, "allow", code), key=True), path=".".join(map(str, path)),
@@ -92,7 +92,7 @@ def _location_of(document: Document, path: Path) -> tuple[Span, Node]:
 
 
 def _with_heirs(extending: Mapping[str, list[str]], name: str) -> list[str]:
-    """Return a mode and all modes that extend it, directly or indirectly; `extending` are the modes that extend one directly."""
+    """Return a mode and all modes that extend it, directly or indirectly. `extending` maps a mode to the modes that extend it directly."""
     modes = {name: None}
     waiting = [name]
     while waiting:

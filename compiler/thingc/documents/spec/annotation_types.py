@@ -1,7 +1,7 @@
 """Types of values in the document models, read from their annotations: mapping, list, choice, field and others.
 
-The locations in pydantic's errors refer to a model. This module determines the place in the document, similar names, and the description of
-the expected type.
+The locations in pydantic's errors refer to a model. This module maps such a location to the place in the document, and provides similar
+names and the description of the expected type.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ class FieldType(FrozenStruct):
 
     `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`. `model` is the
     class. `members` are the types of dict values, of list items or of the branches of a union. `key` is the type of dict keys. `choices`
-    are the values of a literal. `field` is the validator, `names` is what its text declares or refers to, `annotation` the annotation.
+    are the values of a literal. `field` is the validator, `names` is the kind of name that the value declares or to which it refers,
+    `annotation` is the annotation.
     """
 
     kind: str
@@ -38,7 +39,7 @@ class FieldType(FrozenStruct):
 
     @property
     def by_number(self) -> bool:
-        """Whether it is a mapping whose keys are the indices of coordinates."""
+        """Whether the value is a mapping whose keys are the indices of coordinates."""
         return self.kind == "dict" and self.key is Index
 
     @property
@@ -67,7 +68,7 @@ class FieldType(FrozenStruct):
 
 @cache
 def shape_of(annotation: Any) -> FieldType:
-    """Return the type of an annotation; a `None` branch is ignored."""
+    """Return the type of an annotation. A `None` branch is ignored."""
     return _field_shape(annotation, ())
 
 
@@ -101,7 +102,7 @@ def _field_shape(annotation: Any, metadata: Sequence[Any]) -> FieldType:
 
 @cache
 def model_keys(model: type[BaseModel]) -> dict[str, tuple[FieldType, bool]]:
-    """Return the keys of a model, in order: the type of each and whether it is required."""
+    """Return the keys of a model, in order. Each key has its type and whether it is required."""
     return {
         field.alias or name: (_field_shape(field.annotation, field.metadata), field.is_required())
         for name, field in model.model_fields.items()
@@ -141,7 +142,10 @@ def _takes_no_text(branches: list[FieldType]) -> bool:
 
 
 def likeness(branch: FieldType, value: dict[str, Any]) -> float:
-    """Return how many keys of `value` exist in a type. A similar name counts 0.5, and a mapping of arbitrary names 0.25 in total."""
+    """Return the number of keys of `value` that exist in a type.
+
+    A similar key counts 0.5. A mapping with arbitrary names counts 0.25 in total.
+    """
     if branch.model is None:
         return 0.25
     keys = model_keys(branch.model)
@@ -149,11 +153,11 @@ def likeness(branch: FieldType, value: dict[str, Any]) -> float:
 
 
 def one_of(words: Sequence[str]) -> str:
-    """Format alternatives: `a`, `b` or `c`."""
+    """Join alternatives for a message: `a`, `b` or `c`."""
     quoted = [f"`{word}`" for word in words]
     return quoted[0] if len(quoted) == 1 else ", ".join(quoted[:-1]) + " or " + quoted[-1]
 
 
 def spoken(choice: Any) -> str:
-    """Format a choice as in a document."""
+    """Return a choice as it is written in a document."""
     return {True: "true", False: "false"}[choice] if isinstance(choice, bool) else str(choice)

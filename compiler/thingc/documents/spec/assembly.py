@@ -203,14 +203,14 @@ class ComponentDefaults(Model):
 
 
 KINDS = ("part", "file", "assembly", "link", "frame")
-"""Kinds of components; each component has exactly one of these keys."""
+"""Kinds of components. Each component must have exactly one of these keys."""
 
 OF_PARTS = ("collision", "visual", "process", "print")
-"""Keys that are not valid for a link, because its shapes have them instead."""
+"""Keys that are invalid for a link, because the shapes of the link have these keys."""
 
 
 def _component_rules(schema: dict[str, Any]) -> None:
-    """Add the rules that `ComponentSpec` checks in addition to its fields to its schema, for editors."""
+    """Add the cross-field rules of `ComponentSpec` to its schema, so that editors can check them."""
     schema["oneOf"] = [{"required": [kind]} for kind in KINDS]
     schema["not"] = {"required": ["attach", "at"]}
     schema["dependentSchemas"] = {

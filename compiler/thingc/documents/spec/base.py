@@ -1,4 +1,4 @@
-"""The base class of all document models, and their rules."""
+"""The base class of all document models, and the errors of their rules."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from thingc.base.suggestions import Hint
 
 
 class Model(BaseModel):
-    """A mapping of a document: unknown keys are errors, values are immutable.
+    """A mapping in a document. Unknown keys are errors, and values are immutable.
 
     The docstrings under the fields are the hover text of an editor: `spec.schema` reads them when it exports the
     schemas. (pydantic's own `use_attribute_docstrings` reads the source at every import, which costs 40 ms.)

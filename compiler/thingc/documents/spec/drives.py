@@ -23,7 +23,7 @@ from thingc.documents.spec.name_types import ComponentField
 DriveKind = Literal["position", "velocity", "motor"]
 
 UNUSED = {"velocity": ("kp",), "motor": ("kp", "kv")}
-"""By kind of drive, the gains of a component that cannot be overridden, because this kind does not use them."""
+"""Gains that each kind of drive does not use and that therefore cannot be overridden."""
 
 
 class DynamicsSpec(Model):

@@ -1,9 +1,9 @@
 """Types of values in documents: quantities, expressions, vectors, names, references, colours.
 
-Each is an `Annotated` type that pydantic validates with one function, without pydantic's unions and regular expressions, so that an invalid
-value causes one error with our own message. The errors are `PydanticCustomError`s, whose type is a word that `spec.validation` converts to
-a code. Their context contains `message` and `help`; `offset` and `end` (characters inside the scalar) if only a part is invalid; `path` if
-the error is inside the value; and `others`, which are further such errors.
+Each is an `Annotated` type that pydantic validates with one function, without pydantic's unions and regular expressions. Therefore an
+invalid value causes one error, with a message of thingc. The errors are `PydanticCustomError`s, whose type is a word that `spec.validation`
+converts to a code. Their context contains `message` and `help`; `offset` and `end` (characters inside the scalar) if only a part of the
+scalar is invalid; `path` if the error is inside the value; and `others`, a list of further errors of this type.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class FieldValidator:
 
 
 def fault(kind: str, message: Hint, *, help: Hint | None = None, offset: int | None = None, end: int | None = None) -> PydanticCustomError:
-    """Return an error for `spec.validation`. The module docstring describes its fields."""
+    """Return an error for `spec.validation`. The module docstring describes the context of the error."""
     context: dict[str, Any] = {"message": message}
     if help:
         context["help"] = help
@@ -87,7 +87,7 @@ def fault(kind: str, message: Hint, *, help: Hint | None = None, offset: int | N
 
 
 def found(value: object) -> str:
-    """Describe a value for messages: "text `x`", "the number `3`", "a list of 2", "a mapping"."""
+    """Return the description of a value in messages: "text `x`", "the number `3`", "a list of 2", "a mapping"."""
     if isinstance(value, str):
         return f"text `{shortened(value)}`" if value else "an empty string"
     if isinstance(value, bool):
@@ -112,7 +112,7 @@ def read_expression(text: str) -> Expression:
 
 
 def is_expression(value: object) -> bool:
-    """Return whether a scalar is an expression: text that begins with `=`."""
+    """Return whether a scalar is an expression, that is, a string that begins with `=`."""
     return isinstance(value, str) and value.lstrip().startswith("=")
 
 
@@ -132,7 +132,7 @@ def _bare(value: int | float) -> Quantity:
 
 
 def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, example: str) -> Value:
-    """Parse a quantity of one of the dimensions or an expression, from text or a bare number.
+    """Parse a string or a bare number as a quantity of one of the physical dimensions, or as an expression.
 
     Raises an error: `expected a length (such as `120 mm`), found ...`.
     """
@@ -154,7 +154,7 @@ def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, exampl
 
 
 def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: str) -> Quantity:
-    """Call `parse_quantity`. If the text is not a quantity at all, the error describes the expected value."""
+    """Parse a quantity with `parse_quantity`. If the string is not a quantity at all, the error describes the expected value."""
     start = len(text) - len(text.lstrip())
     if scan_number(text, start) is None:
         raise UnitError(f"expected {words} (such as `{example}`), found {found(text)}", help=expression_hint(text))
@@ -172,7 +172,7 @@ def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: 
 
 
 def decimal_point(text: str, whole: str, rest: str) -> Suggestion:
-    """Return the hint for a decimal comma; a fix is only included if the comma cannot be a thousands separator, as in 1,500."""
+    """Return the hint for a decimal comma. The hint includes a fix only if the comma cannot be a thousands separator, as in 1,500."""
     point = f"{whole}.{rest}"
     decimals = re.match(r"\d*", rest)
     sure = decimals is not None and len(decimals.group()) != 3 and shortened(point) == point
@@ -180,10 +180,10 @@ def decimal_point(text: str, whole: str, rest: str) -> Suggestion:
 
 
 def quantity(*dimensions: Dimension, doc: str = "") -> FieldValidator:
-    """Return a validator for values of one of the dimensions, which returns `Quantity | Expression`.
+    """Return a validator for values of one of the physical dimensions. The validated value is a `Quantity` or an `Expression`.
 
     A bare 0 is 0 of every dimension; other bare numbers are rejected unless NUMBER is among the dimensions.
-    `doc` replaces the words of messages and of the schema ("an angle or a length").
+    `doc` replaces the default description ("an angle or a length") in messages and in the schema.
     """
     words = doc or " or ".join(dimension.words for dimension in dimensions)
     examples = [dimension.example for dimension in dimensions]
@@ -220,7 +220,7 @@ InertiaField = Annotated[Value, quantity(INERTIA)]
 
 
 def any_value(value: Any) -> Value | bool | str:
-    """Validate the value of a parameter: a quantity of any dimension, an expression, a boolean, or text (not beginning with a number)."""
+    """Validate the value of a parameter: a quantity, an expression, a boolean, or a string that does not begin with a number."""
     if isinstance(value, bool | Quantity):
         return value
     if is_expression(value):
@@ -292,14 +292,14 @@ def _vector(dimension: Dimension) -> FieldValidator:
 
 
 def within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticCustomError:
-    """Return an error inside a value with its `path` there, so that `spec.validation` can locate it."""
+    """Return an error with its `path` inside a value, so that `spec.validation` can locate the error."""
     context = dict(error.context or {})
     context["path"] = path
     return PydanticCustomError(error.type, "{message}", context)
 
 
 def raise_all(errors: list[PydanticCustomError]) -> None:
-    """Raise the first error inside a value, if any, with the other errors in its context."""
+    """Raise the first error inside a value, if any. Its context contains the other errors."""
     if errors:
         first, *others = errors
         raise PydanticCustomError(first.type, "{message}", {**(first.context or {}), "others": others})
@@ -392,7 +392,7 @@ _COST = re.compile(r"\d+(?:\.\d+)? [A-Z]{3}", re.ASCII)
 
 
 def _cost(value: Any) -> str:
-    """Validate an amount with a currency. The text is not changed."""
+    """Validate an amount with a currency. The string is returned unchanged."""
     if isinstance(value, str) and _COST.fullmatch(value):
         return value
     amount = value if isinstance(value, (int, float)) and not isinstance(value, bool) else "12.50"
@@ -410,7 +410,7 @@ _ANY_SCHEMA = {
 _INDEX_SCHEMA = {"type": "string", "pattern": "^[0-9]$"}
 _NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "examples": ["shoulder"]}
 REFERENCE_PATTERN = rf"^{_REFERENCE_WORD.pattern}(\.{_REFERENCE_WORD.pattern})*$"
-"""JSON Schema pattern of a text that is a reference."""
+"""JSON Schema pattern of a string that is a reference."""
 _REFERENCE_SCHEMA = {
     "type": "string", "pattern": REFERENCE_PATTERN,
     "description": "Dotted names; the last may be a mount; `$i` inside a repeat.",

@@ -1,6 +1,7 @@
 """Keywords of other formats and programs (URDF, SDFormat, MJCF, ROS, printing, CAD) and the keys and values that they correspond to.
 
-`KEYS` has keys by the model of a mapping. `WORDS` has values of choices. `WHOLE` has mappings that are often written as their values alone.
+`KEYS` lists foreign keys by the model of the mapping. `WORDS` lists foreign values of choices. `WHOLE` lists mappings that users often
+write as a bare value.
 """
 
 from __future__ import annotations
@@ -118,12 +119,12 @@ _KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     variants.AxisSpec: {"from": "start min lower", "to": "stop end max upper", "count": "steps n num"},
     workspace.WorkspaceSpec: {"parts": "path paths part_folders", "build": "out output"},
 }
-"""Keys of other formats, by the key to use instead or by a sentence that explains it."""
+"""Keys of other formats, grouped by our key to use instead, or by a sentence that explains the replacement."""
 
 KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     model: {word: meant for meant, words in table.items() for word in words.split()} for model, table in _KEYS.items()
 }
-"""Keys of other formats by model of a mapping (and models derived from it), each with our key or a sentence that explains it."""
+"""Keys of other formats by the model of the mapping, each with our key or a sentence that explains the replacement."""
 
 FREE = "define a floating robot as a mode: `modes: {adrift: {root: COMPONENT, base: free}}`"
 
@@ -142,13 +143,16 @@ _WORDS = {
     "bought buy": "purchased stock bought purchase", "uniform": "grid random", "lhs": "latin_hypercube latin",
     "vendor": "datasheet data_sheet catalogue", "measured": "weighed scale", "estimated": "guess guessed cad computed",
 }
-"""Values of other formats, by the choices that they may mean."""
+"""Values of other formats, grouped by the choices to which they may correspond."""
 
 WORDS: Mapping[str, tuple[str, ...]] = {word: tuple(meant.split()) for meant, words in _WORDS.items() for word in words.split()}
-"""Values of other formats in lower case, with the choices that they may mean, most likely first. Not all are valid at every place."""
+"""Values of other formats in lower case, with the choices to which they may correspond, most likely first.
+
+A choice may be invalid at some places.
+"""
 
 FLOATING = frozenset({"floating", "float", "free", "freejoint", "6dof", "floating_base"})
-"""Joint types of other formats that correspond to the base of a mode."""
+"""Joint types of other formats that correspond to the base type of a mode."""
 
 WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     assembly.LimitSpec: ("lower", "upper"), modes.WorldAtSpec: ("xyz",), modes.HoldSpec: ("xyz",), assembly.MountSpec: ("xyz",),
@@ -158,7 +162,7 @@ WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     sensors.SensorSpec: ("type",), modes.ContactsSpec: ("exclude",), link_shapes.RoundSpec: ("radius",),
     link_shapes.LongSpec: ("radius", "length"),
 }
-"""Models of mappings that are often written as a value or a list of values, with the keys of these values."""
+"""Models of mappings that users often write as a value or a list of values, with the keys of these values."""
 
 
 def key_for(model: type[BaseModel], key: str) -> str | None:
@@ -171,7 +175,7 @@ def key_for(model: type[BaseModel], key: str) -> str | None:
 
 
 def choice_hint(word: str, choices: list[str]) -> Hint | None:
-    """Return a hint for a foreign word that is not one of the choices, or None."""
+    """Return a hint for a word of another format that is not one of the choices, or None."""
     plain = word.lower().replace("-", "_").replace(" ", "_")
     names = [one for one in WORDS.get(plain, ()) if one in choices]
     if names:
@@ -180,7 +184,7 @@ def choice_hint(word: str, choices: list[str]) -> Hint | None:
 
 
 def written_whole(model: type[BaseModel], texts: list[str], value: object) -> str | None:
-    """Return the intended mapping of this model for a value or a list (`texts` are its scalars), or None."""
+    """Return the mapping of this model that a value or a list was probably meant as, or None. `texts` are the scalars of the value."""
     keys = WHOLE.get(model)
     if keys is None or not texts or not all(texts) or isinstance(value, bool):
         return None

@@ -1,4 +1,4 @@
-"""Invalid parts of a document whose valid rest is passed on to later passes."""
+"""Invalid parts of a document. Later passes receive only the valid rest of the document."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ if TYPE_CHECKING:
 
 
 ANY_NAME = "*"
-"""Placeholder in a path for an entry with an invalid name (reported). It may be any entry that is referred to."""
+"""Placeholder in a path for an entry whose name is invalid. Any unresolved reference may refer to this entry."""
 
 
 class InvalidEntries(FrozenStruct):
-    """Key paths of a document whose values are invalid (reported) and removed, or that an invalid key may have been meant for.
+    """Key paths of a document whose values are invalid and were removed, or which an invalid key may have been meant as.
 
-    Later passes do not report errors at such a path, at its parents, or inside it.
+    Each error has been reported.
+
+    Later passes do not report errors at such a path, at its parent paths, or inside its value.
     """
 
     paths: frozenset[Path] = frozenset()
@@ -30,7 +32,7 @@ class InvalidEntries(FrozenStruct):
         return bool(self.paths)
 
     def touch(self, path: Path) -> bool:
-        """Return whether the value at `path`, one of its parents, or something inside it is invalid."""
+        """Return whether the value at `path`, one of its parents, or a value inside it is invalid."""
         return any(doubt[: len(path)] == path[: len(doubt)] for doubt in self.paths)
 
     def at(self, path: Path) -> bool:
@@ -38,7 +40,7 @@ class InvalidEntries(FrozenStruct):
         return any(doubt == path[: len(doubt)] for doubt in self.paths)
 
     def lacks(self, section: str) -> bool:
-        """Return whether the names in a section are not completely known: the section, or one of its names, is invalid."""
+        """Return whether some names in a section may be unknown because the section or one of its names is invalid."""
         return (section, ANY_NAME) in self.paths or self.at((section,))
 
     def names(self, section: str) -> Iterator[str]:
@@ -52,7 +54,7 @@ NO_DOUBTS = InvalidEntries()
 class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
     """The models of documents by path in the workspace.
 
-    `doubts` contains the invalid entries of documents, `allowances` the warnings that they suppress.
+    `doubts` contains the invalid entries of each document; `allowances` contains the warnings that each document suppresses.
     """
 
     def __init__(self, *arguments: Any) -> None:

@@ -16,7 +16,7 @@ from thingc.documents.spec.poses import PoseSpec
 
 ShapeKind = Literal["mesh", "box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"]
 KINDS: tuple[ShapeKind, ...] = get_args(ShapeKind)
-"""Kinds of shapes; each shape has exactly one of these keys."""
+"""Kinds of shapes. Each shape must have exactly one of these keys."""
 
 
 class RoundSpec(Model):
@@ -36,7 +36,7 @@ class LongSpec(Model):
 
 
 def _shape_rules(schema: dict[str, Any]) -> None:
-    """Add the rules that `ShapeSpec` checks in addition to its fields to its schema, for editors."""
+    """Add the cross-field rules of `ShapeSpec` to its schema, so that editors can check them."""
     schema["oneOf"] = [{"required": [kind]} for kind in KINDS]
     schema["dependentSchemas"] = {key: {"required": ["mesh"]} for key in ("unit", "scale")}
 

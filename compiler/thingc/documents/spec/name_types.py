@@ -1,7 +1,7 @@
-"""Types of fields and keys that declare a name or refer to one.
+"""Types of fields and keys that declare a name or refer to a name.
 
-They alone define what a text refers to. `documents/names/document_names.py` uses them, and rename and go to definition do not have their
-own lists of keys. The few text fields that refer to nothing are listed in `tests/spec/test_mentions.py`.
+Only these types define to which kind of name a string refers. `documents/names/document_names.py` uses them, so "rename" and "go to
+definition" need no lists of keys. `tests/spec/test_mentions.py` lists the few string fields that do not refer to a name.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ ReferenceKind = Literal[
 ]
 """Kinds of references.
 
-`coordinate` is a coordinate of a joint of the same document. `modes` and `poses` are names, patterns or `all`. `setting` is a parameter or
-the path of any other value in an assembly, `choice` is a value that is set at such a path, and `rule` is a comparison of these and of
+`coordinate` is a coordinate of a joint in the same document. `modes` and `poses` are names, patterns or `all`. `setting` is a parameter or
+the path of any other value in an assembly, `choice` is a value that is set at such a path, and `rule` is a comparison between settings and
 results. `raw` is an element of a file that a target writes.
 """
 
@@ -35,13 +35,13 @@ RESERVED = frozenset({"world", "root", "origin"})
 
 
 class DeclaresName(FrozenStruct, kw_only=False):
-    """Annotation of a key or text that declares a name."""
+    """Annotation of a key or a string that declares a name."""
 
     what: Declared
 
 
 class RefersTo(FrozenStruct, kw_only=False):
-    """Annotation of a key or text that refers to something."""
+    """Annotation of a key or a string that refers to a name."""
 
     what: ReferenceKind
 
@@ -91,4 +91,4 @@ PoseValueField = Annotated[JointValueField, RefersTo("pose of a nested assembly"
 ModeNames = Annotated[str, RefersTo("modes")] | Annotated[list[Annotated[str, RefersTo("modes")]], Field(min_length=1)]
 PoseNames = Annotated[str, RefersTo("poses")] | Annotated[list[Annotated[str, RefersTo("poses")]], Field(min_length=1)]
 JointNames = JointPattern | Annotated[list[JointPattern], Field(min_length=1)]
-"""Names, patterns or `all`; one or a list."""
+"""A name, a pattern or `all`, or a list of these."""

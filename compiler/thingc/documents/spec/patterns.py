@@ -1,7 +1,7 @@
 """Regular expressions of values and similar patterns, for the JSON Schemas.
 
-They accept everything that the compiler accepts, and reject unknown units and simple units of another dimension. Regular expressions cannot
-check the dimension of products of units or the syntax of expressions.
+The patterns accept every value that the compiler accepts, and reject unknown units and simple units of another physical dimension. Regular
+expressions cannot check the dimension of products of units or the syntax of expressions.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ ANY_VALUE = rf"^(\s*{EXPRESSION}|\s*{_DIGITS}(\s*{_UNITS})?\s*|(?!\s*(=|[-+]?\.?
 
 
 def _units_of(*dimensions: Dimension) -> str:
-    """Return the pattern of a unit, without simple units of other dimensions (`0 %` is accepted, as a bare 0)."""
+    """Return the pattern of a unit, without simple units of other dimensions. `0 %` is accepted like a bare 0."""
     single = {unit: dimension for unit, (_, _, dimension) in UNITS.items() if dimension != NUMBER}
     wrong = sorted(unit for unit, dimension in single.items() if not any(fits(dimension, one) for one in dimensions))
     return rf"(?!({'|'.join(wrong)})\s*$){_UNITS}"
 
 
 def quantity_pattern(*dimensions: Dimension, word: str = "") -> str:
-    """Return the pattern of a value of one of the dimensions. `word` is an alternative to it."""
+    """Return the pattern of a value of one of the physical dimensions. If `word` is given, the pattern also accepts this word."""
     bare = _DIGITS if any(fits(NUMBER, one) for one in dimensions) else _ZERO
     return rf"^\s*({EXPRESSION}|{_DIGITS}\s*{_units_of(*dimensions)}|{bare}{'|' + word if word else ''})\s*$"
 
@@ -39,7 +39,7 @@ def vector_pattern(dimension: Dimension) -> str:
 
 
 def raw_schema(levels: int) -> dict[str, Any]:
-    """Return the schema of scalars, lists of them, and mappings of both with a depth of `levels`."""
+    """Return the schema of scalars, lists of scalars, and mappings of scalars and lists that are nested at most `levels` deep."""
     schema: dict[str, Any] = {
         "type": ["string", "number", "boolean", "array", "object"],
         "items": {"type": ["string", "number", "boolean", "object"] if levels else ["string", "number", "boolean"]},

@@ -1,4 +1,4 @@
-"""The model of a pose, used everywhere in documents."""
+"""The model of a pose. All document models use it."""
 
 from __future__ import annotations
 

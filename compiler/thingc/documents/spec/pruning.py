@@ -1,4 +1,4 @@
-"""Remove the invalid parts of a document, each together with the smallest entry that can be removed."""
+"""Remove the invalid parts of a document. For each error, the smallest removable entry that contains it is removed."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from thingc.documents.spec.annotation_types import FieldType, model_keys
 from thingc.documents.spec.invalid_entries import ANY_NAME
 
 ROUNDS = 12
-"""Maximum number of passes. More than one may be needed, because an entry may require a key that was removed from it."""
+"""Maximum number of passes. More than one pass may be needed, because an entry may become invalid when a required key is removed."""
 
 _NEEDED = ("thingc", "name", "components")
-"""Required keys of an assembly. (A document of materials requires `materials`, see `prune`.)"""
+"""Required keys of an assembly. `prune` handles the required key `materials` of a materials document."""
 
 _STAND_INS: dict[str, Any] = {"parameters": 0, "poses": {}}
-"""Placeholder of a removed entry, by section: its name is known, but not its value."""
+"""Placeholders for removed entries whose name is valid, by section."""
 
 
 MISPLACED = "misplaced"
@@ -29,7 +29,9 @@ That entry is the `owner` in the error's context (None if the keys precede the f
 
 
 class Fault(FrozenStruct):
-    """An error of the document at `path`, or at the key if `key` is True. type and context come from pydantic or `fields`.
+    """An error at the value at `path` of a document, or at its key if `key` is True.
+
+    The type and the context come from pydantic or `fields`.
 
     `shape` is the expected type, or the type of the mapping with an unknown or missing key.
     """
@@ -43,7 +45,7 @@ class Fault(FrozenStruct):
 
 
 def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
-    """Remove the errors from a document's plain values. Return the paths that are then in doubt, or None if nothing useful remains."""
+    """Remove the invalid entries from the plain values of a document. Return the removed paths, or None if nothing useful remains."""
     doubts: set[Path] = set()
     for fault in faults:
         path = fault.path
@@ -76,9 +78,11 @@ def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
 
 
 def take_out(plain: dict[str, Any], path: Path, *, name: bool = False) -> Path | None:
-    """Remove the value at `path` from a document, with its list, if any. With `name`, the entry's own name is the invalid part.
+    """Remove the value at `path` from a document; for an item of a list, remove the list.
 
-    Return the path of the removed value, or None if it is required.
+    `name` is True if the name of the entry is invalid.
+
+    Return the path of the removed value, or None if the value is required.
     """
     while path and isinstance(path[-1], int):
         path = path[:-1]

@@ -48,7 +48,7 @@ def json_schema(kind: str) -> dict[str, Any]:
 
 
 class _Generator(GenerateJsonSchema):
-    """pydantic's generator, with the schemas of our own types."""
+    """pydantic's schema generator, extended with the schemas of our own types."""
 
     def dict_schema(self, schema: Any) -> dict[str, Any]:
         """Return the schema of a mapping with the pattern of its keys, which pydantic omits for validated types."""
@@ -90,7 +90,7 @@ def _describe(definition: dict[str, Any], documented: dict[str, str]) -> None:
 
 
 def _complete(name: str, field: dict[str, Any], definitions: dict[str, Any]) -> None:
-    """Add information for editors to a field: its title, the description of the accepted mapping, and its choices as examples."""
+    """Add information for editors to the schema of a field: a title, the description of the mapping, and the choices as examples."""
     field.setdefault("title", name.replace("_", " ").title())
     if "$ref" in field:
         inner = definitions[field["$ref"].rpartition("/")[2]]

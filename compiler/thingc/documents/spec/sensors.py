@@ -58,7 +58,7 @@ class VolumeSpec(Model):
 
 
 def _rules(schema: dict[str, Any]) -> None:
-    """Add the keys that each type of sensor accepts to the schema, for editors."""
+    """Add to the schema which keys each type of sensor accepts, so that editors can check them."""
     others = [key for key in schema["properties"] if key != "type"]
     schema["allOf"] = [
         {
@@ -105,7 +105,7 @@ class SensorSpec(Model):
     """The largest absolute value of the reading; a mapping by name for several readings."""
 
     def said(self, key: SensorKey) -> Any:
-        """Return the value of a key, or None."""
+        """Return the value of a key, or None if the key is missing."""
         return getattr(self, f"{key}_" if key in ("in", "with") else key)
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Values of an assembly that can be set or chosen, and their paths (`joints.elbow.limit.upper`)."""
+"""Values of an assembly that variants can set or choose, and their paths (`joints.elbow.limit.upper`)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ EXAMPLES = "`components.NAME.part` (or `.assembly`, `.file`, `.material`), or `d
 
 VALUES = "the path of a value, such as `joints.NAME.limit.upper` or `components.NAME.mass`"
 SECTIONS = ("components", "defaults", "joints", "links", "materials", "poses", "sensors", "tendons")
-"""Sections of a nested assembly in which values can be set. None of these names is also a key of a component."""
+"""Sections of a nested assembly in which values can be set. No key of a component has the name of such a section."""
 
 
 class ChoicePath(FrozenStruct):
@@ -39,7 +39,7 @@ class ChoicePath(FrozenStruct):
 
 
 def parse(path: str) -> ChoicePath | None:
-    """Parse the path of a choice. Return None if it is not one."""
+    """Parse the path of a choice. Return None if the path is not a choice."""
     words = path.split(".")
     names: list[str] = []
     while len(words) > 2 and words[0] == "components":
@@ -62,7 +62,7 @@ def nested(path: str) -> tuple[str, str] | None:
 
 
 def is_value(path: str) -> bool:
-    """Return whether a path has the form of a value's path, as opposed to a choice's path."""
+    """Return whether a path has the form of the path of a value, not of a choice."""
     words = path.split(".")
     return len(words) > 1 and all(words) and " " not in path and parse(path) is None
 
@@ -70,7 +70,7 @@ def is_value(path: str) -> bool:
 def dimension_at(document: Document, path: Path) -> Dimension | None:
     """Return the dimension of the value at `path`; None if it is not a value of a joint, or if the dimension is ambiguous.
 
-    It depends on the `type` of the joint (in `defaults`, poses and patterns: of all matching joints).
+    The dimension depends on the `type` of the joint. For `defaults`, poses and patterns, it depends on the types of all matching joints.
     """
     names, key = _joints(document, path)
     coordinates = {_coordinate(document, name) for name in names}
@@ -82,7 +82,7 @@ _VECTOR = re.compile(r"(\S+)\s+(\S+)\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)", r
 
 
 def _joints(document: Document, path: Path) -> tuple[Iterator[str], str]:
-    """Return the joints that a value may belong to, and its key."""
+    """Return the joints to which a value may belong, and the key of the value."""
     every = node_at(document.tree, ("joints",))
     names = list(every.entries) if isinstance(every, MappingNode) else []
     key = str(path[-1]) if path else ""
@@ -105,15 +105,15 @@ def _coordinate(document: Document, name: str) -> Dimension | None:
 def current_value(documents: Documents, path: str) -> ExpressionValue | Expression | None:
     """Return the value at a path in the root document or a nested one.
 
-    Texts that are not values themselves (vectors) are returned as text. Return None if the value is not specified, or is an expression of a
-    nested document.
+    A vector that is written as one string is returned as a string. Return None if the document does not specify the value, or if the value
+    is an expression in a nested document.
     """
     document, keys = _leading(documents, path)
     return None if document is None else _value(documents, document, keys)
 
 
 def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
-    """Return the value of a nested document's own parameter at a path (`components.leg.parameters.length`).
+    """Return the value of a parameter that a nested document declares (`components.leg.parameters.length`).
 
     Return None for other paths, and if the value is an expression.
     """
@@ -128,13 +128,13 @@ def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
 
 
 def dimension_stated(documents: Documents, path: str) -> Dimension | None:
-    """Return the dimension of a value of a joint at a path, whether the document specifies it or not. Return None for other paths."""
+    """Return the physical dimension of the joint value at a path. The document need not specify the value. Return None for other paths."""
     document, keys = _leading(documents, path)
     return None if document is None else dimension_at(document, keys)
 
 
 def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[str, ...]]:
-    """Return the document that a path leads to, and the keys in it."""
+    """Return the document to which a path leads, and the remaining keys in this document."""
     document: Document | None = documents.root
     while document is not None and (through := nested(path)) is not None:
         component, path = through
@@ -160,7 +160,7 @@ def _value(documents: Documents, document: Document, keys: tuple[str, ...]) -> E
 
 
 def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
-    """Return the current values of choices of a document's own components, by path. Choosing these values has no effect."""
+    """Return the current values of the choices of a document's own components, by path. Choosing a current value changes nothing."""
     default = assembly.defaults.component if assembly.defaults is not None else None
     choices = {DEFAULT_MATERIAL: default.material} if default is not None and default.material is not None else {}
     for name, component in assembly.components.items():
@@ -169,10 +169,10 @@ def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
 
 
 def in_full(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] | None:
-    """Return the path and the long form of a value that is written in short form, if a path leads into it; otherwise None.
+    """If a path leads into a value that is written in short form, return the path of this value and its long form. Otherwise return None.
 
-    Short forms are a drive of a joint that only names a component or is in `defaults` (`joints.elbow.drive.kp`), and a vector in one text
-    (`modes.moon.gravity.2`).
+    Short forms are a drive of a joint that only names a component or comes from `defaults` (`joints.elbow.drive.kp`), and a vector that is
+    written as one string (`modes.moon.gravity.2`).
     """
     text = node_at(tree, keys[:-1])
     vector = _VECTOR.fullmatch(text.text.strip()) if keys[-1].isdecimal() and isinstance(text, ScalarNode) else None

@@ -52,7 +52,7 @@ class PulleySpec(Model):
 
 
 def _rules(schema: dict[str, Any]) -> None:
-    """Add the rules that `TendonSpec` checks in addition to its fields to its schema, for editors."""
+    """Add the cross-field rules of `TendonSpec` to its schema, so that editors can check them."""
     schema["oneOf"] = [{"required": ["joints"]}, {"required": ["path"]}]
     schema["dependentSchemas"] = {"width": {"required": ["path"]}}
 

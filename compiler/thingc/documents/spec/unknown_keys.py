@@ -15,9 +15,9 @@ from thingc.documents.spec.pruning import MISPLACED, Fault
 
 
 class UnknownKey:
-    """An unknown key (`fault`) in a document whose model is `root`.
+    """An unknown key in a document whose model is `root`. `fault` is the error.
 
-    `instead` is the intended key of the same mapping, or None. `help` is the help text.
+    `instead` is the intended key of the same mapping, or None. `help` is the help text of the diagnostic.
     """
 
     def __init__(self, document: Document, root: type[Model], fault: Fault) -> None:
@@ -50,7 +50,7 @@ class UnknownKey:
             self.help = did_you_mean(self.key, self.known, what="keys")
 
     def _called(self, told: str) -> Hint:
-        """Return the help for the intended key `told`, or `told` itself if it is a sentence about what to use instead."""
+        """Return the help text for the intended key `told`. If `told` is a whole sentence, return this sentence."""
         if told not in self.known:
             return told
         if told in self.present:
@@ -100,7 +100,7 @@ class UnknownKey:
         return f"it looks like an entry of `{best}`: move it below that key, indented by two more spaces"
 
     def _of_entries(self, root: type[Model]) -> str | None:
-        """Describe the sections whose entries have the key."""
+        """Return a description of the sections whose entries have the key."""
         having = [name for name, entry in sections(root) if entry.model is not None and self.key in model_keys(entry.model)]
         return f"it is a key of an entry of {one_of(having)}: is it indented far enough?" if having else None
 
@@ -124,7 +124,7 @@ def sections(root: type[Model]) -> Iterator[tuple[str, FieldType]]:
 
 
 def along(root: type[Model], document: Document, path: Path) -> Iterator[FieldType]:
-    """Yield the types of the document and of every value on the way to `path`, as far as the path is known."""
+    """Yield the types of the document and of every value along `path`, up to the first unknown key."""
     shape = shape_of(root)
     yield shape
     for depth, step in enumerate(path):
@@ -144,12 +144,12 @@ def along(root: type[Model], document: Document, path: Path) -> Iterator[FieldTy
 
 
 def _models(model: type[Model] | Any, key: str) -> Iterator[type[Model] | Any]:
-    """Yield the models of the values of a key."""
+    """Yield the models that a value of a key may have."""
     return (one.model for one in alternatives(model_keys(model)[key][0]) if one.model is not None)
 
 
 def gathered(document: Document, root: type[Model], faults: list[Fault]) -> list[Fault]:
-    """Return the errors, combining those of keys that are indented like their entry, without errors that these keys are missing."""
+    """Combine the errors of keys that are indented like their entry, and drop the errors that report these keys as missing."""
     misplaced: list[Fault] = []
     for section, entry in sections(root):
         around = node_at(document.tree, (section,))
@@ -182,7 +182,10 @@ def gathered(document: Document, root: type[Model], faults: list[Fault]) -> list
 
 
 def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
-    """Return message and help for keys that are indented like their entry. In TOML, the document uses tables instead of indentation."""
+    """Return the message and the help text for keys that are indented like their entry.
+
+    For TOML, the texts refer to tables instead of indentation.
+    """
     section, owner, names = str(fault.path[0]), fault.context["owner"], [f"`{shortened(name)}`" for name in fault.value]
     several = len(names) > 1
     shown = ", ".join(names[:-1]) + f" and {names[-1]}" if several else names[0]
@@ -196,7 +199,7 @@ def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
 
 
 def _is_rather(value: Any, key: FieldType, entry: FieldType) -> bool:
-    """Return whether a value resembles a value of a key of an entry more than a whole entry."""
+    """Return whether a value resembles the value of one key of an entry more than it resembles a whole entry."""
     if not isinstance(value, dict):
         return True
     known = sum(name in model_keys(entry.model) for name in value) if entry.model is not None else 0

@@ -1,4 +1,4 @@
-"""Validate documents against their models. `validation_errors.py` explains errors and is only imported if there are errors."""
+"""Validate documents against their models. `validation_errors.py` explains errors; it is imported only if there are errors."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def model_of(kind: str) -> type[Model] | None:
 def validate(documents: Documents, report: Report, memo: Memo | None = None) -> Specs:
     """Validate every document; return the models by path in the workspace.
 
-    For an invalid document, all errors are reported; the model contains the valid rest, and `doubts` contains the removed entries.
-    Documents without a useful rest are absent. `memo` caches the models of valid documents.
+    For an invalid document, all errors are reported, the model contains the valid rest, and `doubts` contains the removed entries.
+    Documents without a useful rest are omitted. `memo` caches the models of valid documents.
     """
     specs, memo = Specs(), memo or Memo()
     for path, document in documents.by_path.items():
@@ -64,13 +64,13 @@ def validate(documents: Documents, report: Report, memo: Memo | None = None) -> 
 
 
 def validate_one(document: Document, report: Report) -> Model | None:
-    """Validate one document; return None if it is invalid (all errors are reported)."""
+    """Validate one document. If the document is invalid, report all errors and return None."""
     spec, doubts = _sound(document, report)
     return None if doubts else spec
 
 
 def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEntries]:
-    """Return the model of the valid rest of a document (None if nothing is left), and the removed entries (reported)."""
+    """Report the errors of a document. Return the model of the valid rest (None if nothing is left) and the removed entries."""
     model = model_of(document.kind)
     if model is None:
         report.add(Code.WRONG_KIND, f"documents of kind `{document.kind}` are not supported yet", document.span(("thingc",)))
@@ -95,7 +95,7 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEnt
 
 
 def _build(model: type[Model]) -> None:
-    """Build a model's validator at its first use. Skips pydantic's search for plugins in all installed packages.
+    """Build the validator of a model at its first use, without pydantic's search for plugins in all installed packages.
 
     The search takes longer than validating a document.
     """
@@ -114,7 +114,7 @@ def _build(model: type[Model]) -> None:
 
 
 def part_references(specs: Specs, documents: Documents) -> tuple[tuple[str, Span], ...]:
-    """Return every `part:` of every assembly, in the order written, with its place."""
+    """Return every `part` value of every assembly with its place, in source order."""
     references: list[tuple[str, Span]] = []
     for path, spec in specs.items():
         if isinstance(spec, AssemblySpec):

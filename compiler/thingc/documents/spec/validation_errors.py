@@ -1,10 +1,10 @@
-"""Explain validation errors in terms of the document, each at its place, and extract the valid rest.
+"""Explain validation errors in terms of the document, each with its place in the document, and extract the valid rest.
 
 Imported only for invalid documents.
 
-pydantic validates the plain values and reports locations in the model. These locations are followed through the annotations (`shapes`).
-pydantic's location contains the tag of a union, which is not in the document. Therefore the intended branch of a union is chosen by the
-written value, and only the errors of this branch are reported.
+pydantic validates the plain values and reports locations in the model. This module resolves these locations with the annotations
+(`annotation_types`). pydantic's location contains the tag of a union, which is not in the document. Therefore the written value determines
+the intended branch of a union, and only the errors of this branch are reported.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def sound_rest(
 ) -> tuple[Model | None, InvalidEntries]:
     """Report the errors of a document. Return the model of the valid rest (None if nothing is left) and the removed entries.
 
-    `error` is the exception of the model for the `plain` values (which are pruned), `empty` are the nulls, `damaged` are the paths that
-    `load` has reported.
+    `error` is the exception of the model for the `plain` values, which are pruned in place. `empty` are the paths of null values. `damaged`
+    are the paths that `load` has reported.
     """
     wrong = _report_empty(document, empty, report)
     faults: list[Fault] = []
@@ -69,7 +69,10 @@ def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong:
 
 
 def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: Report) -> frozenset[Path]:
-    """Report keys without a value, since null is not allowed. Return their paths, and the paths of values that a decimal comma split."""
+    """Report keys without a value, because null is not allowed.
+
+    Return the paths of these keys, and the paths of values that a decimal comma split.
+    """
     paths: set[Path] = set()
     for path, node in empty.items():
         paths.add(path)
@@ -117,7 +120,7 @@ def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Suggesti
 
 
 def _faults(shape: FieldType, value: Any, path: Path, error: ValidationError) -> Iterator[Fault]:
-    """Yield the errors of a value of this type at `path`, with unions resolved."""
+    """Yield the errors of a value of this type at `path`. For unions, only the errors of the intended branch are included."""
     unions: set[Path] = set()
     for entry in error.errors(include_url=False):
         steps, there, key, union = _follow(shape, entry["loc"], entry["type"])
@@ -134,7 +137,7 @@ def _faults(shape: FieldType, value: Any, path: Path, error: ValidationError) ->
 
 
 def _each(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield kind and context of an error of one of our fields, and of the errors that it contains (see `spec.fields`)."""
+    """Yield the kind and the context of an error of `spec.fields`, and of every further error in its context."""
     others: list[PydanticCustomError] = context.pop("others", [])
     yield kind, context
     for other in others:
@@ -163,9 +166,9 @@ def _union_faults(shape: FieldType, value: Any, path: Path) -> Iterator[Fault]:
 
 
 def _follow(shape: FieldType, location: tuple[int | str, ...], kind: str) -> tuple[Path, FieldType, bool, bool]:
-    """Follow pydantic's location through the annotations.
+    """Resolve the location of a pydantic error with the annotations.
 
-    Return the path in the document, the type there, whether the error is about the key, and whether a union ended the search.
+    Return the path in the document, the type at this path, whether the error is about the key, and whether the search stopped at a union.
     """
     path: list[int | str] = []
     for index, step in enumerate(location):

@@ -1,4 +1,4 @@
-"""Report validation errors of a document, each at its place, in terms of the document, and with a help text."""
+"""Report the validation errors of a document in terms of the document, each with its place and a help text."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ KINDS: dict[str, Code] = {
 class FaultReporter(FrozenStruct, eq=False):
     """Reports the errors of a document whose model is `root`.
 
-    `empty` are paths that have been reported as having no value. `damaged` are the paths of placeholders for invalid values and of mappings
-    with an invalid key (reported), which may be a misspelling of a missing key.
+    `empty` are the paths that have been reported as keys without a value. `damaged` are the paths of placeholders for invalid values and of
+    mappings with an invalid key (reported), which may be a misspelling of a missing key.
     """
 
     document: Document
@@ -71,7 +71,7 @@ class FaultReporter(FrozenStruct, eq=False):
                 self._one(fault)
 
     def _stands_in(self, path: Path) -> bool:
-        """Return whether the value at a path (or, for a vector, an item in it) is a placeholder that `load` inserted."""
+        """Return whether the value at a path, or an item of a vector at this path, is a placeholder that `load` inserted."""
         inside = (place for place in self.damaged if place[: len(path)] == path)
         return any(isinstance(node_at(self.document.tree, place), ScalarNode) for place in inside)
 
@@ -94,7 +94,7 @@ class FaultReporter(FrozenStruct, eq=False):
         self.report.add(code, message, where, help=help or None, path=dotted(path) or None)
 
     def _place(self, path: Path, *, key: bool = False) -> Span:
-        """Return the span of the value at a path, or of its key if the value is on several lines or missing."""
+        """Return the span of the value at a path. If the value is missing or on several lines, return the span of its key."""
         node = node_at(self.document.tree, path)
         if node is None or not path:
             first = next(iter(self.document.tree.keys.values()), self.document.tree.span)
@@ -130,7 +130,7 @@ class FaultReporter(FrozenStruct, eq=False):
         self._add(Code.WRONG_LENGTH, message, self._place(fault.path), fault.path, None)
 
     def _stated(self, fault: Fault) -> None:
-        """Report an error that has its own message, from a field or from a rule of a model."""
+        """Report an error with its own message, which comes from a field or from a rule of a model."""
         path = (*fault.path, *fault.context.get("path", ()))
         if fault.kind == "unit":
             fault = self._of_its_joint(fault)
@@ -144,7 +144,7 @@ class FaultReporter(FrozenStruct, eq=False):
         self._add(KINDS[fault.kind], fault.context["message"], where, path, help)
 
     def _of_its_joint(self, fault: Fault) -> Fault:
-        """Add the dimension that follows from the joint's type to an error of a missing unit."""
+        """Add to the error of a missing unit the physical dimension that the type of the joint requires."""
         dimension = dimension_at(self.document, fault.path)
         if dimension is not None:
             try:
@@ -167,7 +167,7 @@ class FaultReporter(FrozenStruct, eq=False):
         elif help is None and isinstance(value, dict) and len(value) == 1 and any(member.kind == "list" for member in alternatives(shape)):
             help = f"write a list with one item for each: `[{{{shortened(str(next(iter(value))))}: ...}}]`"
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):
-            numbers = re.fullmatch(r"[-+.\deE\s]+", value)  # `0 0 1` is three numbers, `mass < 2 kg` is one rule
+            numbers = re.fullmatch(r"[-+.\deE\s]+", value)  # `0 0 1` is a list of three numbers, `mass < 2 kg` is a single rule
             help = f"write `[{shortened(', '.join(value.split()) if numbers else value)}]`"
         self._add(Code.WRONG_TYPE, f"expected {shape.words}, found {found(value)}", self._place(fault.path), fault.path, help)
 
@@ -177,7 +177,7 @@ def _inside(path: Path) -> str:
 
 
 def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) -> str | None:
-    """Return a hint for a value that was written in place of a mapping, if the mapping can be derived from it."""
+    """Return a hint for a value that was written in place of a mapping, if the intended mapping can be derived from the value."""
     node = node_at(document.tree, path)
     if isinstance(node, SequenceNode):
         texts = [one.text if isinstance(one, ScalarNode) else "" for one in node.items]
@@ -208,7 +208,7 @@ def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) 
 
 
 def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
-    """Return a hint for a mapping that was written in place of the value in it."""
+    """Return a hint for a mapping that was written in place of its only value."""
     if not isinstance(fault.value, dict) or len(path) != len(fault.path) or fault.shape.field is None:
         return None
     if path[:1] == ("links",):
@@ -237,7 +237,7 @@ def dotted(path: Path) -> str:
 def within(document: Document, path: Path, offset: int, end: int) -> Span | None:
     """Return the span of the characters from `offset` to `end` (exclusive) in the scalar at `path`.
 
-    Return None if it cannot be determined (text on several lines, escapes).
+    Return None if the span cannot be determined because the scalar is on several lines or contains escapes.
     """
     node = node_at(document.tree, path)
     if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line or node.span.file != document.path:
