@@ -1,1 +1,1 @@
-"""The driver, which runs the passes in order, and the Python API of `import thingc`."""
+"""The driver runs the passes in order. This package also contains the Python API of `import thingc`."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class CompileError(Exception):
-    """The document has errors. `diagnostics` contains all of them; `str()` formats them as the command line does."""
+    """The document has errors. `diagnostics` contains all diagnostics. `str()` formats the diagnostics as on the command line."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__("\n" + as_text(diagnostics))
@@ -32,7 +32,7 @@ class CompileError(Exception):
 
 
 class CompiledMode(OneLineRepr, FrozenStruct):
-    """One mode of a compiled robot. `robot` is its tree of links and joints."""
+    """A mode of a compiled robot. `robot` is the tree of links and joints in this mode."""
 
     robot: Robot
     files: Mapping[str, bytes]
@@ -43,7 +43,7 @@ class CompiledMode(OneLineRepr, FrozenStruct):
         return self.robot.mode.name
 
     def mjcf(self) -> str:
-        """Return the MuJoCo model as XML, identical to the model of a build. Its meshes are `assets()`."""
+        """Return the MuJoCo model as XML, identical to the model in a build. `assets()` returns its meshes."""
         return self.files[f"mjcf/{self.robot.assembly.name}_{self.name}.xml"].decode()
 
     def assets(self) -> dict[str, bytes]:
@@ -59,7 +59,7 @@ class CompiledMode(OneLineRepr, FrozenStruct):
 
 
 class Shown(OneLineRepr, FrozenStruct):
-    """An HTML page that a notebook displays in its own frame. `height` is in pixels."""
+    """An HTML page that a notebook displays in a separate frame. `height` is in pixels."""
 
     page: str
     height: int
@@ -76,7 +76,7 @@ class Shown(OneLineRepr, FrozenStruct):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Compiled(OneLineRepr):
-    """A compiled robot. `modes` is in document order, `diagnostics` are the warnings, `modelled` and `reused` are definition texts."""
+    """A compiled robot. `modes` is in document order. `diagnostics` are the warnings. `modelled` and `reused` are texts of definitions."""
 
     name: str
     assembly: Assembly
@@ -87,15 +87,15 @@ class Compiled(OneLineRepr):
     _page: Callable[[], Page] = field(repr=False, compare=False)
 
     def show(self, height: int = 600) -> Shown:
-        """Return the robot's viewer page for a notebook cell of this height [pixels].
+        """Return the viewer page of the robot for a notebook cell with this height [pixels].
 
-        Raises `BlobMissing` if its meshes are no longer in the store.
+        Raises `BlobMissing` if a mesh of the robot is no longer in the store.
         """
         return Shown(page=self._page().html().decode(), height=height)
 
     @property
     def hag(self) -> Any:
-        """The assembly graph as a `networkx.MultiDiGraph`: definitions and their subcomponents."""
+        """The hierarchical assembly graph as a `networkx.MultiDiGraph`: definitions and their components."""
         from thingc.targets.hag.labels import quantities
         from thingc.targets.networkx_export import hag_graph
 
@@ -118,7 +118,7 @@ class Compiled(OneLineRepr):
 
     @property
     def properties(self) -> MassProperties:
-        """Mass [kg], centre [m] and inertia [kg m^2, about the centre] at q = 0, in the base component's frame."""
+        """Mass [kg], centre of mass [m] and inertia about it [kg m^2] at q = 0, in the frame of the base component."""
         return self.assembly.properties
 
 
@@ -137,12 +137,12 @@ def compile(
     """Compile an assembly document. Writes only to the store.
 
     Args:
-        parameters: Values of parameters as text (`{"reach": "120 mm"}`), or as numbers in SI and booleans, as for `family`.
+        parameters: Values of parameters as strings (`{"reach": "120 mm"}`), as numbers in SI units, or as booleans, as for `family`.
         choices: Values to set by path (`{"components.foot.part": "feet:Wide"}`).
         modes: Names of the modes to compile (by default all).
         store: Folder of the cache of parts (by default the user's cache).
         jobs: Number of parts to build in parallel (0: one per core).
-        compat: Programs besides MuJoCo that read its models (`["mjx"]`; by default the workspace's list).
+        compat: Programs besides MuJoCo that read the MuJoCo models (`["mjx"]`; by default the list of the workspace).
         strict: Treat warnings as errors.
         printed: Callback `printed(part, lines)` for the output of parts when they are built.
 

@@ -1,4 +1,7 @@
-"""A single build: compile a document and, if there are no errors, write its folder. Used by `thingc build` and `thingc watch`."""
+"""A single build: compile a document and, if there are no errors, write its build folder.
+
+`thingc build` and `thingc watch` use this module.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ class BuildRequest(FrozenStruct):
 
     `modes` are the modes to build (default: all), `output` is the parent of the build folder (default: the workspace's build folder).
     `strict` treats warnings as errors, `deny_loss` treats export losses as errors. `force` overwrites unexpected files in the folder.
-    `twice` builds parts a second time and compares the results.
+    `twice` builds each part a second time and compares the results.
     """
 
     targets: tuple[str, ...]
@@ -38,7 +41,7 @@ class BuildResult(FrozenStruct):
     """The result of a build.
 
     `files` are the files to write, by path in the folder, or None if there are errors. `place` is the parent folder (an absolute path) and
-    the name of the build folder. `twice` is the number of parts that were built a second time.
+    the name of the build folder. `twice` is the number of parts that were built a second time for a comparison.
     """
 
     compilation: Compilation
@@ -62,7 +65,7 @@ def build(environment: Environment, wish: BuildRequest) -> BuildResult:
 
 
 def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest) -> BuildResult:
-    """Add the files of a compilation without errors; this may report errors."""
+    """Add the files of a compilation without errors to the result. Emitters may report errors."""
     compilation, workspace = built.compilation, environment.workspace
     assert workspace is not None and compilation.assembly is not None
     place = os.path.abspath(wish.output or os.path.join(workspace.root, workspace.build)), compilation.assembly.name
@@ -77,7 +80,7 @@ def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest
 
 
 def write(environment: Environment, built: BuildResult, wish: BuildRequest, on_wait: Waiting | None = None) -> str:
-    """Write the files of a build without errors to its folder, atomically, and return the folder's absolute path.
+    """Write the files of a build without errors atomically to its folder, and return the absolute path of the folder.
 
     Raises `OutputError`. `on_wait` is called if another build of the folder is in progress.
     """
@@ -89,7 +92,7 @@ def write(environment: Environment, built: BuildResult, wish: BuildRequest, on_w
 def _model_again(environment: Environment, compilation: Compilation) -> int:
     """Build every part again in new processes, with another hash seed and an empty store, and report parts with different results.
 
-    Return the number of parts. The report of the compilation must have no errors.
+    Return the number of these parts. The report of the compilation must have no errors.
     """
     import tempfile
 
@@ -108,7 +111,7 @@ def _model_again(environment: Environment, compilation: Compilation) -> int:
 
 
 def _deny(losses: Sequence[Loss], document: Origin, report: Report) -> None:
-    """Report export losses that are allowed neither where they occur nor at the top of the document."""
+    """Report export losses that no `allow` suppresses, neither at the place of the loss nor at the top of the document."""
     for loss in losses:
         if not report.allows(Code.LOSS_DENIED, (*loss.origin, *document)):
             mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""

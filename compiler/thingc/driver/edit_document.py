@@ -1,4 +1,4 @@
-"""Write values by path to a document on disk, unless this would cause errors."""
+"""Write values by path to a document on disk, unless the new values would cause errors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class EditResult(FrozenStruct):
     """The result of writing values.
 
     `found` are all diagnostics. `text` is the new text of the document `root` (None if it was not computed). `done` lists the written
-    values as path, previous text (None if there was none) and new text.
+    values, each as path, previous value (None if the key did not exist) and new value.
     """
 
     found: tuple[Diagnostic, ...]
@@ -35,7 +35,7 @@ class EditResult(FrozenStruct):
 
 
 def write_values(document: str, given: Mapping[str, str], options: Options, *, strict: bool = False, dry: bool = False) -> EditResult:
-    """Write values (texts, by path or parameter) to a document, unless this would cause errors.
+    """Write values to a document, unless the new values would cause errors. Values are strings by path or parameter.
 
     With `dry`, nothing is written. With `strict`, warnings are errors. Raises `OSError` if the document cannot be read.
     """
@@ -69,7 +69,7 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
 
 
 def named(path: str) -> str:
-    """Return the parameter's name for a path such as `parameters.reach`. Other paths are unchanged."""
+    """Return the name of the parameter for a path such as `parameters.reach`. Other paths are returned unchanged."""
     name = path.removeprefix("parameters.")
     return path if "." in name else name
 
@@ -82,7 +82,7 @@ def document_change(root: Document, text: str) -> tuple[bytes, bytes]:
 
 
 def opened(document: str, options: Options, memo: Memo) -> Documents | None:
-    """Load a document and all referenced documents. Return None if one of them cannot be read or is invalid."""
+    """Load a document and all referenced documents. Return None if a document cannot be read or is invalid."""
     with Environment(document, options, memo=memo) as environment:
         if environment.workspace is None:
             return None
@@ -95,9 +95,9 @@ def opened(document: str, options: Options, memo: Memo) -> Documents | None:
 def checked(
     document: str, options: Options, *, strict: bool = False, memo: Memo | None = None,
 ) -> tuple[Documents | None, list[Diagnostic]]:
-    """Check a document. Return it with all referenced documents (None if it cannot be read), and the diagnostics.
+    """Check a document. Return the document with all referenced documents (None if it cannot be read), and the diagnostics.
 
-    `memo` caches reading.
+    `memo` caches the parsed documents.
     """
     with Environment(document, replace(options, lock=True), memo=memo) as environment:
         compilation = pipeline.compile(environment)
@@ -114,7 +114,7 @@ def keys_of(root: Document, path: str) -> Keys:
 
 
 def _parse_value(text: str) -> Written:
-    """Parse a value as in a document. Return the text itself if it is invalid."""
+    """Parse a value as in a document. Return the string itself if it is not a valid value."""
     tree = read_flow(text, line_of("")) if is_flow(text) else None
     return text if tree is None or isinstance(tree, Diagnostic) else _texts(tree)
 
@@ -126,7 +126,7 @@ def _texts(node: Node) -> Written:
 
 
 def _elsewhere(root: Document, path: str) -> Diagnostic | None:
-    """Return the diagnostic for a path that is not in this document itself, or None if it is."""
+    """Return the diagnostic for a path to a value of another document, or None if the value belongs to this document."""
     through = nested(path)
     if through is None:
         choice = parse(path)

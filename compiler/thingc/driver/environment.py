@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
 
 Progress = Callable[[str, int, int], None]
-"""`progress(what, done, total)` is called while parts are built."""
+"""Callback `progress(what, done, total)`, which is called while parts are built."""
 
 Printed = Callable[[str, Sequence[str]], None]
-"""`printed(part, lines)` is called with the output of a part after it has been built. The lines are not escaped."""
+"""Callback `printed(part, lines)`, which is called with the output of a part after the part has been built. The lines are not escaped."""
 
 Lend = Callable[["Workspace", "Store"], "PartSource"]
-"""`lend(workspace, store)` returns a shared source of a workspace's parts. The lender closes it."""
+"""Function `lend(workspace, store)`, which returns a shared source of the parts of a workspace. The lender closes the source."""
 
 Answer = TypeVar("Answer")
 
@@ -37,13 +37,13 @@ Answer = TypeVar("Answer")
 class Options(FrozenStruct):
     """Options of a compilation.
 
-    `parameters` are texts as on the command line (`{"reach": "120 mm"}`), `choices` texts by dotted path in the document
+    `parameters` are strings as on the command line (`{"reach": "120 mm"}`), `choices` are strings by dotted path in the document
     (`{"components.foot.part": "feet:Wide"}`). `store` is a folder or a URL (default: the user's cache), `jobs` the number of parts to build
-    in parallel, `part_timeout` [s] the limit for one part (default: from the workspace), `compat` the programs besides MuJoCo that read
-    its models (default: from the workspace). With `lock`, parts that are not in the store may be read from `parts.lock.json`; this is for
-    callers that do not use meshes. Without `code` they are read only from there: no code of the workspace runs, and the store is not used.
-    `texts` replace the contents of documents and workspace files on disk, by absolute path. `ahead` are modules that are needed after the
-    compilation; they are imported while the CAD kernel loads.
+    in parallel, `part_timeout` [s] the limit for one part (default: from the workspace), `compat` the programs besides MuJoCo that read the
+    MuJoCo models (default: from the workspace). With `lock`, parts that are not in the store may be read from `parts.lock.json`, for
+    callers that do not use meshes. Without `code`, parts are read only from `parts.lock.json`: no code of the workspace runs, and the store
+    is not used. `texts` replace the contents of documents and workspace files on disk, by absolute path. `ahead` are modules that are
+    needed after the compilation. They are imported while the CAD kernel loads.
     """
 
     parameters: Mapping[str, str] = {}
@@ -61,9 +61,12 @@ class Options(FrozenStruct):
 
 
 class Environment:
-    """The shared state of all compilations of one document. A context manager that closes the source of parts, unless it was lent.
+    """The shared state of all compilations of a document.
 
-    `workspace` is None if none was found. `report` contains diagnostics of the documents themselves, `memo` caches results of passes.
+    On exit, this context manager closes the source of parts, unless the source is lent.
+
+    `workspace` is None if no valid workspace was found. `report` contains the diagnostics of the documents themselves. `memo` caches
+    results of passes.
     """
 
     def __init__(self, document: str, options: Options, lend: Lend | None = None, memo: Memo | None = None) -> None:
@@ -87,7 +90,7 @@ class Environment:
 
     @cached_property
     def compat(self) -> tuple[str, ...]:
-        """The programs besides MuJoCo that read its models, from the options or, by default, from the workspace."""
+        """The programs besides MuJoCo that read the MuJoCo models, from the options or, by default, from the workspace."""
         own = self.workspace.compat if self.workspace is not None else ()
         return own if self.options.compat is None else tuple(self.options.compat)
 
@@ -98,7 +101,7 @@ class Environment:
 
     @cached_property
     def parts(self) -> PartSource:
-        """The source of parts: the geometry service, or the lock if no code may run. Requires a workspace."""
+        """The source of parts: the geometry service, or the lock file if no code may run. Requires a workspace."""
         assert self.workspace is not None, "parts need a workspace, but none was found"
         if self._lent is not None:
             return self._lent(self.workspace, self.store)
@@ -110,14 +113,14 @@ class Environment:
 
     @property
     def geometry(self) -> GeometryService:
-        """The geometry service, which runs the CAD kernel. Requires that code of the workspace may run."""
+        """The geometry service, which runs the CAD kernel. It is only available if code of the workspace may run."""
         from thingc.geometry.service import GeometryService
 
         assert isinstance(self.parts, GeometryService), "code of the workspace must not run here"
         return self.parts
 
     def _lock(self) -> Lock | None:
-        """Return the workspace's lock. Return None if it is missing or broken, which is reported if code may not run."""
+        """Return the lock file of the workspace, or None if the file is missing or invalid. If code may not run, report the reason."""
         from thingc.geometry.lock.lock import read_lock, report_missing
 
         assert self.workspace is not None
@@ -128,9 +131,9 @@ class Environment:
         return lock
 
     def say_gaps(self, report: Report) -> None:
-        """Report missing entries in the lock for the last realized parts, and errors of the lock.
+        """Report the last realized parts that the lock file does not contain, and errors of the lock file.
 
-        They are warnings if code may run, because the lock is then optional.
+        If code may run, the lock file is optional, and the diagnostics are warnings.
         """
         from thingc.geometry.part_source import report_gaps
 
@@ -140,7 +143,10 @@ class Environment:
 
 
 def attempted(document: str, options: Options, work: Callable[[Environment], Answer]) -> Answer:
-    """Call `work` with an environment. If the store is damaged, call it again with a new environment, which restores the blob."""
+    """Call `work` with an environment.
+
+    If the store is damaged, call `work` a second time with a new environment, which restores the blob.
+    """
     from thingc.geometry.store.local import BlobMissing
 
     try:
@@ -164,8 +170,8 @@ def geometry_of(
 ) -> GeometryService:
     """Return the geometry service of a workspace. The caller must close it.
 
-    `lock` reads the lock to use in addition to the store. `seed` is the hash seed of the workers. Shared `workers` are closed by their
-    owner.
+    `lock` reads the lock file that is used in addition to the store. `seed` is the hash seed of the workers. The owner of shared `workers`
+    closes them.
     """
     from thingc.geometry.service import GeometryService
 

@@ -1,8 +1,8 @@
-"""Write build folders atomically. Also used for folders of new workspaces, if they do not exist yet.
+"""Write build folders atomically. `thingc new` also uses this module for the folder of a new workspace.
 
-A build is written into a hidden folder beside its destination, and the two folders are exchanged in one system call
-(`renameat2(RENAME_EXCHANGE)`; if this is not available, by two renames, which the next run repairs). If the process is killed at any
-time, the folder is either the old build or the new one. The next run deletes leftover files.
+A build is written into a hidden folder beside its destination. Then both folders are exchanged in a single system call
+(`renameat2(RENAME_EXCHANGE)`; if this call is not available, by two renames, which the next run repairs). If the process is killed at any
+time, the folder contains either the old build or the new build. The next run deletes leftover files.
 
     <parent>/<name>/              the build
     <parent>/.<name>.thingc-lock  locked while a build is written: one at a time
@@ -32,19 +32,19 @@ from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 from thingc.targets.registry import written
 
 Waiting = Callable[[str], None]
-"""Called once with the build folder if another build of it is in progress. An exception stops the wait."""
+"""Callback that is called once with the build folder if another build of the same folder is in progress. An exception stops the wait."""
 
 
 class Blobs(Protocol):
-    """An interface for reading blobs of a store, verified by their SHA-256."""
+    """An interface for reading blobs of a store. The content of a blob is verified by its SHA-256."""
 
     def read(self, sha256: str) -> bytes:
-        """Return the content. Raises an exception if it is missing or damaged."""
+        """Return the content of a blob. Raises an exception if the blob is missing or damaged."""
         ...
 
 
 class OutputError(Exception):
-    """A build folder cannot be written. `message` is the reason, `hint` the help. It is a command line error (exit code 2)."""
+    """A build folder cannot be written. `message` is the reason, `hint` is the help text. The command line exits with code 2."""
 
     code = Code.OUTPUT
 
@@ -54,7 +54,7 @@ class OutputError(Exception):
         self.hint = hint
 
     def diagnose(self, report: Report) -> None:
-        """Add the error to `report`, without a place in a document."""
+        """Add the error to `report`. The diagnostic has no place in a document."""
         report.add(self.code, self.message, None, help=self.hint)
 
 
@@ -71,14 +71,14 @@ class UnexpectedFilesError(OutputError):
 
 
 NOTHING = hashlib.sha256(b"").hexdigest()
-"""SHA-256 of an empty file. Such a file may remain after a power failure and can be deleted without loss."""
+"""SHA-256 of an empty file. An empty file may remain after a power failure and can be deleted without loss."""
 
 
 class UnexpectedFiles(FrozenStruct, kw_only=False):
     """Files in a folder that a build must not delete, by relative path, sorted.
 
-    `others` were not written by a build. `changed` were written by a build, and have since been edited or replaced by a link. `owner` is
-    the document whose build the folder contains, or None.
+    `others` are files that no build wrote. `changed` are files that a build wrote and that have since been edited or replaced by a link.
+    `owner` is the document whose build the folder contains, or None.
     """
 
     owner: str | None
@@ -102,7 +102,7 @@ def write_build(
     symbolic link, its target is replaced. `on_wait` is called before waiting for another build of the same folder. `force` overwrites files
     in a build of the same document that thingc did not write or that have changed. Raises `UnexpectedFilesError` if the folder contains
     anything other than an unchanged build of the same document, `OutputError` for system errors, and `ValueError` for paths outside the
-    folder. The folder is then unchanged.
+    folder. After an exception, the folder is unchanged.
     """
     _check_paths(name, files)
     folder = build_folder(parent, name)
@@ -124,15 +124,15 @@ def write_build(
 
 
 KEPT = ".git"
-"""The only entry allowed in the folder of a new workspace. Nothing is written to it."""
+"""The only entry that the folder of a new workspace may already contain. thingc does not change this entry."""
 
 
 def write_new(folder: str, files: Mapping[str, bytes]) -> str:
-    """Create a folder with `files` (by relative path, with `/`), and return its absolute path. It must not exist, or only contain `.git`.
+    """Create a folder with `files` (by relative path, with `/`), and return its absolute path. An existing folder may only contain `.git`.
 
-    Parent folders are created. A new folder is created atomically. Into an existing folder, which may be in use, files are moved one by
-    one. Existing files with the same content are accepted, so that another run can continue after an interruption.
-    Raises `OutputError` if there are other files, another run is in progress, or the system refuses.
+    Parent folders are created. A new folder is created atomically. If the folder exists, another program may use it, so files are moved
+    into the folder one by one. Existing files with the same content are accepted, so that another run can continue after an interruption.
+    Raises `OutputError` if the folder contains other files, if another run is in progress, or for a system error.
     """
     folder = os.path.realpath(folder)
     place, there = shown_path(folder), os.path.isdir(folder)
@@ -171,7 +171,7 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
 
 
 def _move_into(folder: str, fresh: str, names: Sequence[str]) -> None:
-    """Move entries of `fresh` to a folder that does not contain them. On an exception, the moved entries are deleted again."""
+    """Move entries of `fresh` to a folder that does not contain these entries. On an exception, the moved entries are deleted."""
     try:
         for name in names:
             os.rename(os.path.join(fresh, name), os.path.join(folder, name))
@@ -183,7 +183,7 @@ def _move_into(folder: str, fresh: str, names: Sequence[str]) -> None:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Return whether two files have the same content, or two folders have equal files. Links never match."""
+    """Return whether two files have the same content, or whether two folders contain equal files. Symbolic links are never equal."""
     if os.path.isdir(one) and os.path.isdir(other) and not os.path.islink(one):
         names = set(os.listdir(one))
         return names == set(os.listdir(other)) and all(_alike(os.path.join(one, name), os.path.join(other, name)) for name in names)
@@ -193,15 +193,15 @@ def _alike(one: str, other: str) -> bool:
 
 
 def build_folder(parent: str, name: str) -> str:
-    """Return the absolute path of the folder `<parent>/<name>`. For a symbolic link, it is the path of its target."""
+    """Return the absolute path of the folder `<parent>/<name>`. For a symbolic link, return the path of its target."""
     folder = os.path.abspath(os.path.join(parent, name))
     return os.path.realpath(folder) if os.path.islink(folder) else folder
 
 
 def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
-    """Return the manifest of a build folder if the folder contains exactly the listed files, with their SHA-256; otherwise None.
+    """Return the manifest of a build folder if the folder contains exactly the listed files with the listed SHA-256. Otherwise return None.
 
-    `store` caches digests of large files. Never raises an exception, and writes nothing to the folder.
+    `store` caches digests of large files. The function never raises an exception and does not write to the folder.
     """
     try:
         manifest = _manifest(folder)
@@ -217,24 +217,30 @@ def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
 
 
 def listed(folder: str) -> frozenset[str]:
-    """Return the files in the manifest of a build folder, including the manifest; an empty set if there is none. Only reads the folder."""
+    """Return the files that the manifest of a build folder lists, and the manifest itself.
+
+    Return an empty set for a folder without a manifest.
+    """
     manifest = _manifest(folder)
     return frozenset() if manifest is None else frozenset((*manifest["files"], MANIFEST))
 
 
 def unswept(folder: str) -> bool:
-    """Return whether a killed build left files, or a build is in progress. The next build waits for it, and deletes leftover files."""
+    """Return whether a killed build left files behind or a build is in progress.
+
+    The next build deletes such files, or waits for the other build.
+    """
     return any(os.path.lexists(_beside(folder, what)) for what in ("lock", "new", "old"))
 
 
 def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), known: Digests | None = None) -> UnexpectedFiles:
     """Return the files in `folder` that a build of `document` must not delete.
 
-    These are files that its manifest does not list, or lists with different content.
+    The result contains files that the manifest does not list, and files whose content differs from the manifest.
 
-    If the manifest is missing, damaged or of another document, these are all files. Links count as files; empty folders are ignored. A
-    manifest is trusted only for names that a target writes or that are in `also`, because it could list arbitrary files. `known` caches the
-    SHA-256 of contents for later calls. Raises `OSError` if the folder cannot be read.
+    If the manifest is missing, damaged or belongs to another document, the result contains all files. Symbolic links count as files; empty
+    folders are ignored. A manifest is trusted only for names that a target writes or that are in `also`, because a manifest could list
+    arbitrary files. `known` caches the SHA-256 of contents for later calls. Raises `OSError` if the folder cannot be read.
     """
     names = _listing(folder)
     manifest = _manifest(folder)
@@ -250,7 +256,7 @@ def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), 
 
 
 def _content_of(path: str, known: Digests) -> str | None:
-    """Return the SHA-256 of a file. Return None for links and other non-regular files."""
+    """Return the SHA-256 of a file. Return None for symbolic links and other special files."""
     return digest_of(path, known=known) if _is_plain(path) else None
 
 
@@ -273,7 +279,7 @@ def _beside(folder: str, what: str) -> str:
 def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
     """Hold the lock of `folder`.
 
-    The lock file is deleted on release. Therefore, after waiting, it is checked whether the path still refers to the same file.
+    The lock file is deleted on release. Therefore, after a wait, the function checks whether the path still refers to the same file.
     """
     path = _beside(folder, "lock")
     said = False
@@ -302,7 +308,7 @@ def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
 
 
 def same_file(descriptor: int, path: str) -> bool:
-    """Return whether `path` still refers to this open file."""
+    """Return whether `path` still refers to the open file."""
     try:
         return os.path.samestat(os.fstat(descriptor), os.stat(path))
     except FileNotFoundError:
@@ -310,7 +316,7 @@ def same_file(descriptor: int, path: str) -> bool:
 
 
 def _mend(folder: str) -> None:
-    """Complete or undo the changes of a killed run."""
+    """Complete or undo the changes that a killed run made."""
     old = _beside(folder, "old")
     if os.path.lexists(old):
         if os.path.lexists(folder):
@@ -321,7 +327,7 @@ def _mend(folder: str) -> None:
 
 
 def _refuse_unexpected(folder: str, document: str, also: Collection[str], known: Digests, *, force: bool) -> UnexpectedFiles:
-    """Return the files that `force` overwrites. Raises `UnexpectedFilesError` if there are other unexpected files."""
+    """Return the files that `force` overwrites. Raises `UnexpectedFilesError` for other unexpected files."""
     if not os.path.lexists(folder):
         return UnexpectedFiles(None, ())
     if not os.path.isdir(folder):
@@ -353,8 +359,8 @@ def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> Unex
 def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) -> None:
     """Write all files to a new folder `fresh`.
 
-    The manifest, if any, is written last and synchronized to disk, so that it shows after a power failure which files are incomplete.
-    `store` is required if files are in a store.
+    The manifest, if any, is written last and synchronized to disk, so that the manifest shows after a power failure which files are
+    incomplete. `store` is required if `files` contains stored files.
     """
     os.mkdir(fresh)
     folders = {""}
@@ -377,9 +383,9 @@ def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) 
 
 
 def _swap(fresh: str, folder: str, document: str, also: Collection[str], known: Digests, *, given_up: Collection[str]) -> None:
-    """Replace `folder` by `fresh` and delete its old content.
+    """Replace `folder` with `fresh` and delete the old content of `folder`.
 
-    If a file was saved to the old build while the new one was written, the old build is restored, unless the file is in `given_up`.
+    If a file was saved to the old build while the new build was written, the old build is restored, unless the file is in `given_up`.
     """
     if not os.path.lexists(folder):
         os.rename(fresh, folder)
@@ -403,7 +409,7 @@ def _swap(fresh: str, folder: str, document: str, also: Collection[str], known: 
 
 
 def _delete(path: str) -> None:
-    """Delete a folder that thingc created, as far as possible. The next run deletes the rest."""
+    """Delete a folder that thingc created, as far as possible. The next run deletes the remaining files."""
     if os.path.islink(path) or os.path.isfile(path):
         os.unlink(path)
         return
@@ -419,7 +425,7 @@ def _delete(path: str) -> None:
 
 
 def _permit(folder: str) -> None:
-    """Make `folder` and its subfolders deletable. Links are not followed."""
+    """Make `folder` and its subfolders deletable. Symbolic links are not followed."""
     os.chmod(folder, 0o700)
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -428,7 +434,7 @@ def _permit(folder: str) -> None:
 
 
 def _manifest(folder: str) -> dict[str, Any] | None:
-    """Return the manifest in `folder` if it is well-formed, else None."""
+    """Return the manifest in `folder`, or None if the manifest is missing or not well-formed."""
     path = os.path.join(folder, MANIFEST)
     try:
         if not _is_plain(path):
@@ -446,12 +452,15 @@ def _manifest(folder: str) -> dict[str, Any] | None:
 
 
 def _is_plain(path: str) -> bool:
-    """Return whether a path is a regular file, not a link or a pipe (which would block). Raises `OSError` if it does not exist."""
+    """Return whether a path is a regular file, not a symbolic link or a pipe (which would block).
+
+    Raises `OSError` if the path does not exist.
+    """
     return stat.S_ISREG(os.lstat(path).st_mode)
 
 
 def _listing(folder: str) -> list[str]:
-    """Return all files below `folder`, with `/`. Links are not followed."""
+    """Return the relative paths of all files below `folder`, with `/` as separator. Symbolic links are not followed."""
     files: list[str] = []
     waiting = [""]
     while waiting:
@@ -475,7 +484,7 @@ def _fault_text(folder: str, fault: OSError) -> str:
 
 
 def _cure(fault: OSError) -> str:
-    """Return a help text for a system error. The advice to use another folder follows it."""
+    """Return a help text for a system error. The caller appends the advice to use another folder."""
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return "free some space, or"
     if fault.errno == errno.ENAMETOOLONG:

@@ -3,8 +3,8 @@
     documents -> specs -> definition -> part records -> assembly -> robots (one per mode) -> artifacts
       load     validate   resolve        realize        link       root                 emit
 
-`check` and `compile` lead from a document to its robots. `recompile` repeats this with other settings. `build` and `emit` continue to
-artifacts.
+`check` and `compile` run the passes from a document to its robots. `recompile` runs the same passes with other settings. `build` and `emit`
+run the remaining passes to artifacts.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ if TYPE_CHECKING:
 
 
 PASSES = ("thingc.model.resolve.choices", "thingc.model.resolve.assembly", "thingc.model.assembly", "thingc.model.robot")
-"""Modules of the passes after `describe`. They are imported while the CAD kernel loads."""
+"""Modules of the passes after `describe`. These modules are imported while the CAD kernel loads."""
 
 
 _LOOKED_THROUGH = 1 << 20
-"""Maximum number of bytes of a document that are searched for references to parts."""
+"""Maximum number of bytes of a document in which references to parts are searched."""
 _LEADS_TO_PARTS = re.compile(rb"\b(?:part|file|assembly)[\"']?\s*[:=]")
 
 
 class UnknownChoice(Exception):
-    """An unknown mode, target or program was requested. It is a command line error."""
+    """An unknown mode, target or program was requested. This is a command line error."""
 
     def __init__(self, message: str, hint: Hint) -> None:
         super().__init__(f"{message}: {hint}")
@@ -59,7 +59,7 @@ class UnknownChoice(Exception):
 def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
     """Return the named programs that read MuJoCo models, in the order of `CONSUMERS`.
 
-    `names` may be a comma-separated text. Raises `UnknownChoice`.
+    `names` may be a comma-separated string. Raises `UnknownChoice`.
     """
     from thingc.documents.workspace import CONSUMERS
 
@@ -71,11 +71,11 @@ def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
 
 
 class Compilation(FrozenStruct):
-    """The result of compiling a document with some settings: the report, and the output of each pass that succeeded.
+    """The result of compiling a document with given settings: the report, and the output of each pass that succeeded.
 
-    `documents` are the document and the documents that it or choices reference. `robots` has one entry per chosen mode. `decisions` are the
-    reasons why parts were built or reused, and `records` the properties of parts, both by definition text. `repeated` means that this is
-    one of many compilations.
+    `documents` are the document and all documents that it or a choice references. `robots` has an entry for each chosen mode. `decisions`
+    are the reasons why parts were built or reused, and `records` are the properties of parts, both by definition text. `repeated` is True
+    for one of many compilations in a process.
     """
 
     settings: Settings
@@ -91,7 +91,7 @@ class Compilation(FrozenStruct):
 
     @property
     def modelled(self) -> list[str]:
-        """Definition texts of the parts that this compilation built."""
+        """The definition texts of the parts that this compilation built."""
         return sorted(text for text, decision in self.decisions.items() if not decision.reused)
 
     @property
@@ -104,9 +104,9 @@ class Compilation(FrozenStruct):
 
 
 def check(environment: Environment) -> Compilation:
-    """Run every pass up to `root`, for all modes, on a document of any kind that can be checked. Errors are reported.
+    """Run every pass up to `root` for all modes of a document. The document may be of any kind that can be checked. Errors are reported.
 
-    Materials documents are only resolved, variants documents only validated.
+    Materials documents are only resolved. Variants documents are only validated.
     """
     compilation = compile(environment, kinds=("assembly", "materials", "variants"))
     say_unneeded(compilation, [Stage.CHECK])
@@ -135,20 +135,25 @@ def compile(
 def recompile(environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
     """Compile the sources with other settings (see `compile`).
 
-    Checks that concern a single robot (start below the floor, overlapping parts) are skipped.
+    Checks of a single robot (start below the floor, overlapping parts) are skipped.
     """
     return replace(_passes(environment, sources, settings, modes, environment.memo), repeated=True)
 
 
 def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
-    """Return the slow imports of `build`, for `Options.ahead`. They include numpy, which compares solids, only if models need it."""
+    """Return the modules that `build` needs and that are slow to import, for `Options.ahead`.
+
+    This includes numpy, which compares solids, only if models need it.
+    """
     from thingc.targets.registry import modules_of
 
     return (*modules_of(targets), *(["thingc.model.solids.shapes"] if "mjcf" in targets else []))
 
 
 def build(environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None) -> dict[str, Artifacts]:
-    """Run the passes after `root`: check overlaps (warnings) and emit artifacts. The kernel writes the STEP file in parallel.
+    """Run the passes after `root`: check for overlaps, which are warnings, and emit artifacts.
+
+    The CAD kernel writes the STEP file in parallel.
 
     `folder` is the absolute path of the build folder, if known.
     """
@@ -175,12 +180,13 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
 def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, modelling: bool = False) -> Sources | None:
     """Run `load` and `validate`, and describe the referenced parts. Return None if there is no valid document.
 
-    With `modelling`, parts will be built next, so the kernel is loaded in advance if they are likely to be new.
+    `modelling` is True if the caller builds parts next. In this case, the CAD kernel is loaded in advance if some parts are likely to be
+    new.
     """
     workspace, report = environment.workspace, environment.report
     if workspace is None:
         return None
-    # before other imports, because this takes longest
+    # start this before other imports, because it takes longest
     kernel_loads = modelling and _may_name_parts(environment) and environment.parts.anticipate()
     from thingc.documents.load.documents import load
     from thingc.documents.spec.validation import part_references, validate
@@ -204,7 +210,7 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
 
 
 def _may_name_parts(environment: Environment) -> bool:
-    """Return whether part code may run and the beginning of the document refers to parts. If not, the kernel is not needed."""
+    """Return whether part code may run and the beginning of the document refers to parts. Otherwise, the CAD kernel is not needed."""
     if not environment.options.code:
         return False
     text = environment.options.texts.get(environment.document)
@@ -224,9 +230,9 @@ def settings_of(options: Options) -> Settings:
 
 
 def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report, memo: Memo | None) -> Sources:
-    """Return the sources, including documents and parts selected by `choices`. Report their errors.
+    """Return the sources, including the documents and parts that `choices` select. Errors in these documents and parts are reported.
 
-    `memo` caches results for these texts of the documents.
+    `memo` caches results for the current contents of the documents.
     """
     if not choices:
         return sources
@@ -235,14 +241,14 @@ def choose(environment: Environment, sources: Sources, choices: Mapping[str, str
     assemblies, parts = documents_and_parts(choices)
     place = ("choices", frozenset(assemblies), frozenset(parts))
     widened, faults = (memo or Memo())(place, lambda: _widened(environment, sources, assemblies, parts))
-    for fault in faults.diagnostics:  # those without a place in a document are reported at the choice
+    for fault in faults.diagnostics:  # errors without a place in a document are reported at the choice
         code, path = (fault.code, fault.path) if fault.span is not None else (Code.CHOICE_OPTION, "--set")
         report.add(code, fault.message, fault.span, help=fault.help, path=path, notes=fault.notes, severity=fault.severity)
     return widened
 
 
 def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
-    """Return `own` with the additional assemblies and parts, and a report of their errors."""
+    """Return `own` with additional assemblies and parts, and a report of errors in these assemblies and parts."""
     from thingc.documents.load.documents import load_more
     from thingc.documents.spec.validation import part_references, validate
 
@@ -257,7 +263,7 @@ def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], 
 
 
 def model(environment: Environment, own: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:
-    """Run only `resolve`: return the definition with these settings, before parts are built.
+    """Run only `resolve`. Return the definition with these settings, before parts are built.
 
     Errors are reported. Return None if nothing is valid.
     """
@@ -269,7 +275,8 @@ def model(environment: Environment, own: Sources, settings: Settings, report: Re
 def _passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str], of_text: Memo | None) -> Compilation:
     """Run the passes from the sources to the robots.
 
-    `of_text` caches results that are valid for these texts of the documents. The environment's memo caches results that are always valid.
+    `of_text` caches results that are valid for the current contents of the documents. The memo of the environment caches results that are
+    always valid.
     """
     from thingc.geometry.meshes.cache import mesh_records
     from thingc.model.assembly.linking import link
@@ -316,7 +323,7 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
 
 
 def _say_hidden(environment: Environment, sources: Sources, report: Report) -> None:
-    """Report modules of parts that hide other modules."""
+    """Report modules of parts that hide other modules with the same name."""
     from thingc.documents.spec.validation import part_references
     from thingc.geometry.part_source import report_hidden
 
@@ -327,10 +334,10 @@ def _say_hidden(environment: Environment, sources: Sources, report: Report) -> N
 
 
 def emit(environment: Environment, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
-    """Return the artifacts by target, in the requested order. Each export loss is listed with the first target that has it.
+    """Return the artifacts by target, in the requested order. An export loss that several targets share is listed with the first target.
 
-    The report of the compilation must have no errors. With `verify` 0, models are not compiled with MuJoCo, for callers that compile them
-    anyway. With n > 1, only every n-th of the models that differ only in numbers is compiled.
+    The report of the compilation must have no errors. With `verify=0`, MuJoCo does not compile the models, for callers that compile the
+    models anyway. With `verify=n` and n > 1, MuJoCo compiles only every n-th of the models that differ only in numbers.
     """
     from thingc.targets.registry import emitted
 
@@ -373,7 +380,7 @@ def files(environment: Environment, compilation: Compilation, artifacts: Mapping
 
 
 def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
-    """Report unneeded allowances after these stages. Do nothing if there are settings, because other values may need the allowances."""
+    """Report unneeded allowances after these stages. With settings, nothing is reported, because other values may need the allowances."""
     settings, documents = compilation.settings, compilation.documents
     if compilation.assembly is None or documents is None or compilation.report.failed or settings.parameters or settings.choices:
         return
@@ -381,14 +388,14 @@ def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
 
 
 def _assembly(compilation: Compilation) -> Assembly:
-    """Return the assembly. Raises `RuntimeError` if the compilation failed. The caller must check the report first."""
+    """Return the assembly. Raises `RuntimeError` if the compilation failed, so the caller must check the report first."""
     if compilation.assembly is None:
         raise RuntimeError("the compilation failed")
     return compilation.assembly
 
 
 def _corners(environment: Environment) -> Callable[[Mesh], tuple[Vector, ...]] | None:
-    """Return a function for the vertices of a part's mesh, or None if meshes may be missing."""
+    """Return a function that returns the vertices of a part's mesh, or None if meshes may be missing."""
     from thingc.geometry.store.meshes import vertices
 
     return None if environment.options.lock else partial(vertices, environment.store)

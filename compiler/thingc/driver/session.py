@@ -1,7 +1,7 @@
-"""Compile one document many times in one process, sharing all work that does not depend on the settings.
+"""Compile a document many times in one process. Work that does not depend on the settings is shared.
 
-A `Session` runs the same passes as a single compilation (`pipeline`), with the same files and diagnostics. It caches
-the documents and their models, part schemas, records, and the worker.
+A `Session` runs the same passes as a single compilation (`pipeline`), with the same files and diagnostics. The session caches the documents
+and their models, part schemas and part records, and keeps the worker process.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from thingc.targets.artifact import Artifacts, Content
 
 REFUSED = 64
-"""Maximum number of cached failures. A learner may draw the same settings again, and plans request them twice."""
+"""Maximum number of cached failures. A learner may draw the same settings several times, and plans request each failure twice."""
 
 
 class Session:
-    """Compiles one document repeatedly with different settings. A context manager that closes the geometry service on exit.
+    """Compiles a document repeatedly with different settings. On exit, this context manager closes the geometry service.
 
     Settings of a compilation override the parameters and choices of `options`. Documents are read when the session is created. Later
-    changes of documents, parts and the store are not detected. If a blob of the store is lost in the meantime, reading it raises
-    `BlobMissing`; a new session restores it.
+    changes of documents, parts and the store are not detected. If a blob of the store is deleted in the meantime, reading the blob raises
+    `BlobMissing`; a new session restores the blob.
     """
 
     def __init__(self, document: str, options: Options) -> None:
@@ -49,8 +49,8 @@ class Session:
     def compile(self, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
         """Compile the document with these settings up to `root`, for the named modes (default: all).
 
-        Errors are in the compilation's `report`. Failures are cached unless parts were built, because building them may succeed next time.
-        Raises `UnknownChoice` for an unknown mode.
+        Errors are in the `report` of the compilation. A failure is cached, unless parts were built, because building these parts may
+        succeed next time. Raises `UnknownChoice` for an unknown mode.
         """
         own = self.environment.options
         settings = Settings(parameters={**own.parameters, **settings.parameters}, choices={**own.choices, **settings.choices})
@@ -67,5 +67,5 @@ class Session:
         return pipeline.emit(self.environment, compilation, targets, verify=verify)
 
     def files(self, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
-        """Return the files of a build folder by path in the folder."""
+        """Return the files of a build folder, by path in the folder."""
         return pipeline.files(self.environment, compilation, artifacts)

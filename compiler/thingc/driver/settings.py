@@ -1,4 +1,4 @@
-"""Settings by parameter name or path in the document. Values are numbers in SI units, or texts as in documents."""
+"""Settings by parameter name or path in the document. Values are numbers in SI units, or strings as in documents."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from thingc.model.resolve.parameters import AssemblyParameters
 from thingc.model.resolve.resolver import Settings, Sources
 
 EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
-"""Sections whose patterns also match elements of nested documents."""
+"""Sections in which a pattern also matches elements of nested documents."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParsedSettings:
-    """Parsed settings: sorted `names` of numeric settings with their `values` in SI, and other settings as `texts`.
+    """Parsed settings: the sorted `names` of numeric settings with their `values` in SI units, and other settings as strings in `texts`.
 
-    Errors are in `report`, which is None if there are no errors.
+    `report` contains the errors, or is None if there are no errors.
     """
 
     names: tuple[str, ...]
@@ -41,7 +41,10 @@ class ParsedSettings:
 
 
 class SettingsReader:
-    """Parses settings of one document. `parameters` are its own, by name. `kinds` has kinds of values of other settings, by path."""
+    """Parses the settings of a document.
+
+    `parameters` are the parameters of the document by name. `kinds` maps the paths of other settings to the kinds of their values.
+    """
 
     def __init__(
         self, sources: Sources, fixed: Mapping[str, Any] | None = None, kinds: Mapping[str, ExpressionValue] | None = None,
@@ -55,11 +58,11 @@ class SettingsReader:
         self._numeric: set[str] = set()  # names with numeric settings
 
     def kind(self, name: str) -> ExpressionValue | None:
-        """Return the value that the document specifies, or its default. Return None if there is none or it cannot be evaluated."""
+        """Return the value that the document specifies, or its default. Return None if the value does not exist or cannot be evaluated."""
         if name not in self._kinds:
             known = self._kinds[name] = self.parameters.get(name) if "." not in name else self._stated(name)
             vector, _, index = name.rpartition(".")
-            if index.isdecimal() and known == Quantity(0.0):  # a bare 0 has the kind of the other values of the vector
+            if index.isdecimal() and known == Quantity(0.0):  # a bare 0 has the kind of the other elements of the vector
                 others = (self._stated(f"{vector}.{other}") for other in "012")
                 self._kinds[name] = next((one for one in others if isinstance(one, Quantity) and one.dimension != NUMBER), known)
         return self._kinds[name]
@@ -108,7 +111,7 @@ class SettingsReader:
         return did_you_mean(word, [key for key, _ in inside])
 
     def read(self, settings: Mapping[str, Any]) -> ParsedSettings:
-        """Parse settings, which override the fixed ones. Report invalid types of settings and invalid names."""
+        """Parse settings, which override the fixed settings. Report invalid types of values and invalid names."""
         numbers: dict[str, float] = {}
         texts: dict[str, str] = {}
         report: Report | None = None
@@ -118,7 +121,7 @@ class SettingsReader:
             report.add(Code.CHOICE_OPTION, message, None, path=SET, help="write `{'joints.NAME.limit.upper': 1.5}`")
             settings = {}
         for given, value in (*self.fixed.items(), *settings.items()):
-            if type(value) is float and given in self._numeric:  # fast path with the same result
+            if type(value) is float and given in self._numeric:  # this fast path has the same result as the code below
                 numbers[given] = value + 0.0
                 texts.pop(given, None)
                 continue
@@ -143,7 +146,10 @@ class SettingsReader:
         return ParsedSettings(names=names, values=tuple(map(numbers.__getitem__, names)), texts=tuple(sorted(texts.items())), report=report)
 
     def _number(self, name: str, value: Any) -> float | None:
-        """Return a value in SI. Return None if it is not a number, or if its kind differs from that of the value in the document."""
+        """Return a value in SI units.
+
+        Return None if the value is not a number, or if its kind differs from the kind of the value in the document.
+        """
         kind = self.kind(name)
         if isinstance(value, str) and (isinstance(kind, Quantity) or (kind is None and "." in name)):
             try:
@@ -180,7 +186,7 @@ class SettingsReader:
         return {**values, **{path: value for path, value in stated.items() if value is not None}}
 
     def as_given(self, settings: Mapping[str, Any]) -> dict[str, str]:
-        """Return the texts of settings by name, except texts that are replaced by a later number."""
+        """Return the settings that are strings by name, except strings that a later number overrides."""
         texts: dict[str, str] = {}
         for given, value in settings.items():
             for name in self.meant(given):
@@ -190,7 +196,10 @@ class SettingsReader:
         return texts
 
     def settings(self, read: ParsedSettings, units: Mapping[str, str] | None = None, given: Mapping[str, str] | None = None) -> Settings:
-        """Return settings as for `thingc build -p` and `--set`. Numbers are as in `given`, else written exactly in their unit or in SI."""
+        """Return settings as for `thingc build -p` and `--set`.
+
+        Numbers are written as in `given`, else exactly in their unit or in SI units.
+        """
         units = units or {}
         numbers = {name: text_of(number, units.get(name, "")) for name, number in self.quantities(read).items()}
         texts = {**numbers, **dict(read.texts), **(given or {})}
@@ -201,7 +210,7 @@ class SettingsReader:
 
 
 def settings_with(own: Settings, values: Mapping[str, Any], report: Report, sources: Sources) -> Settings:
-    """Return `own` settings with `values` added, or only `own` for an invalid assembly. Invalid names are reported."""
+    """Return the settings `own` with `values` added, or only `own` for an invalid assembly. Invalid names are reported."""
     if not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
         return own
     reader = SettingsReader(sources)
@@ -228,7 +237,7 @@ def _setting_text(value: Any) -> str:
 
 
 def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
-    """Evaluate a boolean or an expression. Return None for other texts, and if evaluation fails."""
+    """Evaluate a boolean or an expression. Return None for other strings, and if the evaluation fails."""
     if text in ("true", "false"):
         return text == "true"
     try:
@@ -238,7 +247,10 @@ def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue 
 
 
 def _everywhere(documents: Documents, document: Document, words: Sequence[str], before: tuple[str, ...] = ()) -> list[str]:
-    """Return the paths that a pattern matches in a document and its nested documents. `joints.*` matches the joints of all of them."""
+    """Return the paths that a pattern matches in a document and its nested documents.
+
+    `joints.*` matches the joints of all these documents.
+    """
     found = _matching(documents, document, document.tree, words, before)
     components = document.tree.entries.get("components") if words[0] in EVERYWHERE else None
     for name in entries_of(components):

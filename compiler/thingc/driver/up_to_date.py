@@ -1,8 +1,8 @@
-"""Skip runs if nothing has changed. A stamp records everything that a finished run has read.
+"""Skip runs if nothing has changed. A stamp records all inputs of a finished run.
 
-A stamp is valid if every input has the same content, every file that was looked for and missing is still missing, and the same thingc runs
-with the same installed packages. Then the run's answer (its diagnostics, and for a build the folder that it wrote) is also valid, and no
-document needs to be parsed.
+A stamp is valid if every input has the same content, every missing file is still missing, and thingc and the installed packages are the
+same. In this case the result of the run (its diagnostics, and for a build the folder that it wrote) is also valid, and no document needs to
+be parsed.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ FOLDER = "folder:"
 def fingerprint() -> str:
     """Return a digest of the installation.
 
-    It covers the interpreter, the installed packages (the names of their metadata folders contain the version), the variables that workers
-    get, and thingc's own files.
+    The digest covers the interpreter, the installed packages (the names of their metadata folders contain the version), the environment
+    variables of workers, and the files of thingc.
     """
     from thingc.geometry.key.environment_variables import passed
 
@@ -57,7 +57,8 @@ def fingerprint() -> str:
 def state_of(path: str, store: Store | None = None) -> str | None:
     """Return a digest of a file or folder, or None if neither exists.
 
-    It is the SHA-256 of a file's content, or `folder:` and the SHA-256 of a folder's names. `store` caches digests of large files.
+    For a file, the digest is the SHA-256 of its content. For a folder, it is `folder:` and the SHA-256 of the names of its entries. `store`
+    caches digests of large files.
     """
     from thingc.geometry.store.file_digests import digest_of
 
@@ -81,7 +82,7 @@ def save(
 ) -> None:
     """Store a finished run: its inputs by absolute path (see `state_of`), its diagnostics, and its answer.
 
-    Nothing is stored if `inputs` is None, because they changed during the run.
+    If `inputs` is None, nothing is stored, because an input changed during the run.
     """
 
     if inputs is None:
@@ -91,7 +92,7 @@ def save(
 
 
 def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | None:
-    """Return the diagnostics and the answer of a run with the same inputs, or None if anything has changed."""
+    """Return the diagnostics and the result of a run with the same inputs, or None if an input has changed."""
     kept = store.get_json("stamp", key)
     if not isinstance(kept, dict) or any(state_of(path, store) != state for path, state in kept["inputs"].items()):
         return None
@@ -112,15 +113,15 @@ def _types() -> dict[str, Any]:
 
 
 def unpacked(kept: Mapping[str, object]) -> Diagnostic:
-    """Convert the plain JSON values of a diagnostic back, the inverse of `packed`."""
+    """Convert plain JSON values to a diagnostic. This function is the inverse of `packed`."""
     fields = {name: msgspec.convert(value, _types()[name]) for name, value in kept.items() if name != "code"}
     return Diagnostic(code=Code[str(kept["code"])], **fields)
 
 
 def inputs(environment: Environment, compilation: Compilation) -> dict[str, str | None] | None:
-    """Return everything that a compilation without errors has read, by absolute path, with digests of the content (see `state_of`).
+    """Return all files and folders that a compilation without errors has read: absolute paths with digests of the content (see `state_of`).
 
-    Return None if a file changed while it was being read, because the content that the result is based on is then unknown.
+    Return None if a file changed while it was being read, because in this case the content that was used is unknown.
     """
     workspace, documents = environment.workspace, compilation.documents
     assert workspace is not None and documents is not None
@@ -131,9 +132,9 @@ def inputs(environment: Environment, compilation: Compilation) -> dict[str, str 
 
 
 def looked_at(environment: Environment, compilation: Compilation) -> set[str]:
-    """Return the absolute paths of everything that a compilation depends on, with or without errors.
+    """Return the absolute paths of all files and folders on which a compilation, with or without errors, depends.
 
-    These are files and folders, existing or not, in the workspace and in packages tracked by content.
+    The paths are existing and missing files and folders in the workspace and in packages that are tracked by content.
     """
     from thingc.documents.workspace import settings_files
     from thingc.model.resolve.choices import chosen_files

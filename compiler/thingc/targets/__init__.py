@@ -1,4 +1,4 @@
-"""Targets: a module or folder for each output format. This package exports the API for emitters in other packages."""
+"""Targets: each output format has a module or a folder. This package exports the API for emitters in other packages."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ MANIFEST = "manifest.json"
 
 
 class StoredArtifact(FrozenStruct):
-    """A file in the content-addressed store. It is copied into the build without being read."""
+    """A file in the content-addressed store. A build copies the file without reading it."""
 
     sha256: str
     size: int
@@ -23,9 +23,9 @@ class StoredArtifact(FrozenStruct):
 Content = bytes | StoredArtifact
 
 How = Literal["omitted", "approximated", "carried as custom data"]
-"""What happens to a feature that a target cannot express, from worst to best.
+"""How a target treats a feature that it cannot express, from worst to best.
 
-Custom data is written to the files, but only readers that support it use it.
+"Carried as custom data" means that the feature is written as custom data, which only some readers support.
 """
 
 CARRIED: Final = "carried as custom data"
@@ -37,7 +37,7 @@ class Loss(FrozenStruct):
     """A feature of a robot that a target cannot express.
 
     `mode` is None if the loss does not belong to a single mode. `path` is the path of the occurrence, joint or mount. `what` describes the
-    loss, and `origin` are its places in the documents.
+    loss; `origin` lists its places in the documents.
     """
 
     target: str

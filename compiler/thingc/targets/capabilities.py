@@ -2,8 +2,8 @@
 
 The table determines what the emitter writes, which losses it reports, and the target's column in `docs/formats.md`.
 
-Types ensure that tables are complete: mypy reports a missing feature. If a feature can be written in several ways, the cell has one of the
-target's own keywords (`by`). The emitter matches on this keyword (`written`), and mypy reports an unknown keyword or a missing case. Losses
+Types ensure that tables are complete: mypy reports a missing feature. If a feature can be written in several ways, the cell contains a
+keyword of the target (`by`). The emitter matches on this keyword (`written`), and mypy reports an unknown keyword or a missing case. Losses
 depend on the robot: `losses` checks which features the robot uses, in the same way for all targets.
 """
 
@@ -24,7 +24,7 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Loss
 
 GRAVITY: Vector = (0.0, 0.0, -9.81)
-"""Gravity [m/s^2] that readers assume if a format has none."""
+"""Gravity [m/s^2] that readers assume if a format does not specify gravity."""
 
 
 By = TypeVar("By")
@@ -38,8 +38,8 @@ Sensor = TypeVar("Sensor")
 class Supported(FrozenStruct, Generic[By], kw_only=False):
     """The format supports the feature.
 
-    `how` describes the format's feature if it has a different name. `by` is the emitter's keyword for how it is written, or None if there
-    is only one way.
+    `how` is the name of the feature in the format, if it differs. `by` is the emitter's keyword for how the feature is written, or None if
+    it is always written in the same way.
     """
 
     by: By
@@ -47,9 +47,9 @@ class Supported(FrozenStruct, Generic[By], kw_only=False):
 
 
 class Lossy(FrozenStruct, Generic[By], kw_only=False):
-    """The format supports part of the feature: it is written as `by` specifies, with a `Loss` whose `how` is given.
+    """The format supports part of the feature. The feature is written as `by` specifies, and a `Loss` with the given `how` is reported.
 
-    `words` are added to the description of the loss; they begin with a comma or colon.
+    `words` is appended to the description of the loss and begins with a comma or colon.
     """
 
     by: By
@@ -58,7 +58,7 @@ class Lossy(FrozenStruct, Generic[By], kw_only=False):
 
 
 class Omitted(FrozenStruct, kw_only=False):
-    """The format does not support the feature, and nothing is written. `words` are added to the description of the `Loss`."""
+    """The format does not support the feature, and nothing is written. `words` is appended to the description of the `Loss`."""
 
     words: str = ""
 
@@ -69,7 +69,7 @@ class Omitted(FrozenStruct, kw_only=False):
 
 
 class Companion(FrozenStruct, kw_only=False):
-    """Users do not expect the feature in files of this format. It is not written and does not count as a loss."""
+    """Users do not expect the feature in files of this format. The feature is not written, and this is not a loss."""
 
 
 Written = Supported[By] | Lossy[By]
@@ -82,7 +82,7 @@ BESIDE = Companion()
 
 
 def written(cell: Cell[By]) -> By | None:
-    """Return the emitter's keyword for how a feature is written. Return None if there is only one way or if it is not written."""
+    """Return the emitter's keyword for how a feature is written. Return None if the feature has no keyword or is not written."""
     return cell.by if isinstance(cell, (Supported, Lossy)) else None
 
 
@@ -114,7 +114,7 @@ class OfJoints(TypedDict):
 
 
 class Drives(TypedDict, Generic[By]):
-    """Cells for drives, by kind. The drives of a `ball` have their own axes, and a `universal` has two drives."""
+    """Cells for drives, by kind. The drives of a `ball` have their own axes. A `universal` joint has two drives."""
 
     position: Cell[By]
     velocity: Cell[By]
@@ -124,7 +124,7 @@ class Drives(TypedDict, Generic[By]):
 
 
 class LoopKinds(TypedDict, Generic[By]):
-    """Cells for loops, by the motion that remains free at the cut. A `hold` keeps a mount in place."""
+    """Cells for loops, by the motion that remains free at the cut. A `hold` keeps a mount at its position in the world."""
 
     hold: Cell[By]
     weld: Cell[By]
@@ -159,8 +159,8 @@ class Modes(TypedDict):
 class Links(TypedDict):
     """Cells for properties of links.
 
-    `rolling` is rolling friction. `weightless` is a massless link moved by a joint, and `weightless_base` is a massless base. `point` and
-    `line` are masses at a point or on a line, whose inertia no solid can have.
+    `rolling` is rolling friction. `weightless` is a massless link that a joint moves, and `weightless_base` is a massless base. `point` and
+    `line` are masses at a point or on a line; no solid can have such an inertia.
     """
 
     frames: Plain
@@ -225,8 +225,8 @@ class OfSensors(TypedDict):
 class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
     """All features that a format may or may not support.
 
-    The type parameters are the emitter's keywords for writing joints, drives, loops, shapes and sensors, or `Never` if it does not write
-    them.
+    The type parameters are the emitter's keywords for writing joints, drives, loops, shapes and sensors. A parameter is `Never` if the
+    emitter does not write the feature.
     """
 
     joints: Joints[Joint]
@@ -242,13 +242,13 @@ class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
 
 
 AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
-"""The capabilities of any target."""
+"""Type of the capabilities of any target."""
 
 
 def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
-    """Return the losses of a target for a robot in these modes, without duplicates.
+    """Return the losses of a target for a robot in the given modes, without duplicates.
 
-    `cut` means that the target also writes joints that cut loops as joints.
+    `cut` is True if the target also writes joints that cut loops as joints.
     """
     lost = _Lost(target, says, cut)
     everything: list[Iterator[Loss]] = [lost.of_assembly(assembly)]
@@ -258,7 +258,7 @@ def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Seque
 
 
 class _Lost:
-    """Finds the features of a robot, and yields a loss for each one without full support. Losses common to all modes have no mode."""
+    """Finds the features of a robot, and yields a loss for each feature without full support. Losses common to all modes have no mode."""
 
     def __init__(self, target: str, says: AnyCapabilities, cut: bool) -> None:
         self.target = target
@@ -270,7 +270,7 @@ class _Lost:
             yield Loss.of(origin, self.target, mode, path, what + cell.words, cell.how)
 
     def of_joints(self, robot: Robot) -> Iterator[Loss]:
-        """Yield the losses for a mode's joints that are written as joints."""
+        """Yield the losses for those joints of a mode that the target writes as joints."""
         mates = robot.assembly.mates
         groups: list[tuple[str, Sequence[TreeJoint | JointEdge]]] = [
             (mates[body.joints[0].mate].name or body.joints[0].path, body.joints) for body in robot.bodies if body.joints
@@ -347,7 +347,7 @@ class _Lost:
                 yield from self(cell, mode.name, mode.name, what, mode.origin)
 
     def of_base(self, robot: Robot) -> tuple[tuple[Plain, str, bool], ...]:
-        """Return the capability, a description, and whether it is used, for each property of a mode's base."""
+        """Return the capability, a description, and whether the robot uses the property, for each property of a mode's base."""
         base, bases = robot.base, self.says["bases"]
         match base:
             case "fixed":
@@ -363,7 +363,7 @@ class _Lost:
                 assert_never(base)
 
     def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Plain, str, bool], ...]:
-        """Return the capability, a description, and whether it is used, for each setting in `simulation` of a document or mode."""
+        """Return the capability, a description, and whether the document uses the setting, for each setting in `simulation`."""
         modes = self.says["modes"]
         return (
             (modes["timestep"], "its time step", "timestep" in simulation),
@@ -373,7 +373,7 @@ class _Lost:
     def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
         """Yield the loss for a sensor or, if the sensor is written, the losses for its properties that are not written.
 
-        For a rangefinder, `cutoff` is the range and does not clip the values.
+        For a rangefinder, `cutoff` is the range of the sensor and does not clip its values.
         """
         cell, of = self.says["sensors"][sensor.kind], self.says["of_sensors"]
         yield from self(cell, None, sensor.path, "this sensor", sensor.origin)

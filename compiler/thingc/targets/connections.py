@@ -1,4 +1,7 @@
-"""The connections between the bodies of a mode, for formats that allow any graph: tree joints, and joints that close loops."""
+"""The connections between the bodies of a mode, for formats that allow any graph.
+
+Connections are joints of the tree and joints that close loops.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +22,12 @@ HOLD = "_hold"
 
 
 class Connection(FrozenStruct):
-    """A connection between two bodies, which are given by index (None as the parent is the world).
+    """A connection between two bodies, which are given by index. The parent None is the world.
 
     `X_0` is a frame on the parent, `X_1` a frame on the child. Applying the motion of `coordinates` to the first frame gives the second
-    one. Each of the `twists` is in the first frame, with all later coordinates at 0. A connection without coordinates is fixed; if `turns`
-    is set, it only keeps the two origins together. `path` is the path of the whole joint. `joints` are the coordinates of a joint in the
-    document. A connection that is not `in_tree` closes a loop or holds a mount.
+    frame. Each of the `twists` is in the first frame, with all later coordinates at 0. A connection without coordinates is fixed. If
+    `turns` is True, the connection only keeps the two origins together. `path` is the path of the whole joint. `joints` are the coordinates
+    of a joint in the document. A connection that is not `in_tree` closes a loop or holds a mount.
     """
 
     parent: int | None

@@ -3,7 +3,7 @@
 Emitters of targets with `Target.by_name` get the renamed robot and do not see the original names. A `/` in a custom name is written in the
 same way as a `/` in a path.
 
-Fields that contain paths are identified by their types (see `base/export_names.py`). Other records with paths have rules (see
+The types of fields identify fields that contain paths (see `base/export_names.py`). Rules identify paths in other records (see
 `_Caller.rules`).
 """
 
@@ -25,14 +25,14 @@ from thingc.model.robot.types import Closure, TreeJoint
 from thingc.targets.request import EmitRequest
 
 MADE = "called"
-"""Key under which the new request is cached in the original one."""
+"""Key under which the renamed request is cached in the original request."""
 
 AS_WRITTEN = frozenset({AssemblyDefinition, Component, Definition, FileNames, LinkedTest, Occurrence})
 """Records that keep the names of the documents."""
 
 
 def called(request: EmitRequest) -> EmitRequest:
-    """Return the request with custom names, or the unchanged request if there are none."""
+    """Return the request with custom names, or the unchanged request if the documents contain no custom names."""
     names = request.assembly.names
     if names is None:
         return request
@@ -65,7 +65,7 @@ class _Caller:
 
     def __init__(self, assembly: Assembly, names: FileNames) -> None:
         self.names = names
-        joints = dict(names.joints)  # whole joints, and their coordinates
+        joints = dict(names.joints)  # whole joints and their coordinates
         for mate in assembly.mates:
             whole = names.joints.get(mate.name or "")
             for joint in mate.joints if whole is not None else ():
@@ -89,7 +89,7 @@ class _Caller:
         self._made: dict[int, tuple[Any, Any]] = {}
 
     def record(self, old: Any) -> Any:
-        """Return a record with custom names. Shared records stay shared."""
+        """Return a record with custom names. Records that are shared by identity are converted once."""
         if id(old) not in self._made:
             fields = {name: self.value(hint, getattr(old, name)) for name, hint in fields_of(old.__class__).items()}
             rule = self.rules.get(old.__class__)

@@ -1,8 +1,8 @@
-"""The visual and collision shapes of each occurrence for any target: primitives, and meshes that are shared per definition.
+"""The visual and collision shapes of each occurrence for any target: primitives, and meshes that all occurrences of a definition share.
 
 This module also computes the size of a robot.
 
-Shapes are the same in every mode, so they are computed once. Meshes are copied from the store by hash without being read. Each target
+Shapes are the same in every mode and are therefore computed once. Meshes are copied from the store by hash, without parsing. Each target
 reports the shapes that it does not accept (see `Takes`).
 """
 
@@ -25,20 +25,20 @@ from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss, StoredArtifact
 
 PIECES = {"decompose": "convex"}
-"""Names used in files of convex pieces, if they differ from the value of `collision`."""
+"""Words in the file names of convex pieces, by value of `collision`, if the words differ from the value."""
 
 ENDLESS = 100.0
 """Half the size [m] of a plane that represents an infinite plane, in formats without infinite planes."""
 
 Takes = Callable[[Occurrence, Mesh | Primitive], bool]
-"""Returns whether a target accepts a collision shape of an occurrence. The function itself reports losses."""
+"""Function that returns whether a target accepts a collision shape of an occurrence. The function also reports the losses."""
 
 
 class MeshAsset(FrozenStruct):
     """A mesh with its own file.
 
     `mesh` is the mesh in the store (OBJ) [m], `volume` is the volume of its part [m^3], and `origin` is the origin of its first occurrence.
-    `own` is the content of the original mesh file, which MuJoCo reads, and `scale` are its scale factors to metres.
+    `own` is the content of the original mesh file, which MuJoCo reads. `scale` are the factors that convert the original mesh to metres.
     """
 
     name: str
@@ -50,17 +50,17 @@ class MeshAsset(FrozenStruct):
 
     @property
     def file(self) -> str:
-        """The name of its file."""
+        """The file name of the mesh."""
         return f"{self.name}.obj" if self.own is None else self.name
 
     @property
     def stored(self) -> StoredArtifact:
-        """The content of its file."""
+        """The content of the mesh file."""
         return self.own or StoredArtifact(sha256=self.mesh.sha256, size=self.mesh.size)
 
 
 class Shape(FrozenStruct):
-    """A shape in its occurrence's frame: a mesh (by its name `mesh`) or a primitive with a `size` as in `Primitive` [m].
+    """A shape in the frame of its occurrence: a mesh with the name `mesh`, or a primitive with a `size` [m] as in `Primitive`.
 
     `name` is the custom name, prefixed with the path of its document.
     """
@@ -84,7 +84,7 @@ class Shapes(FrozenStruct):
 
 
 class Geometry(FrozenStruct):
-    """The geometry of an assembly. `shapes[i]` are the shapes of occurrence i. Mesh assets are in order of first use."""
+    """The geometry of an assembly. `shapes[i]` contains the shapes of occurrence i. Mesh assets are in order of first use."""
 
     shapes: tuple[Shapes, ...]
     meshes: tuple[MeshAsset, ...]
@@ -96,7 +96,10 @@ class Geometry(FrozenStruct):
 
 
 def material_name(material: Material | None, color: str | None) -> str | None:
-    """Return `petg_e6e6fa`, the material and the colour, since a material may have several colours. Return None without a colour."""
+    """Return a name such as `petg_e6e6fa` from material and colour, because a material may have several colours.
+
+    Return None without a colour.
+    """
     if color is None:
         return None
     return f"{material.name if material is not None else 'color'}_{color.removeprefix('#')}"
@@ -114,12 +117,12 @@ def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
 
 
 def numbered(name: str, index: int) -> str:
-    """Return the name of the item at `index`: `hand/cap`, then `hand/cap_1`."""
+    """Return the name of the item at `index`: `hand/cap` for the first item, then `hand/cap_1` and so on."""
     return f"{name}_{index}" if index else name
 
 
 def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
-    """Yield the name of each shape: its custom name if that is still unused, else the usual name with a number."""
+    """Yield the name of each shape: its custom name if no other shape uses it, else the default name with a number."""
     used: set[str | None] = {None}
     for index, shape in enumerate(shapes):
         yield numbered(usual, index) if shape.name in used else shape.name or ""
@@ -164,10 +167,10 @@ def inputs_of(assembly: Assembly) -> tuple[object, ...]:
 
 
 def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report, *, own: bool = False) -> Geometry:
-    """Return the geometry of every occurrence. `takes` returns whether the target accepts a collision shape.
+    """Return the geometry of every occurrence. `takes(...)` returns whether the target accepts a collision shape.
 
-    With `own`, meshes have the content of their original mesh files if it is known. It is an error if meshes of two definitions have the
-    same file name in `folder`.
+    With `own`, meshes have the content of their original mesh files, if known. If meshes of two definitions have the same file name in
+    `folder`, an error is reported.
     """
     return _Collector(folder, takes, report, own).collect(assembly)
 
@@ -215,7 +218,7 @@ class _Collector:
         return Shapes(path=occurrence.path, origin=occurrence.origin, visual=visual, collision=touching)
 
     def collision(self, occurrence: Occurrence, stem: str) -> tuple[Shape, ...]:
-        """Return the collision shapes that `collision:` selects for an occurrence, one for each piece that can collide."""
+        """Return the collision shapes that `collision:` selects for an occurrence. Each piece that can collide has a shape."""
         choice = occurrence.overrides.collision
         if choice == "none":
             return ()
@@ -253,7 +256,7 @@ class _Collector:
 
 
 Box = tuple[Vector, Vector]
-"""Two corners [m], the lower one first."""
+"""Type of a bounding box: its lower and its upper corner [m]."""
 
 
 def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple[tuple[tuple[Pose, Box | None], ...], ...]]:
@@ -267,7 +270,7 @@ def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple
 
 
 def bounds(bodies: Sequence[tuple[int | None, Pose]], parts: Sequence[Sequence[tuple[Pose, Box | None]]]) -> Box | None:
-    """Return the bounding box [m] of the robot in the world at q = 0 from the boxes of its parts, or None without geometry.
+    """Return the bounding box [m] of the robot in the world at q = 0, computed from the boxes of its parts. Return None without geometry.
 
     The minimum of a coordinate of a rotated box is the sum of the minima of its three terms (Arvo, "Transforming axis-aligned bounding
     boxes", Graphics Gems, 1990).

@@ -11,7 +11,7 @@ from thingc.base.safe_text import json_text
 
 
 def encode(value: object) -> bytes:
-    """Return `value` (mappings, sequences, text, numbers, flags, None) as UTF-8 JSON with a final newline. Keys keep their order.
+    """Return `value` (mappings, sequences, strings, numbers, booleans, None) as UTF-8 JSON with a final newline. Keys keep their order.
 
     Raises `ValueError` for a number that is not finite, which JSON does not support, and `TypeError` for any other type.
     """
@@ -19,7 +19,7 @@ def encode(value: object) -> bytes:
 
 
 class JsonFragment(str):
-    """A value that is already encoded as JSON text, with the indentation for its depth (see `fragment`)."""
+    """A value that is already encoded as JSON, with the indentation for its depth (see `fragment`)."""
 
     __slots__ = ()
 

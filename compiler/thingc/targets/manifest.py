@@ -1,4 +1,4 @@
-"""`manifest.json`: the contents and sources of a build folder, which are needed to check and replace the folder."""
+"""`manifest.json`: the contents and sources of a build folder. thingc uses it to check and replace the folder."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "t
 class BuildChoice(FrozenStruct):
     """The options of a build.
 
-    `modes`, `emit` (targets) and `compat` (readers of MuJoCo models) are names in document order or in the order of their tables. Values of
-    parameters and choices are text.
+    `modes` are names in document order. `emit` (targets) and `compat` (readers of MuJoCo models) are names in the order of their tables.
+    Values of parameters and choices are strings.
     """
 
     modes: tuple[str, ...]
@@ -98,7 +98,7 @@ def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
 
 
 def sha256_of(content: Content) -> str:
-    """Return the hexadecimal SHA-256 of a file's content, which is already known for a stored file."""
+    """Return the hexadecimal SHA-256 of the content of a file. For a stored file, the hash is already known."""
     return content.sha256 if isinstance(content, StoredArtifact) else hashlib.sha256(content).hexdigest()
 
 
@@ -106,8 +106,9 @@ def sha256_of(content: Content) -> str:
 def versions() -> Mapping[str, str]:
     """Return the installed versions of Python, thingc and `DISTRIBUTIONS` by name. The result is cached.
 
-    The first version on the import path counts. Versions are read from the names of the `NAME-VERSION.dist-info` folders ("Recording
-    installed projects", PyPA specifications), because importing `importlib.metadata` would take longer than writing all other files.
+    If several versions are on the import path, the first version is returned. Versions are read from the names of the
+    `NAME-VERSION.dist-info` folders ("Recording installed projects", PyPA specifications), because importing `importlib.metadata` would
+    take longer than writing all other files.
     """
     wanted = {_normal(name): name for name in DISTRIBUTIONS}
     version_of: dict[str, str] = {}

@@ -1,7 +1,7 @@
 """`modes.json`: the trees of all modes, for switching between modes at run time.
 
-It is sufficient for the forward kinematics of any mode at any q, without MuJoCo. P is the document's parent link of a joint and C its
-child; J is the parent mount's frame. With the joint's coordinates in order,
+The file is sufficient to compute the forward kinematics of any mode at any q without MuJoCo. P is the document's parent link of a joint and
+C its child; J is the parent mount's frame. With the joint's coordinates in order,
 
     X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ inv(X_CJ)
 
@@ -36,14 +36,14 @@ VERSION = 2
 """Version of the data format of a mode. Readers reject other versions."""
 
 LISTED = 3
-"""Nesting depth of a link or joint in the file, which is in a list of a mode."""
+"""Nesting depth of a link or joint in the file. Links and joints are items of lists in a mode."""
 
 FREE = (7, 6)
-"""Sizes of a free base in `qpos` and `qvel`: position and quaternion; linear and angular velocity."""
+"""Number of entries of a free base in `qpos` (position and quaternion) and in `qvel` (linear and angular velocity)."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return `modes.json` with the chosen modes in document order. It contains addresses in the MJCF models."""
+    """Return `modes.json` with the chosen modes in document order. The file contains addresses in the MJCF models."""
     between = separator(request.compat)
     described = {robot.mode.name: describe(robot, request.memo, between) for robot in request.robots}
     return Artifacts(files={"modes.json": json_writer.encode(described)})
@@ -184,7 +184,7 @@ def _joint_json(
 
 
 def _coordinate(path: str, twist: Twist) -> dict[str, object]:
-    """Return a coordinate and its twist, whose axis goes through the origin."""
+    """Return a coordinate with its twist. The axis of the twist passes through the origin."""
     linear, angular = twist.velocity((0.0, 0.0, 0.0))
     return {"name": path, "angular": angular, "linear": linear}
 

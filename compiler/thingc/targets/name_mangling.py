@@ -1,4 +1,4 @@
-"""Names in formats other than MJCF: paths with `_` in place of `/` and `::` (Gazebo's separator). Each name must be unique."""
+"""Names in formats other than MJCF: paths with `_` in place of `/` and `::` (the separator of Gazebo). Each name must be unique."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def package_name(robot: str) -> str:
 def frames(robot: Robot) -> dict[int, list[Site]]:
     """Return the additional frames by body index.
 
-    If several paths have the same name and frame, only the first one is included.
+    If several paths have the same name and frame, only the first path is included.
     """
     links = robot.assembly.links
     known = {(safe(links[body.link].name), index, NO_POSE) for index, body in enumerate(robot.bodies)}
@@ -37,7 +37,7 @@ def frames(robot: Robot) -> dict[int, list[Site]]:
 
 
 class MangledNames:
-    """The names in one namespace of a file of the format `target` (such as `URDF`). A duplicate is reported at its second use.
+    """The names in one namespace of a file of the format `target` (such as `URDF`). A duplicate name is reported at its second use.
 
     `both` is the verb for the conflict in the message: `be the link` or `have the name`.
     """
@@ -51,7 +51,7 @@ class MangledNames:
     def take(self, path: str, origin: Origin, made: str | None = None) -> str:
         """Return the name for a path, and report a duplicate.
 
-        `made` describes an item that has no path in the document. Names that every file contains have an empty origin.
+        `made` describes an item that has no path in the document. A name that every file contains has an empty origin.
         """
         self.free(path, origin, made)
         return safe(path)

@@ -1,4 +1,4 @@
-"""Graphs of a robot as networkx graphs, only for export: the compiler does not use them.
+"""Graphs of a robot as networkx graphs. They are only for export; the compiler does not use them.
 
 Attributes without a value are omitted, because GraphML has no null.
 """
@@ -24,8 +24,8 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
     """Return the hierarchical assembly graph.
 
     Nodes are texts of definitions with `label`, `reference`, `kind`, `quantity` (their number in the robot), and for a mirror image
-    `mirror` and `mirrors` (a text). Edges go from an assembly to its components. Their key is the component; they have `mounts` and
-    `joint`.
+    `mirror` and `mirrors` (a text). Edges go from an assembly to its components. The key of an edge is the component; its attributes are
+    `mounts` and `joint`.
     """
     graph = networkx.MultiDiGraph(name=hag.label)
     for one in hag.definitions:
@@ -41,8 +41,8 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
 def mate_graph(assembly: Assembly) -> Graph:
     """Return the graph of mates.
 
-    Nodes are paths of occurrences with `definition` (a text), `link` and `mass` [kg]. Edges go from the parent of a mate to its child.
-    Their key is `mount -> mount`; they have `parent_mount`, `child_mount`, `joint` (omitted if rigid) and `loop`.
+    Nodes are paths of occurrences with `definition` (a text), `link` and `mass` [kg]. Edges go from the parent of a mate to its child. The
+    key of an edge is `mount -> mount`; its attributes are `parent_mount`, `child_mount`, `joint` (omitted if rigid) and `loop`.
     """
     graph = networkx.MultiDiGraph(name=assembly.name)
     names = [occurrence.path for occurrence in assembly.occurrences]
@@ -59,8 +59,8 @@ def mate_graph(assembly: Assembly) -> Graph:
 def link_graph(assembly: Assembly) -> Graph:
     """Return the graph of links.
 
-    Nodes are names of links with `mass` [kg] and `occurrences`. Edges go from the document's parent of a joint to its child. Their key is
-    the path of the joint; they have `kind`, `coordinates` (their paths) and `loop`.
+    Nodes are names of links with `mass` [kg] and `occurrences`. Edges go from the document's parent of a joint to its child. The key of an
+    edge is the path of the joint; its attributes are `kind`, `coordinates` (their paths) and `loop`.
     """
     graph = networkx.MultiDiGraph(name=assembly.name)
     for link in assembly.links:
@@ -82,7 +82,10 @@ def _said(**attributes: Any) -> dict[str, Any]:
 
 
 def graphml(graph: Graph) -> str:
-    """Return a graph without lists as GraphML. Edge ids are numbers, because they must be unique in a file; the key is in `name`."""
+    """Return a graph without lists as GraphML.
+
+    Edge ids are numbers, because ids must be unique in a file. The attribute `name` contains the key.
+    """
     spoken = networkx.MultiDiGraph(**_displayable(graph.graph))
     for node, attributes in graph.nodes(data=True):
         spoken.add_node(escape_control(node), **_displayable(attributes))
@@ -106,7 +109,7 @@ class Loop(FrozenStruct):
     """A loop that is cut at joint `cut`.
 
     `through` are the other joints of the loop, from the parent of the cut joint to its child, each with the reason why it was not cut. The
-    reasons are empty if the loop is closed rigidly.
+    reasons are empty if a rigid mate closes the loop.
     """
 
     cut: str

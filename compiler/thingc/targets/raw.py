@@ -3,7 +3,7 @@
     urdf: {joint: {crane.swing: {limit: {effort: 20}}}}            a kind of element, its name, elements in it, an attribute
     sdf: {joint: {crane.swing: {axis: {limit: {effort: 20}}}}}     the same, but the last key is an element, which contains the value
 
-Only the names are checked, and that the result is valid XML. Missing elements on the path are added.
+This module only checks the names, and that the result is valid XML. Missing elements on the path are added.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PREFIXES = {"urdf": ("drake",), "sdf": ("drake", "gz")}
 
 
 def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sdf"], files: Sequence[Element], report: Report) -> None:
-    """Apply a target's raw attributes to its files, one file per chosen mode. Report attributes that do not match any file.
+    """Apply a target's raw attributes to its files, one file per chosen mode. Report attributes that match no file.
 
     An element that only some modes have gets its attributes in these modes.
     """
@@ -68,7 +68,7 @@ def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
 
 
 def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Element]) -> Fault | None:
-    """Return why a path is invalid, or None if it is valid."""
+    """Return the reason why a path is invalid, or None for a valid path."""
     path, target = attribute.path, attribute.target
     if path[0] not in KINDS:
         message = f"there are no raw attributes of `{path[0]}` in `{target}`"

@@ -1,4 +1,4 @@
-"""The table of targets. Targets declare themselves, and their emitters are imported on demand.
+"""The table of targets. Each target declares itself, and its emitter is imported on demand.
 
 A folder beside this module is a target if its `__init__.py` has a `TARGET`. Other packages can add targets through the entry-point group
 `thingc.emitters`, with the same function signature.
@@ -34,7 +34,7 @@ GROUP = "thingc.emitters"
 
 
 def _declared() -> dict[str, Target]:
-    """Return the targets of thingc: the folders here whose package has a `TARGET`. No emitter is imported for this."""
+    """Return the targets of thingc: the packages beside this module with a `TARGET`. Emitters are not imported."""
     folders = (entry for entry in os.scandir(os.path.dirname(__file__)) if os.path.isfile(os.path.join(entry.path, "__init__.py")))
     packages = {entry.name: import_module(f"{__package__}.{entry.name}") for entry in folders}
     declared: dict[str, Target] = {name: package.TARGET for name, package in packages.items() if hasattr(package, "TARGET")}
@@ -42,7 +42,7 @@ def _declared() -> dict[str, Target]:
 
 
 TARGETS = _declared()
-"""The targets of thingc, in the order in which a build writes them. Targets of other packages list their files in their `WRITES`."""
+"""The targets of thingc, in the order in which a build writes them. Targets of other packages list their files in `WRITES`."""
 
 ALL = "all"
 """The argument that selects all targets."""
@@ -109,7 +109,7 @@ def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
 
 
 def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
-    """Return the artifacts of each target in the given order. A loss of several targets is included only with the first one."""
+    """Return the artifacts of each target in the given order. A loss that several targets share is included only with the first target."""
     from thingc.targets.custom_names import called
 
     artifacts: dict[str, Artifacts] = {}
@@ -128,7 +128,7 @@ def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts
 
 
 def emitter(target: str) -> Emitter:
-    """Return the function that writes a target. Raises `KeyError` for an unknown one, `ImportError` if its package is broken."""
+    """Return the function that writes a target. Raises `KeyError` for an unknown target, and `ImportError` if its package is broken."""
     functions = [_function(name) for name in (TARGETS[target].emitters if target in TARGETS else (_installed()[target],))]
     return functions[0] if len(functions) == 1 else partial(_joined, functions)
 
@@ -151,14 +151,15 @@ def _function(name: str) -> Emitter:
 def _installed() -> Mapping[str, str]:
     """Return the entry points of the group, read from the packages' metadata files.
 
-    `importlib.metadata` gives the same result but takes 40 ms, a third of a build without changes. As in `importlib.metadata`, the first
-    package on the path has precedence if two packages use the same name. The cache is valid until a folder on the path changes.
+    `importlib.metadata` returns the same result but takes 40 ms, a third of the time of a build without changes. As in
+    `importlib.metadata`, the first package on the path has precedence if two packages use the same name. The cache is valid until a folder
+    on the path changes.
     """
     return _entry_points(tuple((folder, _changed(folder)) for folder in sys.path))
 
 
 def _changed(folder: str) -> int:
-    """Return the modification time of a folder on the path [ns], or 0 if it does not exist."""
+    """Return the modification time [ns] of a folder on the import path, or 0 if the folder does not exist."""
     try:
         return os.stat(folder or ".").st_mtime_ns
     except OSError:

@@ -1,4 +1,4 @@
-"""Places of sensors in a robot, and what simulators measure there, for any target."""
+"""Places of sensors in a robot, and the quantities that simulators measure at these places, for any target."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def on_free_root(robot: Robot, sensor: LinkedSensor) -> bool:
 
 
 def elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
-    """Return a text that describes where a force is measured instead of at the mount. Return None if it is measured at the mount.
+    """Return a description of the place where a force is measured if it is not measured at the mount, else None.
 
     Simulators measure the force between a body and its parent in the tree. This is equal to the force through the mount in two cases: the
     mount belongs to the root or to the joint to the parent, or the body has no other joints, so that only external forces act on it.

@@ -10,13 +10,14 @@ from thingc.base.frozen_struct import FrozenStruct
 class Target(FrozenStruct):
     """A target of thingc.
 
-    `position` is its place in the order in which a build writes targets. `says` is a short description, `emitters` are references of the
-    form `module:function`, and `writes` are patterns for its files. `files` describes them, by path, for the picture of the build folder in
-    the documentation. A path that ends with `/` stands for all files below it; NAME, MODE and DEFINITION stand for names.
+    `position` is the position of the target in the order in which a build writes targets. `says` is a short description, `emitters` are
+    references of the form `module:function`, and `writes` are patterns of file paths. `files` describes the files by path, for the picture
+    of the build folder in the documentation. A path that ends with `/` stands for all files below it; NAME, MODE and DEFINITION stand for
+    names.
 
-    With `unasked`, builds without `--emit` write the target. `capabilities` is the module with the `CAPABILITIES` of a format for whole
-    robots. With `by_name`, custom names are applied, because readers of the files use names. `libraries` are modules of other packages
-    that its functions import; they can be imported early.
+    If `unasked` is True, builds without `--emit` write the target. `capabilities` is the module with the `CAPABILITIES` of a format for
+    whole robots. If `by_name` is True, custom names are applied, because readers of the files use names. `libraries` are the modules of
+    other packages that the emitters import; these modules can be imported early.
     """
 
     position: int

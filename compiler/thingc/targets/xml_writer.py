@@ -1,6 +1,6 @@
-"""XML elements with their origin in the documents. They are written at full precision, with two spaces of indentation per level.
+"""XML elements with their origin in the documents. Elements are written at full precision, with two spaces of indentation per level.
 
-The simulators' own writers use fewer digits (MuJoCo's `to_xml`: six) and do not track the origin of elements.
+The XML writers of simulators use fewer digits (MuJoCo's `to_xml`: six) and do not track the origin of elements.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from thingc.base.source import Origin
 from thingc.model.resolve.types import RawAttribute
 
 XmlValue = str | float | tuple[float, ...]
-"""The value of an attribute or an element: text, or numbers that are formatted when the document is written."""
+"""The value of an attribute or an element: a string, or numbers that are formatted when the document is written."""
 
 
 class RawValue(FrozenStruct):
-    """A raw attribute on an element, and the value that it replaces (None if there was none)."""
+    """A raw attribute of an element, and the value that the raw attribute replaces (None if the attribute did not exist)."""
 
     attribute: RawAttribute
     before: XmlValue | None
@@ -30,9 +30,10 @@ class RawValue(FrozenStruct):
 class Element:
     """An XML element.
 
-    `text` is its content instead of children, `origin` its place in the documents, and `raw` its raw attributes. All are empty by default.
+    `text` is the content of an element without children, `origin` is its place in the documents, and `raw` are its raw attributes. All
+    three are empty by default.
 
-    The class is not frozen, because trees are built from the top and raw attributes are applied later. An element shared by several trees
+    The class is mutable, because trees are built from the top and raw attributes are applied later. An element shared by several trees
     is never changed; a tree that needs a different element makes a `copy`.
     """
 
@@ -52,12 +53,12 @@ class Element:
         return self._opening
 
     def get(self, name: str, default: str = "") -> str:
-        """Return an attribute as text."""
+        """Return an attribute as a string."""
         return format_value(self.attributes.get(name, default))
 
     @property
     def texts(self) -> dict[str, str]:
-        """All attributes as text."""
+        """All attributes as strings."""
         return {name: format_value(value) for name, value in self.attributes.items()}
 
     def copy(self) -> Element:
@@ -80,7 +81,7 @@ class Element:
         return child
 
     def say(self, tag: str, text: XmlValue, attributes: Mapping[str, XmlValue] | None = None) -> None:
-        """Add a child that contains text or numbers."""
+        """Add a child that contains a string or numbers."""
         self.children.append(Element(tag=tag, attributes=dict(attributes or {}), text=text))
 
     def find(self, tag: str) -> Element | None:
@@ -101,14 +102,14 @@ class Element:
         return f"{self.tag} `{self.get('name')}`" if "name" in self.attributes else f"`{self.tag}`"
 
     def lay(self, name: str, attribute: RawAttribute) -> None:
-        """Set a raw attribute. `lift` undoes this."""
+        """Set a raw attribute. `lift` undoes the change."""
         before = self.raw[name].before if name in self.raw else self.attributes.get(name)
         self.raw[name] = RawValue(attribute=attribute, before=before)
         self.attributes[name] = attribute.value
         self._opening = None
 
     def lift(self, name: str) -> RawValue:
-        """Undo `lay` by restoring the attribute as the compiler wrote it. Return the raw value."""
+        """Undo `lay`: restore the attribute as the compiler wrote it, and return the raw value."""
         value = self.raw.pop(name)
         if value.before is None:
             del self.attributes[name]
@@ -140,7 +141,7 @@ def number(value: float) -> str:
 
 
 def format_value(value: XmlValue) -> str:
-    """Return a value as text. Numbers are separated by spaces."""
+    """Return a value as a string. Numbers are separated by spaces."""
     if isinstance(value, str):
         return value
     return " ".join(map(number, value)) if isinstance(value, tuple) else number(value)
@@ -180,14 +181,17 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*(?::[A-Za-z_][A-Za-z0-9_.-]*)?")
 """Pattern of valid names of elements and attributes, optionally with a prefix and `:`."""
 
 NAMESPACES = {"drake": "http://drake.mit.edu", "gz": "http://gazebosim.org/schema"}
-"""Namespaces of the prefixes that readers of URDF and SDF use. They are declared as `xmlns:drake` in files that use them."""
+"""Namespaces of the prefixes that readers of URDF and SDF use.
+
+A file that uses a prefix declares its namespace, for example `xmlns:drake`.
+"""
 
 NO_CHARACTER = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML cannot contain, escaped or not (XML 1.0, `Char`)."""
 
 
 def unwritable(name: str, value: str) -> str | None:
-    """Return why XML does not allow an element or attribute with this name and value. Return None if it is allowed."""
+    """Return the reason why XML does not allow an element or attribute with this name and value, or None if XML allows it."""
     if NAME.fullmatch(name) is None:
         return f"`{name}` is not a valid name in XML"
     strange = NO_CHARACTER.search(value)
@@ -195,4 +199,4 @@ def unwritable(name: str, value: str) -> str | None:
 
 
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
-_DASHES = re.compile("-{2,}")  # XML forbids these in comments
+_DASHES = re.compile("-{2,}")  # XML forbids these strings in comments

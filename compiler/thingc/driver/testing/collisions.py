@@ -1,4 +1,4 @@
-"""Exact shapes of the parts and links of a robot, and pairs of them that are near each other in a pose."""
+"""Exact shapes of the parts and links of a robot, and pairs of occurrences that are near each other in a pose."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from thingc.model.solids.shapes import Solid, Solids
 from thingc.targets.request import EmitRequest
 
 LOOK = 0.01
-"""Distance [m] up to which the smallest gap is searched."""
+"""Distance [m] up to which the smallest gap between two parts is searched."""
 TOUCH = 1e-9
 """Gaps [m] up to this value are treated as contact."""
 CELL = (0.1, 0.1, 0.1, 0.002)
@@ -26,8 +26,8 @@ CELL = (0.1, 0.1, 0.1, 0.002)
 class NearPair(FrozenStruct):
     """Two occurrences (indices) that are near each other in a keyframe.
 
-    `gap` is their distance [m]. If it is 0, `volume` [m^3] is the volume of the overlap and `depth` [m] its mean thickness. `allowance` is
-    the index of their allowance, if any.
+    `gap` is the distance between the two occurrences [m]. If the gap is 0, `volume` [m^3] is the volume of the overlap, and `depth` [m] is
+    its mean thickness. `allowance` is the index of the allowance for the pair, if any.
     """
 
     one: int
@@ -40,15 +40,16 @@ class NearPair(FrozenStruct):
 
     @property
     def badness(self) -> tuple[float, float]:
-        """Sort key: depth, then negative gap."""
+        """The sort key of the pair: the depth, then the negative gap."""
         return self.depth, -self.gap
 
 
 class Collisions:
     """Pairs of an assembly that may collide, and their shapes.
 
-    `pairs` (indices) are on links without a common joint; their gaps are measured. Pairs in `close` are on one link, or on links that a
-    joint connects; they may touch, and only overlaps count. `skipped` are pairs that are not compared, by reason.
+    The occurrences of `pairs` (indices) are on links without a common joint; their gaps are measured. The occurrences of pairs in `close`
+    are on the same link, or on links that a joint connects; such occurrences may touch, and only overlaps count. `skipped` are the pairs
+    that are not compared, by reason.
     """
 
     def __init__(self, request: EmitRequest) -> None:
@@ -78,7 +79,7 @@ class Collisions:
     ) -> Iterator[NearPair]:
         """Yield the `close` pairs that overlap, unless the document allows it (`TC520`).
 
-        A sweep passes `seen`, the cells of poses so far. A pair is then compared only once per cell.
+        A sweep passes `seen`, the set of visited cells of poses, so that a pair is compared only once per cell.
         """
         for pair in self.overlaps.pairs(self.assembly.occurrences, poses):
             one, other = indices = pair.one.index, pair.other.index
@@ -105,7 +106,7 @@ class Collisions:
         self, poses: Sequence[Pose], frame: Keyframe, clearance: float, look: float, allowed: Mapping[tuple[int, int], int],
         needed: Collection[int] = (),
     ) -> Iterator[NearPair]:
-        """Yield the pairs nearer than `clearance` [m] and, among pairs without an allowance, the nearest one within `look` [m].
+        """Yield the pairs nearer than `clearance` [m] and, among pairs without an allowance, the nearest pair within `look` [m].
 
         Pairs whose allowance is in `needed` are skipped.
         """
@@ -136,7 +137,7 @@ class Collisions:
 
 
 def collisions_of(request: EmitRequest) -> Collisions:
-    """Return the pairs and shapes of the assembly. They are computed once for all tests of a request."""
+    """Return the pairs and shapes of the assembly. The result is computed once for all tests of a request."""
     known = request.made.get("collisions")
     if isinstance(known, Collisions):
         return known

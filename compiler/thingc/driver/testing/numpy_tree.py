@@ -18,14 +18,14 @@ from thingc.model.robot.types import Robot
 Array = NDArray[np.float64]
 
 ROUND = np.pi
-"""Range of joints without limits in each direction [rad]; both directions together are one turn."""
+"""Range [rad] in each direction of joints without limits. Both directions together are one turn."""
 
 
 class NumpyTree:
-    """The tree of a robot. Its coordinates are the joints that do not mimic others.
+    """The tree of a robot. Its coordinates are the joints that do not mimic other joints.
 
-    `paths` are the n paths of the coordinates, `lower` and `upper` their limits [rad or m]. `q(x)` returns all joints. A floating base does
-    not move.
+    `paths` are the n paths of the coordinates, `lower` and `upper` their limits [rad or m]. `q(x)` returns the values of all joints. A
+    floating base does not move.
     """
 
     def __init__(self, robot: Robot, base: Pose | None = None) -> None:
@@ -42,7 +42,7 @@ class NumpyTree:
         self._in_link = in_link(robot.assembly)
 
     def x(self, q: Mapping[str, float]) -> Array:
-        """Return the coordinates (n) of a state that is given as values by joint path."""
+        """Convert the state of a robot from values by joint path to coordinates (n)."""
         return np.array([q[path] for path in self.paths], dtype=np.float64)
 
     def q(self, x: Array) -> dict[str, float]:
@@ -51,7 +51,8 @@ class NumpyTree:
         return coordinates(self._joints.values(), free | in_cones(self._balls, free))
 
     def cones(self, x: Array) -> tuple[Array, Array]:
-        """Return the distance from the cone limit for each ball with a cone, and its derivative `(k, n)` by the coordinates.
+        """Return the distance from the cone limit for each ball with a cone, and the derivative `(k, n)` of the distances by the
+        coordinates.
 
         The distance is the difference of the squares of the angles [rad^2].
         """
@@ -69,13 +70,13 @@ class NumpyTree:
         return placed_bodies(self.robot.bodies, q, self.base)
 
     def mount(self, mount: MountAt) -> tuple[int, Pose]:
-        """Return the body of a mount, and the mount's pose in it."""
+        """Return the body of a mount, and the pose of the mount in this body."""
         assembly = self.robot.assembly
         pose = self._in_link[mount.occurrence] @ assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
         return self._body_of[assembly.link_of[mount.occurrence]], pose
 
     def jacobian(self, body: int | None, point: Array, q: Mapping[str, float], at: tuple[Pose, ...]) -> Array:
-        """Return the velocity `(6, n)` of a point (3, in the world) of a body by coordinates, linear over angular. It is 0 for the world.
+        """Return the Jacobian `(6, n)` of a point (3, in the world) of a body, linear over angular. For the world, the Jacobian is 0.
 
         `body` None is the world. `at` are the poses of the bodies at `q`.
         """
@@ -99,8 +100,8 @@ class NumpyTree:
 def quasi_random(count: int, dimensions: int) -> Array:
     """Return `count` points in the unit cube (count x dimensions), evenly distributed and the same in every run.
 
-    In one dimension they are equally spaced from end to end. Otherwise the corners of the cube come first, if they are at most a quarter of
-    the points. The other points follow the additive recurrence of the generalised golden ratio g, the root of g**(d + 1) = g + 1
+    In one dimension, the points are equally spaced from end to end. Otherwise the corners of the cube come first, if they are at most a
+    quarter of the points. The other points follow the additive recurrence of the generalised golden ratio g, the root of g**(d + 1) = g + 1
     (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
     """
     if dimensions == 0:

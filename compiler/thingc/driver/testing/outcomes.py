@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from thingc.targets.request import EmitRequest
 
 Measure = float | int | str | list[float] | dict[str, float] | dict[str, list[str]] | None
-"""A measured or expected value in the JSON output, in SI."""
+"""A measured or expected value in the JSON output, in SI units."""
 
 ROUNDING = 1e-9
-"""Tolerance for rounding: relative for masses and lengths, in metres for positions."""
+"""Tolerance for rounding errors: relative for masses and lengths, in metres for positions."""
 
 
 class Failure(FrozenStruct):
-    """A failure: its code, its message, and the violated value of the test (`max`, `within.x`)."""
+    """A failure of a test: its code, its message, and the key of the violated value (`max`, `within.x`)."""
 
     code: DiagnosticCode
     message: str
@@ -33,9 +33,9 @@ class Failure(FrozenStruct):
 
 
 class Outcome(FrozenStruct):
-    """The result of a measurement: measured and expected values (SI, by name), a description, and the failure, if any.
+    """The result of a measurement: measured and expected values (in SI units, by name), a description, and the failure, if any.
 
-    `needed` are the indices of the allowances of a collision test that were used.
+    `needed` are the indices of the allowances that a collision test used.
     """
 
     measured: Mapping[str, Measure]
@@ -55,7 +55,7 @@ def shown(value: float, dimension: Dimension) -> str:
 def check_bounds(
     name: str, what: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: DiagnosticCode,
 ) -> Outcome:
-    """Compare a value with bounds [SI], either of which may be missing."""
+    """Compare a value with bounds [SI]. Either bound may be missing."""
     measured = shown(value, dimension)
     expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
     words = [f"{word} {Quantity(bound, dimension)}" for word, bound in (("at least", minimum), ("at most", maximum)) if bound is not None]

@@ -16,7 +16,7 @@ from thingc.model.robot.types import Keyframe, Robot
 
 
 def posed(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose]) -> Robot | None:
-    """Return the robot of a mode with a keyframe for each pose in which its loops close. Return None if they close in no pose."""
+    """Return the robot of a mode with a keyframe for each pose in which its loops close. Return None if no pose closes the loops."""
     wanted = {pose.name: pose for pose in poses}
     others = tuple(pose for pose in assembly.poses if pose.name not in wanted)
     return root(replace(assembly, poses=(*wanted.values(), *others)), replace(mode, poses=tuple(wanted)), Report())
@@ -34,7 +34,7 @@ def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
 
 
 def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list[NamedPose]:
-    """Return `samples` poses with joints moved through ranges, named by their index."""
+    """Return `samples` poses in which joints move through their ranges. The name of a pose is its index."""
     poses: list[NamedPose] = []
     for number, place in enumerate(quasi_random(samples, len(ranges))):
         moved = {r.joint: r.lower + float(part) * (r.upper - r.lower) for r, part in zip(ranges, place, strict=True)}
@@ -43,7 +43,7 @@ def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list
 
 
 def keyframe(robot: Robot, pose: NamedPose) -> Keyframe | None:
-    """Return the keyframe of a pose, or None if the loops do not close in it."""
+    """Return the keyframe of a pose, or None if the pose does not close the loops."""
     return next((frame for frame in robot.keyframes if frame.name == pose.name), None)
 
 

@@ -17,21 +17,23 @@ from thingc.model.robot.types import Keyframe, Robot
 SAMPLES = 1000
 """Number of sampled positions."""
 LOOPED = 100
-"""Number of sampled positions of a robot with loops. It is smaller, because loops must be closed first."""
+"""Number of sampled positions of a robot with loops. This number is smaller, because loops must be closed first."""
 CLIMBED = 6
 """Number of best samples that are optimized."""
 STARTS = 24
-"""Number of start positions for a point."""
+"""Number of start positions of a search for a point."""
 CLOSED = 1e-6
 """Largest loop error [m or rad] of a valid position."""
 
 
 def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[float, dict[str, float]]:
-    """Return the largest distance [m] between two mounts that was found, and the joints there. It is a lower bound of the true distance.
+    """Return the largest distance [m] between two mounts that was found, and its joint positions.
 
-    Samples spread over the joint ranges are evaluated, and the best ones are optimized within the limits (SLSQP, with the loops of the
-    document as constraints). `robot` may be in any mode without holds and with a base that does not move the mounts relative to each other.
-    `origin` is the origin for the poses that are tried.
+    The result is a lower bound of the true maximum.
+
+    Samples over the joint ranges are evaluated, and the best samples are optimized within the limits (SLSQP, with the loops of the document
+    as constraints). `robot` may be in any mode without holds and with a base that does not move the mounts relative to each other. `origin`
+    is the place in the documents to which the tried poses belong.
     """
     chain = NumpyTree(robot)
     ends = chain.mount(of), chain.mount(base)
@@ -51,11 +53,11 @@ def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[
 
 
 def _starts(chain: NumpyTree, origin: Origin) -> list[Array]:
-    """Return positions within the limits. For a robot with loops, return its document's poses and other poses, with closed loops."""
+    """Return positions within the limits. For a robot with loops, return poses of the document and other poses, all with closed loops."""
     assembly = chain.robot.assembly
     if not chain.robot.closures:
         return [chain.lower + part * (chain.upper - chain.lower) for part in quasi_random(SAMPLES, len(chain.paths))]
-    # The joints of a loop follow its driven joints. If all joints had given values, loops would rarely close.
+    # Only the driven joints of a loop get sampled values. With sampled values for all joints, loops would rarely close.
     following = on_loops(len(assembly.occurrences), assembly.mates)
     led = {joint.path for joint in joints_of(assembly) if joint.path not in following or joint.actuator is not None}
     led |= set() if led & following else {next(path for path in chain.paths if path in following)}
@@ -111,7 +113,7 @@ def _climb(chain: NumpyTree, ends: Ends, start: Array) -> tuple[float, Array] | 
 class ReachGoal(FrozenStruct):
     """The goal for a mount: a point [m] in a frame (None: the world), with a tolerance `within` [m].
 
-    With a `direction` (a unit vector in the same frame), its z axis may differ from it by at most `angle` [rad].
+    With a `direction` (a unit vector in the same frame), the z axis of the mount may deviate from it by at most `angle` [rad].
     """
 
     mount: MountAt
@@ -123,9 +125,9 @@ class ReachGoal(FrozenStruct):
 
 
 def nearest(robot: Robot, frame: Keyframe, target: ReachGoal) -> tuple[float, float, dict[str, float]] | None:
-    """Return the smallest distance of a mount from a point [m], the deviation from the direction there [rad], and the joints.
+    """Return the smallest distance [m] of a mount from a point, the deviation [rad] from the direction, and the joint positions.
 
-    Return None if the loops do not close in any position that was tried.
+    Return None if no tried position closes the loops.
 
     The method is inverse kinematics within the joints' limits, by trust-region least squares (scipy's `trf`). It starts from the keyframe
     and from positions spread over the joint ranges, until one result is near enough.

@@ -13,7 +13,7 @@ from thingc.driver.testing.outcomes import Outcome
 
 
 class Result(FrozenStruct):
-    """A case that was run, with its duration [s] and the diagnostic if it failed."""
+    """A test case that was run, with its duration [s] and, if the test failed, its diagnostic."""
 
     name: str
     kind: str
@@ -38,7 +38,7 @@ def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic])
     """Return a JUnit report: one suite with the name of the robot, and a case for each test, mode and pose.
 
     The text of a failure is its diagnostic as on the command line. `others` are errors that belong to no test, such as errors that
-    prevented the tests from running. Together they are one error of the suite.
+    prevented the tests from running. They are combined into a single error of the suite.
     """
     root = ElementTree.Element("testsuites")
     suite = ElementTree.SubElement(root, "testsuite", {

@@ -57,8 +57,8 @@ def simulated(
 ) -> SettleResult | float:
     """Simulate the scene of the robot's mode, one of the MJCF `files`, from its keyframe `frame`.
 
-    The corners of the boxes of every link's parts are recorded for `seconds`, and the depth of contacts from `resting` [s] on. Names in the
-    model have `separator` in their paths. If the simulation diverges, return the time [s] at which it does.
+    The corners of the bounding boxes of all parts are recorded for `seconds`, and the depth of contacts from `resting` [s] on. Names in the
+    model contain `separator` in their paths. If the simulation diverges, return the time [s] of the divergence.
     """
     with heard():
         model = _model(scene, files, floor=floor)
@@ -97,12 +97,12 @@ def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjM
 
 
 def _points(robot: Robot, model: mujoco.MjModel, separator: str) -> list[tuple[int, Array]]:
-    """Return for each link its body in the model and points `(n, 3)` in its frame: the origin and the corners of its parts' boxes."""
+    """Return the body of each link in the model, and points `(n, 3)` in its frame: the origin and the corners of the boxes of its parts."""
     per_link = []
     for body in robot.bodies:
         link = robot.assembly.links[body.link]
         if body.parent is not None and body.link in robot.assembly.between:
-            continue  # several joints on one body: the model has no body for this link
+            continue  # the link is merged into the next body, so the model has no body for this link
         points = [(0.0, 0.0, 0.0)]
         for member, pose in zip(link.members, link.poses, strict=True):
             box = robot.assembly.occurrences[member].box

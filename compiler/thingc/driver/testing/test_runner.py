@@ -33,7 +33,7 @@ class Selection(FrozenStruct):
 def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result], None] = lambda result: None) -> list[Result]:
     """Run the selected tests of `request.assembly` in document order. `on_result` is called with each result.
 
-    Failures are reported in `request.report`, at the violated value. `request.robots` are the robots of its modes.
+    Failures are reported in `request.report`, at the violated value. `request.robots` are the robots in all modes of the assembly.
     """
     results: list[Result] = []
     for linked in request.assembly.tests:
@@ -75,7 +75,7 @@ def _say(linked: LinkedTest, result: Result, failure: Failure, report: Report) -
 
 
 class _Attempt(FrozenStruct):
-    """A case that has not been run yet."""
+    """A test case that has not been run yet."""
 
     mode: str | None
     pose: str | None
@@ -83,7 +83,7 @@ class _Attempt(FrozenStruct):
 
 
 def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMode]) -> Iterator[_Attempt]:
-    """Yield the cases of a test in the order of modes and poses: one in total, one per mode (in its initial pose), or several per mode."""
+    """Yield the cases of a test in the order of modes and poses: a single case, a case per mode (initial pose), or several per mode."""
     kind, assembly, check = kinds()[linked.test.kind], request.assembly, linked.test.check
     if not kind.takes("mode"):
         case = TestCase(linked=linked, robot=request.robots[0], request=request)

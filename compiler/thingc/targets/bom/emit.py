@@ -23,7 +23,7 @@ _ORDER = {"print": 0, "machine": 1, "buy": 2}
 
 
 class BomRow(FrozenStruct):
-    """A row of the bill of materials: `quantity` equal pieces, each of `mass` [kg]. `cost` is text from the document."""
+    """A row of the bill of materials: `quantity` equal pieces, each with `mass` [kg]. `cost` is a string from the document."""
 
     number: str
     name: str
@@ -42,11 +42,10 @@ COLUMNS = BomRow.__struct_fields__
 
 
 def make_of(occurrence: Occurrence) -> str:
-    """Return `buy | print | machine` from the document, else from the Thing, else depending on the process.
+    """Return `buy`, `print` or `machine` from the document, else from the Thing, else depending on the process.
 
-    Without a value, an occurrence without geometry (a frame with a mass, such as a circuit board) counts as bought, because there is
-    nothing to make it from. An occurrence with geometry is bought, machined (for subtractive processes) or printed, depending on its
-    process.
+    Without a value, an occurrence without geometry (a frame with a mass, such as a circuit board) counts as bought, because it cannot be
+    manufactured. An occurrence with geometry is bought, machined (for subtractive processes) or printed, depending on its process.
     """
     record = occurrence.record
     stated = occurrence.bom.make or (record.bom.get("make") if record is not None else None)
@@ -66,7 +65,7 @@ def make_of(occurrence: Occurrence) -> str:
 def listed(occurrence: Occurrence) -> bool:
     """Return whether an occurrence is listed: it has geometry, mass, or its own entry in the bill of materials.
 
-    A frame that only marks a place is not listed.
+    A frame that only marks a position is not listed.
     """
     own = occurrence.bom
     return (
@@ -82,10 +81,10 @@ def items(assembly: Assembly) -> tuple[BomRow, ...]:
 
 
 def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...]], ...]:
-    """Return each row with its occurrences. Printed items come first, then machined, then bought items, each in document order.
+    """Return each row with its occurrences. Printed items come first, then machined, then bought items. Each group is in document order.
 
-    Occurrences with equal values share a row. The part number comes from the document, else from the Thing. Rows without a number are
-    numbered 1, 2, 3 in order, skipping numbers already in use.
+    Occurrences with equal values share a row. The part number comes from the document, else from the Thing. Rows without a part number get
+    the numbers 1, 2, 3 in order; numbers already in use are skipped.
     """
     rows: dict[tuple[object, ...], list[list[Occurrence]]] = {}
     for occurrence in assembly.occurrences:
@@ -120,8 +119,8 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
 def csv_text(rows: tuple[BomRow, ...]) -> str:
     """Return RFC 4180 text with a header and `\\n` line ends. The mass is per piece [kg]; unknown values are empty.
 
-    Text that a spreadsheet would evaluate begins with `'` (see `format_cell`). There is no row of totals, because spreadsheets can then sum
-    the columns.
+    A cell that a spreadsheet would evaluate begins with `'` (see `format_cell`). The table has no row of totals, so a spreadsheet can sum
+    its columns.
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -160,7 +159,7 @@ def _key(occurrence: Occurrence) -> tuple[object, ...]:
 
 
 def _definition(occurrence: Occurrence) -> Definition:
-    """Return the definition that is made or bought. For a bought mirror image, this is the original part."""
+    """Return the definition that is manufactured or bought. For a bought mirror image, this is the original part."""
     own = occurrence.definition
     return own.plain if own.plain is not None and make_of(occurrence) == "buy" else own
 
@@ -180,9 +179,9 @@ def _material(occurrence: Occurrence) -> str | None:
 
 
 def _name(occurrence: Occurrence) -> str:
-    """Return the display name, with the mirror axis, if any.
+    """Return the display name of a definition, with the mirror axis, if any.
 
-    It is the name of the Thing, else of the class, of the file without suffix, or of the component.
+    The display name is the name of the Thing, else of the class, else of the file without suffix, else of the component.
     """
     mirror = _definition(occurrence).mirror
     return _plain_name(occurrence) + (f" (mirror={mirror})" if mirror is not None else "")

@@ -1,1 +1,1 @@
-"""Layout of graph drawings, which computes the positions of boxes, labels and lines."""
+"""Layout of graph drawings: the positions of boxes, labels and lines."""

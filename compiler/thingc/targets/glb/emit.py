@@ -1,11 +1,11 @@
-"""`glb/<name>_<mode>.glb`: a mode in its start pose for glTF 2.0 viewers, as a tree of links with movable joints.
+"""`glb/<name>_<mode>.glb`: the robot in the start pose of a mode, for glTF 2.0 viewers, as a tree of links with movable joints.
 
     arm_bench:world  ->  base_link  ->  plate:visual (a mesh)
                                     ->  yaw:joint  ->  bracket  ->  ...
 
-A link's node has the frame of the link in MJCF and `modes.json`. The node of a coordinate has its z axis along the axis of motion: to
-change q, rotate or move the node about or along z. Lengths are in metres. glTF has y up and uses linear colours (glTF 2.0, sections 3.4
-and 3.9.2).
+The node of a link has the same frame as the link in MJCF and `modes.json`. The z axis of a coordinate's node is the axis of motion: to
+change q, rotate the node about z or move it along z. Lengths are in metres. In glTF, y points up and colours are linear (glTF 2.0, sections
+3.4 and 3.9.2).
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from thingc.targets.geometry import ENDLESS, channels, linear, material_name, nu
 from thingc.targets.request import EmitRequest
 
 Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
-"""Pose of the world frame (z up) in glTF (y up)."""
+"""Pose of the world frame (z up) in the frame of glTF (y up)."""
 
 ROUND = (16, 16)
 """Number of segments of round shapes, from pole to pole and half around."""
 
 JointForm = Literal["nodes", "node"]
-"""How a joint is written: a node for each coordinate, or one node for all of them."""
+"""How a joint is written: a node for each coordinate, or a single node for all coordinates."""
 
 _OPENS = Omitted(": rotating joints opens it")
 _NODE: Supported[JointForm] = Supported("nodes")
@@ -73,10 +73,10 @@ CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "sensors": all_sensors(BESIDE),
     "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},
 }
-"""The features of a robot that glTF can express. Users do not expect masses, drives and the like in glTF files."""
+"""The features of a robot that glTF can express. Users do not expect masses, drives and similar properties in glTF files."""
 
 ROUGHNESS = 0.6
-"""Roughness of all surfaces, because documents specify colours but no gloss."""
+"""Roughness of all surfaces. Documents specify colours but no gloss."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -94,7 +94,10 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 class _Node(FrozenStruct):
-    """A node with its pose relative to `parent`. `shown` is its surface, `called` the name of the mesh, and `extras` custom data."""
+    """A node with its pose relative to `parent`.
+
+    `shown` is the surface of the node, `called` is the name of its mesh, and `extras` is custom data.
+    """
 
     name: str
     parent: str
@@ -132,7 +135,7 @@ def _nodes(robot: Robot) -> Iterator[_Node]:
 
 
 def _called(surface: Surface) -> str:
-    """Return a name for the mesh of a listed shape. It depends on the content of the mesh."""
+    """Return a name for the mesh of a listed shape. The name depends on the content of the mesh."""
     solid = surface.solid
     if isinstance(solid, Primitive):
         return f"{solid.shape} {' '.join(f'{number:.9g}' for number in solid.size)}"
@@ -140,7 +143,10 @@ def _called(surface: Surface) -> str:
 
 
 def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, float]) -> Iterator[_Node]:
-    """Yield the nodes of a body's coordinates, each as the parent of the next (a ball has one node). `pose` is the body's pose at 0."""
+    """Yield the nodes of a body's coordinates.
+
+    Each node is the parent of the next; a ball has a single node. `pose` is the body's pose at 0.
+    """
     if body.parent is None or not body.joints:
         return
     first = body.joints[0]
@@ -163,7 +169,7 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
 
 
 def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
-    """Return a frame on the axis of a twist with its z along the axis. For a ball, the origin is its centre; the axes are unchanged."""
+    """Return a frame on the axis of a twist with z along the axis. For a ball, return a frame at its centre with unchanged axes."""
     return shifted(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
 
 
@@ -225,13 +231,13 @@ def _glb_bytes(robot: Robot, drawn: _Drawn) -> bytes:
         scene.graph.update(**place, geometry=key)
 
     def finish(tree: dict[str, Any]) -> None:
-        """Set the values that trimesh does not write: the generator, exact colours and mesh names."""
+        """Set the values that trimesh cannot write: the generator, exact colours and mesh names."""
         tree["asset"]["generator"] = "thingc"
         tree["materials"] = list(materials.values())
         numbers = {name: number for number, name in enumerate(materials)}
         for mesh in tree["meshes"]:
             mesh["name"], material = of_mesh[mesh["name"]]
-            del mesh["extras"]  # left from the file from which the mesh was read
+            del mesh["extras"]  # metadata of the file from which trimesh read the mesh
             mesh["primitives"][0]["material"] = numbers[material]
 
     written: bytes = scene.export(file_type="glb", include_normals=False, tree_postprocessor=finish)

@@ -13,7 +13,7 @@ from thingc.targets.request import EmitRequest
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return `hag.dot`, `hag.mmd` and `hag.svg` of the same graph."""
+    """Return `hag.dot`, `hag.mmd` and `hag.svg`, which contain the same graph."""
     hag = request.assembly.hag
     return Artifacts(files={"hag.dot": dot(hag).encode(), "hag.mmd": mermaid(hag).encode(), "hag.svg": svg(hag).encode()})
 
@@ -31,7 +31,7 @@ def graphml(hag: Hag) -> str:
 
 
 def json(hag: Hag) -> str:
-    """Return the same graph as node-link JSON."""
+    """Return the hierarchical assembly graph as node-link JSON."""
     from thingc.targets import networkx_export
 
     return json_writer.encode(networkx_export.plain(networkx_export.hag_graph(hag, quantities(hag)))).decode()
@@ -76,7 +76,7 @@ def _remark(definition: Definition) -> str:
     return kind if definition.plain is None else f"{kind} mirrors {escape_control(definition.plain.label)}"
 
 def dot(hag: Hag) -> str:
-    """Return the graph for Graphviz: a node per definition, an edge per component with its mounts and joint."""
+    """Return the graph in the DOT language of Graphviz: a node per definition, and an edge per component with its mounts and joint."""
     style = {
         "assembly": 'shape=box style="rounded,filled" fillcolor="#dbe7f6" color="#3d6fae"',
         "part": 'shape=box style="rounded,filled" fillcolor="#f7f4ec" color="#8f8466"',
@@ -131,10 +131,13 @@ def _names(hag: Hag) -> dict[str, str]:
     return {definition.text: f"n{index}" for index, definition in enumerate(hag.definitions)}
 
 def _dot_quoted(*lines: str) -> str:
-    """Return a quoted DOT string. `"` and, in labels, `\\` and `&` (HTML entities) are escaped; lines end with `\\n`."""
+    """Return a quoted DOT string. The character `"` and, in labels, `\\` and `&` (HTML entities) are escaped. Lines end with `\\n`."""
     escaped = (escape_control(line).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"') for line in lines)
     return '"' + "\\n".join(escaped) + '"'
 
 def _mermaid_escaped(text: str) -> str:
-    """Escape text for a quoted Mermaid label. Characters that end the label or begin an entity, HTML or Markdown become entity codes."""
+    """Escape a string for a quoted Mermaid label.
+
+    Characters that end the label or begin an entity, HTML or Markdown become entity codes.
+    """
     return "".join(f"#{ord(character)};" if character in "\"#&<`\\" else character for character in escape_control(text))

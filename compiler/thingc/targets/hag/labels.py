@@ -1,4 +1,4 @@
-"""Texts for the hierarchical assembly graph: grouped edges, quantities of definitions, and placements of components."""
+"""Labels for the hierarchical assembly graph: grouped edges, quantities of definitions, and placements of components."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Definition, DefinitionEdge, DefinitionKind, Hag
 
 KINDS: tuple[DefinitionKind, ...] = get_args(DefinitionKind)
-"""Kinds of definitions, in the order of a legend."""
+"""Kinds of definitions, in the order of the legend."""
 
 
 class EdgeBundle(FrozenStruct):
@@ -23,14 +23,17 @@ class EdgeBundle(FrozenStruct):
     edges: tuple[DefinitionEdge, ...]
 
 def bundles(hag: Hag) -> tuple[EdgeBundle, ...]:
-    """Return the edges grouped by their two ends, in order of first use."""
+    """Return the edges, grouped by the pair of definitions that they connect, in order of first use."""
     grouped: dict[tuple[str, str], list[DefinitionEdge]] = {}
     for edge in hag.edges:
         grouped.setdefault((edge.parent, edge.child), []).append(edge)
     return tuple(EdgeBundle(parent=parent, child=child, edges=tuple(edges)) for (parent, child), edges in grouped.items())
 
 def quantities(hag: Hag) -> dict[str, int]:
-    """Return the quantity of each definition in the robot, by its text. It is the number of paths from the root to the definition."""
+    """Return the quantity of each definition in the robot, by its text.
+
+    The quantity is the number of paths from the root to the definition.
+    """
     waiting = {definition.text: 0 for definition in hag.definitions}
     for edge in hag.edges:
         waiting[edge.child] += 1
@@ -47,19 +50,19 @@ def quantities(hag: Hag) -> dict[str, int]:
     return counted
 
 def how(edge: DefinitionEdge) -> str:
-    """Return the placement of a component as one line: `joint yaw: yaw_seat -> yaw_servo.rotor`. Return "" for a base."""
+    """Return the placement of a component on one line, such as `joint yaw: yaw_seat -> yaw_servo.rotor`. Return "" for a base."""
     parts = [f"joint {edge.joint}"] if edge.joint is not None else []
     if edge.mounts:
         parts.append(edge.mounts)
     return escape_control(": ".join(parts))
 
 def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
-    """Return each mirror image with the text of its original, if the original is also in the graph."""
+    """Return a mapping from each mirror image to the text of its original, if the graph contains the original."""
     texts = {definition.text for definition in hag.definitions}
     return [(one, one.plain.text) for one in hag.definitions if one.plain is not None and one.plain.text in texts]
 
 def total(hag: Hag) -> str:
-    """Return the sizes of the graph and of the expanded tree (without its root) as text: `12 definitions, 18 components`."""
+    """Return the size of the graph and the size of the expanded tree (without its root) as a string: `12 definitions, 18 components`."""
     components = sum(quantities(hag).values()) - 1
     return f"{counted(len(hag.definitions), 'definition')}, {counted(components, 'component')}"
 
@@ -67,7 +70,7 @@ def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
     """Return the edges of one bundle as `(component, placement)`.
 
     Three or more components of a `repeat` (`leg_0`, `leg_1`, ...) are one entry: `leg_0 ... leg_5`. The entry has the placement of the
-    first one, with `*` in place of the number.
+    first component, with `*` in place of the number.
     """
     placements: list[tuple[str, str]] = []
     position = 0
@@ -100,7 +103,7 @@ def short(definition: Definition) -> tuple[str, str, str]:
     return head, escape_control(definition.reference) if definition.kind == "assembly" else "", parameters
 
 def _run(edges: Sequence[DefinitionEdge], start: int) -> int:
-    """Return the number of edges from `start` that are named `stem_k`, `stem_k+1`, ..."""
+    """Return the number of consecutive edges from `start` whose names are `stem_k`, `stem_k+1`, ..."""
     stem, _, number = edges[start].component.rpartition("_")
     if not stem or not number.isdecimal():
         return 1
@@ -110,7 +113,7 @@ def _run(edges: Sequence[DefinitionEdge], start: int) -> int:
     return length
 
 def children(hag: Hag) -> dict[str, list[DefinitionEdge]]:
-    """Return a mapping of definition text to the edges to its components."""
+    """Return a mapping from the text of each definition to the edges to its components."""
     below: dict[str, list[DefinitionEdge]] = {}
     for edge in hag.edges:
         below.setdefault(edge.parent, []).append(edge)

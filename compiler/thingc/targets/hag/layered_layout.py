@@ -2,9 +2,10 @@
 
 The method follows Sugiyama, Tagawa and Toda, "Methods for visual understanding of hierarchical system structures", 1981. Layers are given
 by the longest path, a line has a dummy item in each layer that it crosses, and barycentres reduce the number of crossings. Labels have
-their own layers between the layers of boxes, so nothing overlaps. The heights in a layer are a least-squares fit to the heights of the
-neighbours that respects order and separation (pool adjacent violators: Barlow et al., "Statistical Inference under Order Restrictions",
-1972). Layers are columns from left to right, because graphs of assemblies are wide and shallow, and lists of components are read downwards.
+their own layers between the layers of boxes. Therefore boxes and labels do not overlap. The heights in a layer are a least-squares fit to
+the heights of the neighbours that respects order and separation (pool adjacent violators: Barlow et al., "Statistical Inference under Order
+Restrictions", 1972). Layers are columns from left to right, because graphs of assemblies are wide and shallow, and lists of components are
+read downwards.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import sum_of
 
 GAP = 40.0
-"""Smallest gap between two columns, which the lines need."""
+"""Smallest gap between two columns. The lines need this space."""
 STEEP = 0.14
-"""Fraction of the largest rise of a line between two columns that is added to their gap. The gap is at most `WIDEST`."""
+"""Factor of the largest height difference of a line between two columns. The product is added to the gap, which is at most `WIDEST`."""
 WIDEST = 110.0
 ROW = 14.0
 """Gap between two boxes of a column."""
@@ -27,7 +28,7 @@ LINE_ROW = 10.0
 """Gap between a line and its neighbour in a column."""
 SWEEPS = 12
 PORT = 9.0
-"""Distance between two lines at the side of a box."""
+"""Distance between the ends of two lines at the side of a box."""
 
 
 class Size(FrozenStruct):
@@ -46,7 +47,7 @@ class Line(FrozenStruct):
 
 
 class Rectangle(FrozenStruct):
-    """A rectangle with the upper left corner `x`, `y`; y grows downwards."""
+    """A rectangle with the upper left corner (`x`, `y`). The y axis points down."""
 
     x: float
     y: float
@@ -57,7 +58,7 @@ class Rectangle(FrozenStruct):
 class Route(FrozenStruct):
     """The path of a line.
 
-    `stretches` are horizontal pieces `(x0, x1, y)` from left to right, which curves connect. `label` is on one of them.
+    `stretches` are horizontal segments `(x0, x1, y)` from left to right. Curves connect the segments. `label` is on one of the segments.
     """
 
     stretches: tuple[tuple[float, float, float], ...]
@@ -75,18 +76,18 @@ class Drawing(FrozenStruct):
 
 @dataclass(slots=True)
 class _Item:
-    """An item in a column: a box, a label, or a line that passes through (then neither field is set)."""
+    """An item in a column: a box, a label, or a line that crosses the column. For a line, neither `box` nor `label` is set."""
 
     column: int
     size: Size
     box: int | None = None
-    y: float = 0.0  # of the middle of the item
+    y: float = 0.0  # of the centre of the item
     before: list[int] = field(default_factory=list)
     after: list[int] = field(default_factory=list)
 
 
 def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
-    """Return the layout of an acyclic graph. It is deterministic. Raises `ValueError` for a cycle."""
+    """Return the layout of an acyclic graph. The layout is deterministic. Raises `ValueError` if the graph has a cycle."""
     ranks = _ranks(len(boxes), lines)
     items = [_Item(column=2 * ranks[k], size=size, box=k) for k, size in enumerate(boxes)]
     chains = [_chain(items, line, ranks) for line in lines]
@@ -151,7 +152,10 @@ def _first_order(items: Sequence[_Item], lines: Sequence[Line], chains: Sequence
 
 
 def _crossings(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> int:
-    """Return the number of crossings of lines between neighbouring columns. They are inversions of the ends, counted by insertion."""
+    """Return the number of crossings of lines between neighbouring columns.
+
+    Crossings are inversions of line ends and are counted by insertion.
+    """
     crossings = 0
     for left, right in zip(columns, columns[1:]):
         place = {k: position for position, k in enumerate(right)}
@@ -164,7 +168,7 @@ def _crossings(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> int:
 
 
 def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
-    """Sweep back and forth, sorting each column by the mean position of its neighbours in the previous one. Keep the best order."""
+    """Sweep back and forth, and sort each column by the mean position of its neighbours in the previous column. Keep the best order."""
     best, fewest = [list(column) for column in columns], _crossings(items, columns)
     for sweep in range(SWEEPS):
         if fewest == 0:
@@ -184,13 +188,13 @@ def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
 
 
 def _separation(a: _Item, b: _Item) -> float:
-    """Return the minimum distance between the centres of two items that are one above the other."""
+    """Return the minimum distance between the centres of two items that are neighbours in a column."""
     gap = ROW if a.box is not None and b.box is not None else LINE_ROW
     return (a.size.height + b.size.height) / 2.0 + gap
 
 
 def _set_heights(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> None:
-    """Set the centres of all items: place each column in turn as near to its neighbours as order and separation allow."""
+    """Set the centres of all items. Each column in turn is placed as near to its neighbours as order and separation allow."""
     for column in columns:
         for above, k in zip(column, column[1:]):
             items[k].y = items[above].y + _separation(items[above], items[k])
@@ -229,7 +233,7 @@ def _nearest(wanted: Sequence[float], weights: Sequence[float], separations: Seq
 
 
 def _ports(items: Sequence[_Item], k: int, neighbours: Sequence[int]) -> dict[int, float]:
-    """Return the positions at which lines meet the side of a box: side by side, in the order of their other ends."""
+    """Return the positions at which lines meet the side of a box, in the order of the other ends of the lines."""
     ordered = sorted(neighbours, key=lambda n: (items[n].y, n))
     room = max(items[k].size.height - 14.0, 0.0)
     step = min(PORT, room / max(1, len(ordered) - 1))

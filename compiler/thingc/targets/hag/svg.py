@@ -20,9 +20,9 @@ PADDING = 12.0
 ADVANCE = 0.61
 """Width of a character of a monospaced font relative to its size: 0.602 for DejaVu Sans Mono and Menlo, 0.600 for Courier."""
 LONGEST = 46
-"""Maximum number of characters in a line. Longer text is wrapped or cut; the tooltip has the full text."""
+"""Maximum number of characters in a line. A longer string is wrapped or cut; the tooltip shows the full string."""
 MOST = 6
-"""Maximum number of entries in a label, and of lines of parameters in a box. The tooltip has the rest."""
+"""Maximum number of entries in a label, and of lines of parameters in a box. The tooltip shows all entries."""
 
 FONT = "ui-monospace, 'SF Mono', Menlo, Consolas, 'DejaVu Sans Mono', 'Liberation Mono', monospace"
 INK, MUTED, LINE, JOINT = "#1f2937", "#6b7280", "#a3acba", "#c2410c"
@@ -31,10 +31,10 @@ EDGE: Mapping[DefinitionKind, str] = {"assembly": "#3d6fae", "part": "#a89c7c", 
 
 
 def picture(hag: Hag) -> str:
-    """Return the SVG text.
+    """Return the drawing as an SVG document.
 
-    Boxes are definitions with their quantity. Lines are components with their placement; lines of joints are coloured. Tooltips show all
-    details.
+    A box represents a definition with its quantity. A line represents a component with its placement; lines of joints are coloured.
+    Tooltips show all details.
     """
     numbers = {definition.text: index for index, definition in enumerate(hag.definitions)}
     counted = quantities(hag)
@@ -208,7 +208,7 @@ def _add_text(parent: ET.Element, x: float, y: float, text: str, style: dict[str
 
 
 def _width(text: str, size: float) -> float:
-    """Return the width of a text in a monospaced font. East Asian wide characters count twice."""
+    """Return the width of a string in a monospaced font. East Asian wide characters count twice."""
     return sum(2.0 if unicodedata.east_asian_width(c) in "WF" else 1.0 for c in text) * ADVANCE * size
 
 

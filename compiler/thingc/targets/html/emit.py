@@ -29,18 +29,19 @@ class Page(FrozenStruct):
     def html(self, *, live: str | None = None, editor: str | None = None, against: Page | None = None) -> bytes:
         """Return the page.
 
-        `live` identifies a version; the page then asks its server for changes since that version. `editor` is a URL template for opening a
-        file in an editor, with `{file}` (the path in the workspace) and `{line}`. `against` is the page of a robot to compare with.
+        `live` identifies a version. If it is given, the page asks its server for changes since that version. `editor` is a URL template for
+        opening a file in an editor, with `{file}` (the path in the workspace) and `{line}`. `against` is the page of another robot for a
+        comparison.
         """
         return _framed(self.name, self.data, self.glb, live=live, editor=editor, against=against)
 
     def news(self) -> bytes:
-        """Return an update for a live page as JSON, with `robot` and `geometry` from the same build."""
+        """Return an update for a live page as JSON. `robot` and `geometry` must come from the same build."""
         return f'{{"robot": {self.data}, "geometry": "{base64.b64encode(self.glb).decode()}"}}'.encode()
 
 
 def waiting(name: str, editor: str | None = None) -> bytes:
-    """Return a live page that shows the first robot that becomes available. `name` is its title until then."""
+    """Return a live page that waits for the first successful build and then shows the robot. `name` is the title of the page until then."""
     return _framed(name, "null", b"", live="", editor=editor, against=None)
 
 

@@ -1,7 +1,7 @@
 """Pack meshes for a page into one glTF 2.0 binary file. Positions are 16-bit numbers in each mesh's box (KHR_mesh_quantization).
 
-The error for a part of 200 mm is at most 3 um. Each mesh is in the file once, in a node whose transform undoes the packing. The poses of
-the meshes are in the data of the page. The module does not use numpy, because importing it takes longer than packing.
+The error for a part of 200 mm is at most 3 um. The file contains each mesh once, in a node whose transform undoes the packing. The data of
+the page contains the poses of the meshes. The module does not use numpy, because importing numpy takes longer than packing.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ PACKING = "KHR_mesh_quantization"
 """The extension for 16-bit positions."""
 
 MOST = 32767
-"""The largest signed 16-bit number, which represents 1."""
+"""The largest signed 16-bit number. It represents the value 1."""
 
 
 class PackedMeshes:
-    """Meshes of a store, numbered in the order of their first request."""
+    """Meshes from a store, numbered in the order of their first request."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -50,14 +50,14 @@ class PackedMeshes:
 
 
 def _add(sha256: str, obj: bytes, tree: dict[str, list[dict[str, object]]], data: bytearray) -> None:
-    """Append a mesh (OBJ, all vertices and then all triangles) to the file."""
+    """Append a mesh to the file. The mesh is an OBJ file with all vertices before all triangles."""
     points, mark, corners = obj.partition(b"f")
     numbers = [float(word) for word in points.replace(b"v", b" ").split()]
     indices = [int(word) - 1 for word in (mark + corners).replace(b"f", b" ").split()]
     axes = [numbers[k::3] for k in range(3)]
     low, high = [min(axis) for axis in axes], [max(axis) for axis in axes]
     centre, half = [(a + b) / 2.0 for a, b in zip(low, high)], max((b - a) / 2.0 for a, b in zip(low, high)) or 1.0
-    packed = array("h", bytes(8 * len(axes[0])))  # four 16-bit numbers each, because vertices must begin at multiples of four bytes
+    packed = array("h", bytes(8 * len(axes[0])))  # four 16-bit numbers per vertex, because vertices must begin at multiples of four bytes
     for k, axis in enumerate(axes):
         packed[k::4] = array("h", [round((x - centre[k]) / half * MOST) for x in axis])
     wide = len(axes[0]) > 65536

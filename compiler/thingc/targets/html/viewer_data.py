@@ -1,11 +1,11 @@
-"""The data for the page of a robot, from which the page computes all poses. They are JSON values in SI units.
+"""The data for the page of a robot. The page computes all poses from this data. All values are JSON values in SI units.
 
-A mode's `bodies` have parents before children. For q of the coordinates that move it, the pose of a link is
+The `bodies` of a mode are ordered with parents before children. For coordinates q, the pose of a link is
 
     X_W,link(q) = X_W,parent @ X @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...
 
-or uses `exp(twist_0 q_0 + ...)` for a ball. The mode's `loops` are closed if `X_W,parent @ X_PA @ exp(...) == X_W,child @ X_CB` over their
-own coordinates. A pose is 12 numbers, the first three rows of its matrix; a twist is `[angular, linear, anchor]`.
+or uses `exp(twist_0 q_0 + ...)` for a ball. A loop of the mode (`loops`) is closed if `X_W,parent @ X_PA @ exp(...) == X_W,child @ X_CB`
+with the coordinates of the loop. A pose is 12 numbers, the first three rows of its matrix; a twist is `[angular, linear, anchor]`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Data = dict[str, object]
 
 
 def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, packed: PackedMeshes) -> Data:
-    """Return all data for the page. It refers to meshes by their numbers in `packed`."""
+    """Return all data for the page. The data refers to meshes by their numbers in `packed`."""
     within = in_link(assembly)
     places = _Places(workspace)
     definitions = {one.definition.text: one for one in assembly.occurrences}
@@ -72,14 +72,14 @@ def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, 
 
 
 class _Places:
-    """Looks up source locations in files of the workspace. Absolute paths are not written, because they differ between machines."""
+    """Looks up source locations in files of the workspace. Absolute paths are omitted, because they differ between machines."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
         self._texts: dict[str, str] = {}
 
     def of(self, origin: Origin) -> Data:
-        """Return `file` and `line` of the first place in an origin, or null if it is empty."""
+        """Return `file` and `line` of the first place in an origin, or null for an empty origin."""
         span = next(iter(origin), None)
         if span is None or span.option is not None:
             return {"file": None, "line": None}
@@ -88,7 +88,7 @@ class _Places:
     def code(self, path: str, reference: str) -> Data:
         """Return `file` and `line` of a part's class or function, or null for a file outside the workspace.
 
-        The line is looked up in the file, because the record is not rebuilt when an edit only moves lines.
+        The line is looked up in the current file, because the part record is not rebuilt when an edit only moves lines.
         """
         if not self._workspace.contains(path):
             return {"file": None, "line": None}
@@ -145,13 +145,13 @@ def _shape(surface: Surface, packed: PackedMeshes) -> Data:
 
 
 def _mass(own: MassProperties) -> Data:
-    """Return mass [kg], centre of mass [m], principal moments about it [kg m^2], and `axes` with the principal axes as columns."""
+    """Return mass [kg], centre of mass [m], principal moments of inertia [kg m^2], and `axes` with the principal axes as columns."""
     moments, axes = principal_axes(own.inertia)
     return {"mass": own.mass, "centre": own.centre, "moments": moments, "axes": [x for row in axes for x in row]}
 
 
 def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) -> Data:
-    """Return a coordinate, which is the same in all modes. `parent` and `child` are the numbers of the document's links."""
+    """Return the data of a coordinate, which is the same in all modes. `parent` and `child` are the indices of links in the document."""
     drive = joint.actuator
     return {
         "path": joint.path, "joint": mate.name, "kind": joint.kind.name, "turns": joint.twist.turns,
@@ -211,9 +211,9 @@ def _loop(closure: Closure) -> Data:
 def _pose(robot: Robot, frame: Keyframe) -> Data:
     """Return a pose of a mode.
 
-    It has q by path, the pose of the base if it differs, and the factor by which the drives can hold the pose (`margins`). `falls` is
-    True if the robot falls whatever the drives do. `unheld` is the joint that the drives do not hold ("" for the base, null if there is
-    none).
+    The pose contains q by path, the pose of the base if it differs, and the factor by which the drives can hold the pose (`margins`).
+    `falls` is True if the robot falls whatever the drives do. `unheld` is a joint that the drives cannot hold ("" for the base, null if the
+    drives hold all joints).
     """
     q = coordinates(joints_of(robot.assembly), frame.q)
     base = frame.base or robot.bodies[0].X_PL

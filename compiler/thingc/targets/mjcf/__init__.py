@@ -2,7 +2,7 @@
 
 from thingc.targets.target import Target
 
-TARGET = Target(  # `modes.json` contains addresses in the models, so the two are written together
+TARGET = Target(  # `modes.json` contains addresses in the models, so both targets are written together
     position=1, says="MuJoCo models and scenes, one per mode", emitters=("thingc.targets.mjcf.emit:emit", "thingc.targets.modes_json:emit"),
     writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"), capabilities="thingc.targets.mjcf.capabilities", by_name=True,
     libraries=("mujoco",),

@@ -1,8 +1,8 @@
 """Geometry that MuJoCo does not support or handles differently, and a cache of geometry that MuJoCo has accepted.
 
-Reading meshes takes most of MuJoCo's time for a model (200 of 220 ms for twelve parts). Whether MuJoCo accepts a mesh depends only on its
-bytes and on whether it is read as a surface. Therefore, after an edit of limits, masses or poses, the model is compiled with a tetrahedron
-in place of every known mesh.
+MuJoCo spends most of the compilation of a model on reading meshes (200 of 220 ms for twelve parts). Whether MuJoCo accepts a mesh depends
+only on the bytes of the mesh and on whether MuJoCo reads it as a surface. Therefore, after an edit of limits, masses or poses, MuJoCo
+compiles the model with a tetrahedron in place of every known mesh.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from thingc.targets.manifest import versions
 from thingc.targets.xml_writer import Element
 
 LEAST_VOLUME = 1e-14
-"""Smallest volume of a part [m^3] whose mesh MuJoCo accepts as a solid.
+"""Smallest volume [m^3] of a part whose mesh MuJoCo accepts as a solid.
 
 MuJoCo rejects solid meshes of up to 1e-15 (mjMINVAL), and the volume of a mesh is slightly smaller than the volume of its part.
 """
@@ -39,7 +39,8 @@ FOLDER = "mjcf/assets"
 MODEL, MESH, START = "mujoco-model", "mujoco-mesh", "mujoco-start"
 """Kinds of documents in the store: accepted models, accepted meshes, and accepted initial states.
 
-A mesh is accepted if a version of MuJoCo compiled it without messages, an initial state if it has no errors (`initial_state_checks.py`).
+A mesh is accepted if a version of MuJoCo compiled it without messages. An initial state is accepted if it has no errors
+(`initial_state_checks.py`).
 """
 
 HARMLESS = frozenset({"condim", "friction", "gap", "group", "margin", "priority", "rgba", "solimp", "solmix", "solref"})
@@ -54,7 +55,7 @@ _BOX_SIDES = (
 
 
 class AcceptedModels:
-    """A cache, in a store, of the models with these `meshes` that one version of MuJoCo has accepted."""
+    """A cache in the store: the models with these `meshes` that one version of MuJoCo has accepted."""
 
     def __init__(self, store: Store, version: str, meshes: Sequence[MeshAsset]) -> None:
         self.store = store
@@ -64,12 +65,15 @@ class AcceptedModels:
 
     @functools.cached_property
     def _new(self) -> dict[str, str]:
-        """Cache keys of the meshes that have not been accepted, by file."""
+        """Cache keys of the meshes that MuJoCo has not accepted, by file."""
         keys = {mesh.file: self._mesh_key(mesh) for mesh in self._meshes}
         return {file: key for file, key in keys.items() if self.store.get_json(MESH, key) is None}
 
     def model(self, texts: Sequence[str], *, started: bool) -> bool:
-        """Return whether exactly these files were accepted together. With `started`, their initial state must also have been checked."""
+        """Return whether MuJoCo has accepted exactly this combination of files.
+
+        With `started`, the initial state must also have been checked.
+        """
         answers = (True,) if started else (True, False)
         return any(self.store.get_json(MODEL, self._key((*texts, str(one)))) is not None for one in answers)
 
@@ -89,7 +93,7 @@ class AcceptedModels:
             self.store.note_json(MESH, key, True)
 
     def unread(self, true: Collection[str]) -> list[MeshAsset]:
-        """Return the meshes that MuJoCo must read: unknown meshes, and the meshes named in `true`."""
+        """Return the meshes that MuJoCo must read: unknown meshes, and the meshes whose names are in `true`."""
         return [mesh for mesh in self._meshes if mesh.name in true or mesh.file in self._new]
 
     def start(self, key: str) -> bool:
@@ -105,8 +109,8 @@ class AcceptedModels:
     ) -> dict[str, bytes]:
         """Return the bytes that MuJoCo reads as each file.
 
-        A mesh that is unknown or named in `true` has the bytes in `instead`, or else its own bytes. Any other mesh is replaced by a
-        tetrahedron. If raw attributes may affect meshes, all meshes count as unknown.
+        For a mesh that is unknown or whose name is in `true`, these are the bytes in `instead`, or else its own bytes. A tetrahedron
+        replaces any other mesh. If raw attributes may affect meshes, all meshes count as unknown.
         """
         whole = any(about_meshes(model) for model in models)
         files = {mesh.file for mesh in (self._meshes if whole else self.unread(true))}
@@ -126,7 +130,7 @@ class AcceptedModels:
 
 @functools.cache
 def mujoco_version() -> str:
-    """Return the version of the installed MuJoCo without importing it, which takes 0.1 s."""
+    """Return the version of the installed MuJoCo without importing the package, because the import takes 0.1 s."""
     if "mujoco" in versions():
         return versions()["mujoco"]
     from importlib.metadata import version
@@ -135,7 +139,7 @@ def mujoco_version() -> str:
 
 
 def about_meshes(model: Element) -> bool:
-    """Return whether raw attributes affect meshes (or how they are read or used), or added elements pair geoms for contacts."""
+    """Return whether raw attributes affect meshes or their use, or whether added elements define contact pairs."""
     sections: Mapping[str, Element] = {child.tag: child for child in model.children}
     if "contact" in sections and any(child.tag == "pair" for child in sections["contact"].children):
         return True
@@ -168,7 +172,7 @@ def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Se
 
 
 def taken(assembly: Assembly, report: Report, memo: Memo) -> tuple[Geometry, tuple[Loss, ...]]:
-    """Return the geometry of every occurrence and the losses of MJCF. Geometry that MuJoCo does not accept is reported."""
+    """Return the geometry of every occurrence and the losses of MJCF. Report geometry that MuJoCo does not accept."""
     shapes, losses, said = memo("geometry", lambda _: _collected(assembly), inputs_of(assembly))
     for diagnostic in said.diagnostics:
         report.say(diagnostic)
@@ -192,7 +196,7 @@ class _Limits:
         self.losses: list[Loss] = []
 
     def takes(self, occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
-        """Return whether MuJoCo supports contacts of a shape. If not, the loss is recorded."""
+        """Return whether MuJoCo supports contacts of a shape. If not, record a loss."""
         choice = occurrence.overrides.collision
         if has_inside(piece):
             return True

@@ -1,9 +1,9 @@
 """Contact parameters for adhesion. With MuJoCo's defaults, a robot held by magnets creeps down a wall by millimetres per second.
 
 `solimp` and `solref` determine how far a contact yields and how fast it creeps under friction; `impratio` reduces the creep. The values
-were determined with MInchW on its wall and under its ceiling, and with feet of 0.1 to 0.5 kg that carry up to five times their weight, with
-magnets of 30 to 1000 N per kg. With softer contacts the robot creeps; with harder contacts a slightly tilted foot detaches. Friction is
-not changed, so a robot without enough friction slides.
+come from simulations of MInchW on a wall and under a ceiling, and of feet of 0.1 to 0.5 kg that carry up to five times their weight, with
+magnets of 30 to 1000 N per kg. With softer contacts the robot creeps; with harder contacts a slightly tilted foot detaches. Friction is not
+changed, so a robot without enough friction slides.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from thingc.model.assembly.types import Assembly
 from thingc.model.robot.types import Robot
 
 CLASS = "adhesive"
-"""The class, within `collision`, of every geom of a link with adhesion. In MuJoCo, adhesion acts at all contacts of its link."""
+"""The class, within `collision`, of every geom of a link with adhesion. In MuJoCo, adhesion acts at all contacts of the link."""
 
 CONTACT = {"margin": "1e-05", "solmix": "1000", "solref": "0.004 1", "solimp": "0.99 0.999 0.001 0.5 2"}
-"""Attributes of these geoms.
+"""Attributes of every geom of a link with adhesion.
 
 `margin` [m] includes contacts whose distance is 0 except for rounding errors. `solmix` gives these values precedence over the floor's,
 unless the floor has a priority.
 """
 
 OPTION = {"cone": "elliptic", "impratio": "100"}
-"""Options of the model, which must be used together: with pyramidal cones, this `impratio` throws feet off the floor."""
+"""Options of a model with adhesion. They must be used together: with pyramidal cones, this `impratio` throws feet off the floor."""
 
 
 def contact(assembly: Assembly) -> dict[str, str]:
-    """Return the attributes of the class, except those that raw attributes set for all collision geoms or all geoms."""
+    """Return the attributes of the class, except attributes that raw attributes set for all collision geoms or all geoms."""
     stated = {path[3] for path in _raw(assembly) if len(path) == 4 and path[0] == "default" and path[1] != "visual" and path[2] == "geom"}
     return {name: value for name, value in CONTACT.items() if name not in stated}
 

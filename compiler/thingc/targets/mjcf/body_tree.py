@@ -31,13 +31,13 @@ RESERVED_CLASSES = frozenset({"main", "visual", "collision", adhesion_contacts.C
 STIFF = "0.9999 0.9999 0.001 0.5 2"
 """`solimp` of a mimic joint, as stiff as MuJoCo allows.
 
-MuJoCo regularizes the constraint by the plain sum of both joints' inverse inertias, whatever the multiplier. With its default, a slide that
-mimics a light hinge lags by seconds instead of 20 ms.
+MuJoCo regularizes the constraint by the plain sum of both joints' inverse inertias, whatever the multiplier. With MuJoCo's default, a slide
+that mimics a light hinge lags by seconds instead of 20 ms.
 """
 
 
 def model(robot: Robot, geometry: Geometry, memo: Memo | None = None) -> Element:
-    """Return the `<mujoco>` element of a mode, before raw attributes. Unchanged elements are taken from `memo`."""
+    """Return the `<mujoco>` element of a mode, before raw attributes are applied. Unchanged elements are reused from `memo`."""
     return _Builder(robot, geometry, memo or Memo()).build()
 
 
@@ -71,7 +71,7 @@ def _joints(robot: Robot) -> list[TreeJoint]:
 
 
 class _Builder:
-    """Builds the sections of one model, with one method for each."""
+    """Builds the sections of a model. Each section has a method."""
 
     def __init__(self, robot: Robot, geometry: Geometry, memo: Memo) -> None:
         self.robot = robot
@@ -86,7 +86,10 @@ class _Builder:
         self.root = Element(tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin)
 
     def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
-        """Add the elements that `make(*inputs)` returns. Models share them; an element is copied only if raw attributes name it."""
+        """Add the elements that `make(*inputs)` returns.
+
+        Models share these elements; an element is copied only if a raw attribute names it.
+        """
         grown, names = self.memo(place, elements.made, make, *inputs)
         if self.raw.isdisjoint(names):
             parent.children.extend(grown)
@@ -115,7 +118,7 @@ class _Builder:
         return self.root
 
     def option(self) -> None:
-        """Add gravity [m/s^2] and solver options. The mode's `simulation` overrides the document's."""
+        """Add gravity [m/s^2] and solver options. The `simulation` of the mode overrides the `simulation` of the document."""
         mode = self.robot.mode
         attributes: dict[str, XmlValue] = {**self.assembly.definition.simulation, **mode.simulation}
         if "integrator" in attributes:
@@ -125,7 +128,7 @@ class _Builder:
         self.root.add("option", {**attributes, "gravity": self.robot.gravity}, mode.origin)
 
     def default(self) -> None:
-        """Add the classes. Geoms have no mass, because each link has an `inertial`."""
+        """Add the default classes. Geoms have no mass, because each link has an `inertial` element."""
         own = self.root.add("default").add("default", {"class": class_name(self.robot)})
         own.add("site", {"group": "3"})
         visual = own.add("default", {"class": "visual"})
@@ -136,7 +139,7 @@ class _Builder:
             collision.add("default", {"class": adhesion_contacts.CLASS}).add("geom", adhesion_contacts.contact(self.assembly))
 
     def custom(self) -> None:
-        """Add velocity limits [rad/s or m/s], for which MJCF has no attribute, as custom data."""
+        """Add velocity limits [rad/s or m/s] as custom data, because MJCF has no attribute for them."""
         section = self.root.add("custom")
         for joint in self.joints.values():
             if joint.limit.velocity is not None:
@@ -199,11 +202,11 @@ class _Builder:
             )
 
     def equality(self) -> None:
-        """Add mimic joints, then loops. The q of a mimic joint is a polynomial of q(other), both relative to their values at qpos0."""
+        """Add mimic joints, then loops. The q of a mimic joint is a polynomial in q(other); both are relative to their values at qpos0."""
         section = self.root.add("equality")
         for joint in self.joints.values():
             for slide in lowered(joint)[1:]:
-                # The rotation depends on the slide. Otherwise the slide's share of the constraint would be so small that loads slip.
+                # The rotation depends on the slide. Otherwise the share of the slide in the constraint would be so small that loads slip.
                 polynomial: tuple[float, ...] = (0.0, 1.0 / slide.ratio, 0.0, 0.0, 0.0)
                 names = {"name": f"{joint.path}:screw", "joint1": joint.path, "joint2": slide.name}
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.origin)
@@ -262,9 +265,9 @@ class _Builder:
         return FREE_JOINT if joint.mate < 0 else self.assembly.mates[joint.mate].name or joint.path
 
     def position(self, path: str, q: Mapping[str, float]) -> float:
-        """Return the control [rad or m] that keeps a position drive at `q`. Return 0 for other drives.
+        """Return the control [rad or m] that holds a position drive at `q`. Return 0 for other drives.
 
-        For the drive of a ball it is the component of the rotation vector along the drive's axis.
+        For the drive of a ball, the control is the component of the rotation vector along the drive's axis.
         """
         joint = self.joints[path]
         drive = joint.actuator

@@ -1,11 +1,12 @@
-"""Loops in MJCF. A held mount is welded to an anchor or connected to it at a point; a joint outside the tree becomes an equality.
+"""Loops in MJCF. A held mount is welded to an anchor or connected to the anchor at a point. A joint outside the tree becomes an equality.
 
-An anchor is a mocap body. Its pose is part of `MjData`. Switching modes can therefore move it without changing the model, and
-`mj_resetDataKeyframe` resets it.
+An anchor is a mocap body. Its pose is part of `MjData`. A change of mode can therefore move the anchor without changing the model, and
+`mj_resetDataKeyframe` resets the anchor.
 
-MuJoCo has no equality for a hinge, which is written as two `connect` at different points of its axis. It also has none for a universal,
-which is written as a `connect` at the intersection of the axes and a tendon of constant length between a point on each axis, which keeps
-the axes at right angles. Both ends of every equality are written explicitly, so that none depends on poses at qpos0.
+MuJoCo has no equality for a hinge. A hinge is written as two `connect` equalities at different points of its axis. MuJoCo also has no
+equality for a universal joint. A universal joint is written as a `connect` at the intersection of its axes, and a tendon of constant length
+between a point on each axis, which keeps the axes at right angles. Both ends of every equality are written explicitly, so that no equality
+depends on poses at qpos0.
 """
 
 from __future__ import annotations
@@ -23,16 +24,17 @@ from thingc.targets.mjcf.elements import pose_attributes
 from thingc.targets.xml_writer import Element, XmlValue
 
 STIFFNESS = "0.999 0.9999 0.001"
-"""`solimp` of a closure. With MuJoCo's default of 0.9, a held foot sags by a fraction of a millimetre."""
+"""`solimp` of equalities that close loops and holds. With MuJoCo's default of 0.9, a held foot sags by a fraction of a millimetre."""
 
 TIMESTEP = 0.002
 """MuJoCo's default time step [s]. The shortest time constant of an equality (`solref`) is twice the time step."""
 
 
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
-    """Add the equalities of a mode's closures, as stiff as the time step allows.
+    """Add the equalities that close the loops and holds of a mode, as stiff as the time step allows.
 
-    A clamp or rigid loop has a `weld`, a point or ball has a `connect`, a hinge has two, and a universal has a `connect` and a `tendon`.
+    A clamp or rigid loop has a `weld`, a point or ball has a `connect`, a hinge has two `connect`, and a universal joint has a `connect`
+    and a `tendon`.
     """
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
     stiff: dict[str, XmlValue] = {"solref": (2.0 * cast("float", stepped), 1.0), "solimp": STIFFNESS}
@@ -69,7 +71,7 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
 
 
 def tendons(robot: Robot, section: Element) -> None:
-    """Add a tendon for each universal, from a point on one axis to a point on the other axis."""
+    """Add a tendon for each universal joint, from a point on one axis to a point on the other axis."""
     for closure in robot.closures:
         if equality(closure) == "connect and tendon":
             spatial = section.add("spatial", {"name": equality_name(closure), "group": "3"}, closure.origin)
@@ -78,7 +80,7 @@ def tendons(robot: Robot, section: Element) -> None:
 
 
 def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "connect and tendon"] | None:
-    """Return the type of equality that closes a loop or a hold, or None if it stays open."""
+    """Return the type of equality that closes a loop or a hold, or None if the loop or hold stays open."""
     form = written(CAPABILITIES["loops"]["hold" if closure.hold else closure.kind])
     if form == "weld or connect":
         return "connect" if closure.turns else "weld"
@@ -86,17 +88,23 @@ def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "co
 
 
 def equality_name(closure: Closure) -> str:
-    """Return the name of an equality: `rear_foot/sole:hold` or `rod:loop`, or the custom name."""
+    """Return the name of an equality: its custom name, or a name such as `rear_foot/sole:hold` or `rod:loop`."""
     return closure.name or f"{closure.path}:{'hold' if closure.hold else 'loop'}"
 
 
 def anchor_name(closure: Closure) -> str:
-    """Return the name of the body that holds a mount (and of its site if the mount can rotate): `leg_2/sole:held`."""
+    """Return the name of the body that holds a mount, such as `leg_2/sole:held`.
+
+    If the mount can rotate, the site of the body has the same name.
+    """
     return f"{closure.path}:held"
 
 
 def anchors(robot: Robot) -> dict[str, Pose]:
-    """Return the poses of anchors in the world by name. An anchor is at the held link, or at the mount's origin if it can rotate."""
+    """Return the poses of anchors in the world by name.
+
+    An anchor is at the held link, or at the origin of the mount if the mount can rotate.
+    """
     return {
         anchor_name(one): Pose(translation=one.X_PA.translation) if one.turns else one.X_PA @ one.X_CB.inverse()
         for one in robot.closures if one.hold
@@ -130,7 +138,8 @@ def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
 def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tuple[str, Pose]]]:
     """Return two pairs of sites, each with one on the parent and one on the child.
 
-    The first pair is at the origin. For a hinge, the second pair is on its axis. For a universal, it has one site on each axis.
+    The first pair is at the origin. For a hinge, the second pair is on the axis. For a universal joint, the second pair has one site on
+    each axis.
     """
     lever = _lever(robot, closure)
     ends = shifted(0.0, 0.0, lever), shifted(0.0, 0.0, lever)
@@ -144,7 +153,7 @@ def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tupl
 
 
 def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tuple[str, Pose]]) -> float:
-    """Return the distance [m] at q = 0 between a point of the parent and a point of the child, which is MuJoCo's reference length."""
+    """Return the distance [m] at q = 0 between a point of the parent and a point of the child. MuJoCo uses it as the reference length."""
     assert closure.parent is not None
     X_WL: list[Pose] = []
     for body in robot.bodies:
@@ -154,9 +163,11 @@ def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tup
 
 
 def _lever(robot: Robot, closure: Closure) -> float:
-    """Return the distance [m] between the two points: from the axis to the child's centre of mass, rounded to one digit, at least 1e-3.
+    """Return the distance [m] between the two points of a constraint.
 
-    With this distance, translation and rotation have similar weights in the constraint.
+    It is the distance from the axis to the child's centre of mass, rounded to one digit, at least 1e-3.
+
+    This distance gives translation and rotation similar weights in the constraint.
     """
     centre = robot.assembly.links[robot.bodies[closure.child].link].properties.centre
     far = dist(centre, closure.X_CB.translation)
@@ -164,7 +175,7 @@ def _lever(robot: Robot, closure: Closure) -> float:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield losses for poses that do not close the loops or were changed, and for properties of cut joints."""
+    """Yield losses for poses that do not close the loops, for poses that were changed, and for properties of cut joints."""
     mode = robot.mode.name
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
@@ -195,7 +206,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
 
 
 def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
-    """Return `` `knee` and 2 more moved, by 12 deg at most``. It names the joint that moved most (a radian counts as a metre)."""
+    """Return `` `knee` and 2 more moved, by 12 deg at most``. The text names the joint that moved most; a radian counts as a metre."""
     path = max(moved, key=lambda joint: abs(moved[joint]))
     others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
     return f"`{path}`{others} changed by at most {_format_value(moved[path], turn=path in turns)}"

@@ -12,7 +12,7 @@ UNBOUNDED = 1e6
 """Second bound of the `range` [rad or m] of a joint with only one limit, because MuJoCo requires both."""
 
 NOTHING = 1e-12
-"""Bound [N, N m, rad/s or m/s] that is written in place of 0."""
+"""Bound [N, N m, rad/s or m/s] that is written in place of a bound of 0."""
 
 
 def joint_range(limit: Limit) -> tuple[float, float] | None:
@@ -25,8 +25,8 @@ def joint_range(limit: Limit) -> tuple[float, float] | None:
 def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> dict[str, XmlValue]:
     """Return the gains and the range of a drive.
 
-    The range is the joint's range for a position drive, the velocity limit for a velocity drive, and the effort for a motor. The joint's
-    effort limit takes precedence over the drive's.
+    The range is the range of the joint for a position drive, the velocity limit for a velocity drive, and the effort limit for a motor. The
+    joint's effort limit takes precedence over the drive's.
     """
     effort = joint.limit.effort if joint.limit.effort is not None else drive.effort
     velocity = joint.limit.velocity if joint.limit.velocity is not None else drive.velocity

@@ -1,4 +1,7 @@
-"""Elements of a model. Each is made only from the values that it depends on, so that unchanged elements can be reused."""
+"""Elements of a model.
+
+Each function creates an element only from the values on which the element depends, so that unchanged elements can be reused.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +25,17 @@ from thingc.targets.mjcf.lowering import MujocoJoint, lowered
 from thingc.targets.xml_writer import Element, XmlValue
 
 GRID = 0.1
-"""Spacing [m] of the grid lines that MuJoCo may draw on a plane. MuJoCo requires the attribute."""
+"""Spacing [m] of the grid lines that MuJoCo may draw on a plane. MuJoCo requires this attribute."""
 
 
 def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
-    """Return the elements made by `make(*inputs)`, and their names in raw attributes."""
+    """Return the elements that `make(*inputs)` creates, and their names in raw attributes."""
     elements = make(*inputs)
     return elements, frozenset(element.get("name").replace(".", "/") for element in elements)
 
 
 def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
-    """Return the assets of meshes."""
+    """Return the `mesh` assets."""
     elements: list[Element] = []
     for mesh in meshes:
         attributes: dict[str, XmlValue] = {"name": mesh.name, "file": mesh.file}
@@ -58,12 +61,15 @@ def inertial_of(properties: MassProperties, origin: Origin) -> tuple[Element, ..
 
 
 def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
-    """Return a named frame."""
+    """Return the `site` of a named frame."""
     return (Element(tag="site", attributes={"name": path, **pose_attributes(pose)}, origin=origin),)
 
 
 def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
-    """Return a hinge, a slide, or both for a screw. The effort limit is on the actuator of a `driven` joint, else on the joint."""
+    """Return a hinge, a slide, or both for a screw.
+
+    The actuator of a `driven` joint has the effort limit; for other joints, the joint itself has it.
+    """
     own, *others = (_axis(one, joint.twist) for one in lowered(joint))
     attributes = {**own}
     bounds = joint_range(joint.limit)
@@ -76,7 +82,7 @@ def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
 
 
 def ball(name: str, joint: TreeJoint) -> tuple[Element, ...]:
-    """Return a ball joint from any of its coordinates, which differ only in their axes."""
+    """Return a ball joint. `coordinate` can be any coordinate of the ball, because its coordinates differ only in their axes."""
     attributes: dict[str, XmlValue] = {"name": name, "type": "ball"}
     if any(joint.twist.anchor):
         attributes["pos"] = joint.twist.anchor
@@ -96,7 +102,7 @@ def dynamics_attributes(dynamics: Dynamics) -> dict[str, XmlValue]:
 
 
 def _axis(one: MujocoJoint, twist: Twist) -> dict[str, XmlValue]:
-    """Return the attributes that all types of joints have."""
+    """Return the attributes that all types of joints share."""
     pos = {"pos": twist.anchor} if any(twist.anchor) else {}
     return {"name": one.name, "type": one.type, **pos, "axis": one.axis}
 
@@ -113,7 +119,7 @@ def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, ta
         for index, shape in enumerate(one.visual):
             name = shape.name or one.path
             if index and not shape.name or name in (used if shape.name else taken):
-                name = numbered(f"{name}:visual", index)  # avoids `cap_1`, which may be another component
+                name = numbered(f"{name}:visual", index)  # do not use `cap_1`, which may be the name of another component
             used.add(shape.name)
             attributes = {"name": name, "class": "visual", **_shape(shape, pose)}
             material = material_name(shape.material, shape.color)
@@ -155,10 +161,12 @@ def _shape(shape: Shape, pose: Pose) -> dict[str, XmlValue]:
 
 
 def _friction(material: Material | None) -> dict[str, XmlValue]:
-    """Return `friction` if the material specifies any friction, with MuJoCo's defaults for the other values.
+    """Return the `friction` attributes if the material specifies any friction.
 
-    MuJoCo uses the larger friction of two geoms, so a floor could override the document's value. A priority prevents this (for two geoms of
-    the robot, MuJoCo still uses the larger value). Torsional and rolling friction require `condim` 4 and 6.
+    Values that the material does not specify are MuJoCo's defaults.
+
+    MuJoCo uses the larger friction of two geoms, so a floor could override the document's value. A priority prevents this. For two geoms of
+    the robot, MuJoCo still uses the larger value. Torsional and rolling friction require `condim` 4 and 6.
     """
     if material is None or (material.slide is None and material.torsion is None and material.roll is None):
         return {}
@@ -177,7 +185,7 @@ def inertial(properties: MassProperties) -> dict[str, XmlValue]:
     """Return the mass [kg], the centre of mass [m] and the inertia about it [kg m^2], in the link's frame, as `<inertial>` attributes.
 
     A link that never moves may have an inertia near 0, or an inertia that no solid can have (a point mass). MuJoCo cannot compute the
-    principal axes of such an inertia. As it has no effect, it is written as 0.
+    principal axes of such an inertia. The inertia of such a link has no effect and is therefore written as 0.
     """
     inertia = properties.inertia
     attributes: dict[str, XmlValue] = {"pos": properties.centre, "mass": properties.mass}
@@ -188,7 +196,7 @@ def inertial(properties: MassProperties) -> dict[str, XmlValue]:
 
 
 def pose_attributes(pose: Pose) -> dict[str, XmlValue]:
-    """Return `pos` [m] and `quat` (w, x, y, z) of a pose, each only if it is not the identity."""
+    """Return the attributes `pos` [m] and `quat` (w, x, y, z) of a pose. A zero `pos` and an identity `quat` are omitted."""
     return dict(_pose_texts(pose))
 
 

@@ -23,7 +23,7 @@ from thingc.targets.xml_writer import Element, write
 
 
 class Models(FrozenStruct):
-    """The models of all modes before they are split into files. `assets` are the meshes by file name in `assets/`."""
+    """The models of all modes before they are written to files. `assets` are the meshes by file name in `assets/`."""
 
     candidates: tuple[verify.Candidate, ...]
     assets: dict[str, StoredArtifact]
@@ -42,9 +42,9 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def models(request: EmitRequest) -> Models:
-    """Return the models of the chosen modes. They are computed once for all targets of a request.
+    """Return the models of the chosen modes. The models are computed once for all targets of a request.
 
-    With `verify`, MuJoCo compiles every model or a sample of them. Its messages are reported at their places in the documents.
+    With `verify`, MuJoCo compiles all models or a sample of the models. Messages of MuJoCo are reported at their places in the documents.
     """
     known = request.made.get("mjcf")
     if isinstance(known, Models):
@@ -85,7 +85,7 @@ def models(request: EmitRequest) -> Models:
 
 
 def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, StoredArtifact]]:
-    """Return the model texts by mode, and the meshes by file name. MuJoCo does not check them.
+    """Return the XML of each model by mode, and the meshes by file name. MuJoCo does not check the models.
 
     With `floor`, a model contains the floor of its scene.
     """
@@ -114,8 +114,8 @@ def _heading(robot: Robot) -> str:
 def emit_archives(request: EmitRequest) -> Artifacts:
     """Return `mjcf/<name>_<mode>.mjz` of each chosen mode: a reproducible zip file of a model and its meshes that MuJoCo can open.
 
-    This module writes the zip files itself. `MjSpec.encode` stores the time, and writes numbers with only six digits. Python's `zipfile`
-    would compress the meshes again for every mode and every edit. Here each mesh is compressed once and cached in the store.
+    This module writes the zip files itself. `MjSpec.encode` stores the current time and writes numbers with only six digits. Python's
+    `zipfile` would compress the meshes again for every mode and every edit. Here each mesh is compressed once and cached in the store.
     """
     made = models(request)
     if request.report.failed:

@@ -1,7 +1,7 @@
 """Check the initial state of a mode with MuJoCo for overlapping links and oscillating drives.
 
-A simulation with either fault fails at once, although the model compiles. Both are checked when a model is compiled anyway with its true
-meshes. A state without faults is cached; the key is a digest of everything that it depends on (see `key`).
+With overlapping links or oscillating drives a simulation fails at once, although the model compiles. The check is done when MuJoCo compiles
+a model with its true meshes anyway. A state without faults is cached; the key is a digest of all its inputs (see `key`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
 
 DEEP = 0.5e-3
-"""Tolerated overlap of two links [m]. Tight fits are in contact, and meshes are slightly inaccurate."""
+"""Tolerated overlap of two links [m]. Links with a tight fit are in contact, and meshes are slightly inaccurate."""
 SHOWN = 3
 """Number of additional pairs that a message names."""
 
@@ -32,17 +32,17 @@ _INDIFFERENT = re.compile(r' (?:range|ctrlrange|rgba|gravity)="[^"]*"')
 
 
 def key(text: str, robot: Robot) -> str:
-    """Return a digest of everything that the initial state of a robot depends on.
+    """Return a digest of all inputs of the initial state of a robot.
 
-    It covers the start keyframe and the model's `text`, except names, colours, joint limits and gravity. A robot on a wall therefore has
-    the same state as on the floor.
+    The digest covers the start keyframe and the model's `text`, except names, colours, joint limits and gravity. A robot on a wall
+    therefore has the same state as on the floor.
     """
     model = _INDIFFERENT.sub("", text.partition("<mujoco ")[2].partition(">")[2])
     return hashlib.sha256(f"{robot.mode.pose}\n{model}".encode()).hexdigest()
 
 
 def apart(text: str) -> tuple[str, ...]:
-    """Return the parts of a model's text that `key` omits."""
+    """Return the parts of a model's XML that `key` omits."""
     head, _, rest = text.partition("<mujoco ")
     return (head, rest.partition(">")[0], *_INDIFFERENT.findall(rest))
 
@@ -58,8 +58,8 @@ class Penetration(FrozenStruct):
 class Gains(FrozenStruct):
     """A drive in one step of a simulation.
 
-    Units are [N m/rad or N/m] for `stiffness` (kp and a spring), [N m s/rad or N s/m] for `kv` and `damping`, and [s] for the time step
-    `dt`. `inertia` [kg m^2 or kg] is the inertia that the drive moves if all joints can move.
+    Units are [N m/rad or N/m] for `stiffness` (the sum of kp and the spring stiffness), [N m s/rad or N s/m] for `kv` and `damping`, and
+    [s] for the time step `dt`. `inertia` [kg m^2 or kg] is the inertia that the drive moves if all joints can move.
     """
 
     stiffness: float
@@ -189,7 +189,7 @@ def _pose(model: Any, data: Any, number: int | None) -> None:
 
 
 def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Penetration]:
-    """Yield the pairs of overlapping parts of two links, deepest first."""
+    """Yield the pairs of overlapping parts of two links, deepest overlap first."""
     owners = {one.name_in_files(surface): one.path for one in robot.assembly.occurrences for surface in one.touching}
     deepest: dict[tuple[str, str], float] = {}
     for contact in data.contact:
@@ -208,8 +208,8 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
 
     A drive acts along g, its row of the transmission's Jacobian: the joint's own dof for a hinge, an axis in its three dofs for a ball. The
     inertia is 1 / (g M^-1 g'), with coupled parts (loops, mimic joints) moving together. With the rows T of the equality constraints and W
-    = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g'). The rules need the square of the time step; nothing is yielded if it is 0 or
-    infinite.
+    = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g'). The rules need the square of the time step. If the square is 0 or infinite, nothing
+    is yielded.
     """
     import mujoco
     import numpy as np
@@ -236,7 +236,7 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
         if len(tied):
             tying = across @ along[0]
             inverse -= float(tying @ holding @ tying)
-        if inverse <= 1e-9 * alone:  # the drive is coupled to a part that cannot move
+        if inverse <= 1e-9 * alone:  # equality constraints couple the drive to a part that cannot move
             continue
         bias, gear = model.actuator_biasprm[actuator], float(along[0] @ along[0])
         yield model.actuator(actuator).name, Gains(
@@ -255,7 +255,7 @@ def _path(name: str) -> str:
 
 
 def say(starts: Sequence[InitialState], report: Report) -> None:
-    """Warn about overlaps in each mode (equal overlaps share a warning), and about each oscillating drive in its worst mode."""
+    """Warn about overlaps in each mode, and about each oscillating drive in its worst mode. Equal overlaps share a warning."""
     alike: dict[tuple[tuple[str, str, float], ...], list[InitialState]] = {}
     for start in starts:
         if start.inside and not report.allows(Code.START_CONTACT, start.robot.mode.origin):
@@ -323,7 +323,7 @@ def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[st
 
 
 def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
-    """Return the fault of a velocity gain that is too large, a remedy, and the armature [kg m^2 or kg] that would remedy it."""
+    """Return the fault of a velocity gain that is too large, a remedy, and the armature [kg m^2 or kg] that would remove the fault."""
     rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
     does = "makes it oscillate with growing amplitude" if gains.too_stiff else "reverses its velocity in one step"
     cure = f"use at most {_down(gains.calmest / 2.0)} {rate}"
@@ -334,7 +334,7 @@ def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
 
 
 def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
-    """Return the fault, remedy and armature for a position gain, or for the joint's spring without a position gain."""
+    """Return the fault, the remedy and the armature for a position gain, or for the spring of a joint without a position gain."""
     turn, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
     kp = gains.stiffness - spring
     key, value, beside = ("kp", kp, spring) if kp > 0.0 else ("stiffness", spring, 0.0)
@@ -350,7 +350,7 @@ def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
 
 
 def _down(value: float) -> str:
-    """Round down to two digits."""
+    """Round a number down to two digits."""
     shown = float(f"{value:.1e}")
     return f"{shown if shown <= value else float(f'{value * 0.95:.1e}'):g}"
 

@@ -16,7 +16,7 @@ from thingc.targets.mjcf.capabilities import CAPABILITIES
 
 
 class MujocoJoint(FrozenStruct, kw_only=False):
-    """A joint of MuJoCo: its `name`, `type`, unit `axis`, and its motion per unit of the coordinate (`ratio`)."""
+    """A joint of MuJoCo: its `name`, its `type`, the unit vector `axis`, and its motion per unit of the coordinate (`ratio`)."""
 
     name: str
     type: Literal["hinge", "slide"]
@@ -27,7 +27,7 @@ class MujocoJoint(FrozenStruct, kw_only=False):
 def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
     """Return the MuJoCo joints of a coordinate. The first joint has the name and the values of the coordinate.
 
-    The result is empty for the coordinates of a ball, which is a single joint.
+    The result is empty for the coordinates of a ball, because a ball is a single joint.
     """
     path, twist = joint.path, joint.twist
     form = CAPABILITIES["joints"][joint_cell(joint.kind)].by
@@ -43,12 +43,12 @@ def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
 
 
 def is_ball(joints: Sequence[TreeJoint]) -> bool:
-    """Return whether these coordinates are one ball joint."""
+    """Return whether these coordinates belong to a ball joint."""
     return bool(joints) and CAPABILITIES["joints"][joint_cell(joints[0].kind)].by == "ball"
 
 
 def positions(body: Body, q: Mapping[str, float]) -> tuple[float, ...]:
-    """Return the `qpos` of the joints of a body at `q`, which has values [rad or m] by joint path."""
+    """Return the `qpos` of the joints of a body. `q` contains values [rad or m] by joint path."""
     if is_ball(body.joints):
         return quaternion_of(rotation_vector(body.twists, tuple(q[joint.path] for joint in body.joints)))
     return tuple(one.ratio * q[joint.path] for joint in body.joints for one in lowered(joint))
@@ -57,7 +57,7 @@ def positions(body: Body, q: Mapping[str, float]) -> tuple[float, ...]:
 def in_body(body: Body, axis: Vector) -> Vector:
     """Transform the axis of a ball's drive from the document's axes to the axes of the body.
 
-    The sign changes if the joint is reversed in the tree, because the drive then moves the document's parent relative to the child.
+    If the joint is reversed in the tree, the sign changes, because the drive moves the document's parent relative to the child.
     """
     joints = body.joints[::-1] if body.joints[0].reversed else body.joints
     return rotation_vector(tuple(joint.twist for joint in joints), axis)

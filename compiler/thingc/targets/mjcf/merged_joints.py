@@ -17,8 +17,8 @@ from thingc.targets.artifact import Loss
 def model_bodies(robot: Robot) -> Mapping[int, Body]:
     """Return the bodies of the model by the index of the body in the robot. Their parents are also bodies of the model.
 
-    The joints before an omitted link come first in the next body: they act first, and are expressed in the frame of that body with its own
-    joints at 0.
+    In the next body, the joints before an omitted link come first: they act first, and their axes are in the frame of the next body with
+    its own joints at 0.
     """
     made: dict[int, Body] = {}
     for index, body in enumerate(robot.bodies):

@@ -23,7 +23,7 @@ from thingc.targets.xml_writer import Element, unwritable
 TARGET = "mjcf"
 
 SINGLE = ("compiler", "option", "size", "statistic", "visual")
-"""Sections that exist once in a model. Missing ones are added at the top, in this order."""
+"""Sections that exist once in a model. Missing sections are added at the top, in this order."""
 
 NAMED: dict[str, tuple[str | None, tuple[str, ...] | None]] = {
     "actuator": ("actuator", None), "body": (None, ("body",)), "camera": (None, ("camera",)), "equality": ("equality", None),
@@ -32,7 +32,7 @@ NAMED: dict[str, tuple[str | None, tuple[str, ...] | None]] = {
     "mesh": ("asset", ("mesh",)), "numeric": ("custom", ("numeric",)), "sensor": ("sensor", None),
     "site": (None, ("site",)), "tendon": ("tendon", None),
 }
-"""Kinds of elements that have names: their section (None: the tree of bodies), and their tags (None: any)."""
+"""Kinds of elements that have names. Each has its section (None: the tree of bodies) and its tags (None: any tag)."""
 
 KINDS = (*NAMED, *SINGLE, "default")
 
@@ -73,7 +73,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
 
 def _sort(model: Element, ranks: Mapping[int, int]) -> None:
-    """Sort the elements of a model by rank. Elements without a rank come last. Keyframe controls are in the order of the actuators."""
+    """Sort the elements of a model by rank. Elements without a rank come last. Sort keyframe controls like the actuators."""
     for section in (section for kind in ORDERED if (section := model.find(kind)) is not None):
         children = section.children
         places = sorted(range(len(children)), key=lambda place: ranks.get(id(children[place]), len(ranks)))
@@ -106,7 +106,7 @@ def _shape_fault(attribute: RawAttribute) -> tuple[str, Hint] | None:
 
 
 def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element | None:
-    """Return the element of a model that an attribute belongs to, or None."""
+    """Return the element of a model to which a raw attribute belongs, or None."""
     path = attribute.path
     kind = path[0]
     if kind in NAMED:
@@ -125,7 +125,7 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
 
 
 def _slashed(name: str) -> str:
-    """Return a name with `/`, as in linked raw attributes. A document may write `hand.cap` for `hand/cap`."""
+    """Return a name with `/` as separator, as in linked raw attributes. A document may write `hand.cap` for `hand/cap`."""
     return name.replace(".", "/")
 
 
@@ -143,7 +143,7 @@ def _names(attribute: RawAttribute) -> tuple[str, ...]:
 
 
 def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
-    """Return the child with a tag. If it does not exist, add it before the children with the tag `before`."""
+    """Return the child with a tag. A missing child is added before the children with the tag `before`."""
     child = owner.find(tag)
     if child is None:
         child = Element(tag=tag)
@@ -177,7 +177,7 @@ def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
     owner, _, mount = _slashed(name).rpartition("/")
     magnet = kind == "actuator" and any(one.path == owner and mount in one.mounts for one in assembly.occurrences)
     if len(attribute.origin) > 1 and (kind == "key" or magnet or attribute.path[-1] == IN_ORDER):
-        return True  # belongs to a nested document, whose poses and modes are not used
+        return True  # the name belongs to a nested document, whose poses and modes are not used
     if kind == "joint":
         return name == assembly.free_joint
     if kind == "actuator":

@@ -1,8 +1,8 @@
 """Elements that documents add to models with `raw: {mjcf: {add: ...}}`.
 
 They can refer to the document's joints and components by path, to its mounts (which then get sites), to elements of the model, and to
-elements that were added earlier. If an element refers to something that does not exist in a mode (an omitted drive, a joint that cuts a
-loop), the element is omitted in that mode.
+elements that were added earlier. If a mode does not contain the target of a reference (an omitted drive, a joint that cuts a loop), the
+element is omitted in that mode.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from thingc.targets.mjcf import elements
 from thingc.targets.xml_writer import Element, unwritable
 
 SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor", "keyframe")
-"""Sections in the order in which missing ones are added."""
+"""Sections in the order in which missing sections are added."""
 
 
 def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> list[Loss]:
-    """Add the documents' elements to the model of each mode, and return the omitted ones. Report elements that no mode can have."""
+    """Add the documents' elements to the model of each mode, and return the omitted elements. Report elements that no mode can contain."""
     lost: list[Loss] = []
     if assembly.added and models:
         targets = [_Target(robot, model) for robot, model in zip(robots, models, strict=True)]
@@ -55,7 +55,7 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
 
 def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
-    """Yield invalid elements and attributes. They must not be passed to MuJoCo, because they could change other elements."""
+    """Yield invalid elements and attributes. MuJoCo must not read them, because they could change other elements."""
     for name, value in ((element.tag, ""), *element.attributes.items()):
         why = unwritable(name, value)
         if why is not None:
@@ -67,7 +67,7 @@ def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
 
 
 def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
-    """Return whether the missing reference may exist in a mode that is not built, or is an added element that is already reported."""
+    """Return whether a mode that is not built may contain the missing target, or the target is an added element with a reported error."""
     kind, name = missing
     if any((one.section, one.attributes.get("name", "").replace(".", "/")) == (kind, name.replace(".", "/")) for one in assembly.added):
         return True

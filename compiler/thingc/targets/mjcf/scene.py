@@ -26,7 +26,7 @@ def scene(robot: Robot, file: str, heading: str, model: XmlText, memo: Memo | No
 
 
 def floored(robot: Robot, model: XmlText, separator: str) -> str:
-    """Return the text of a model with the floor of its scene but without purely visual elements. Paths have the separator `separator`."""
+    """Return the XML of a model with the floor of its scene but without purely visual elements. Paths contain the separator `separator`."""
     root = Element(tag="mujoco")
     _lay_floor(root, root.add("worldbody"), floor_name(model), _held(robot, separator), {})
     sections = write(root, "").text.partition("<mujoco>\n")[2]
@@ -40,11 +40,11 @@ def _held(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
 
 
 def _scene(title: str, box: Box | None, file: str, floor: str, held: Sequence[tuple[str, Origin]], heading: str, origin: Origin) -> XmlText:
-    """Return the text of a scene.
+    """Return the XML of a scene.
 
     Raw attributes can override the elements before the `include`. The floor is the plane z = 0 of the world, to which the root of a mode is
     mated. For a mode on a wall or ceiling, this plane is the wall or ceiling. Contacts of held links with the floor are excluded, as MuJoCo
-    does for a fixed root; in this case the floor is a body, because not every reader can refer to the world by name.
+    excludes contacts of a fixed root. In this case the floor is a body, because not every reader can refer to the world by name.
     """
     root = Element(tag="mujoco", attributes={"model": title}, origin=origin)
     if box is not None:
@@ -78,6 +78,6 @@ def _lay_floor(root: Element, world: Element, floor: str, held: Sequence[tuple[s
 
 
 def floor_name(model: XmlText) -> str:
-    """Return the name of the floor. If a component is named `floor`, it is `scene:floor`, which is not a valid component name."""
+    """Return the name of the floor. If a component has the name `floor`, return `scene:floor`, which is not a valid component name."""
     taken = any(f'<{kind} name="{FLOOR}"' in model.text for kind in ("body", "geom"))  # the name is the first attribute
     return f"scene:{FLOOR}" if taken else FLOOR

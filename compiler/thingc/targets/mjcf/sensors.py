@@ -1,6 +1,6 @@
 """Sensors in MJCF: an element for each reading of a sensor (`imu:gyro`), and a `camera` for each camera.
 
-A sensor has the same elements with the same names in every mode that supports it, so that a controller reads one layout.
+A sensor has the same elements with the same names in every mode that supports it, so that a controller reads the same layout in all modes.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ ELEMENTS: Mapping[SensorType, Mapping[ReadingName, str]] = {
 
 
 def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
-    """Add a camera at each mount that has one. `fovy` is the vertical field of view, always in degrees."""
+    """Add a `camera` at each mount with a camera. `fovy` is the vertical field of view, always in degrees."""
     sites = merged_joints.sites(robot)
     for sensor in robot.assembly.sensors:
         if written(CAPABILITIES["sensors"][sensor.kind]) == "camera" and (sensor.site or "") in sites and sensor.fovy is not None:
             site = sites[sensor.site or ""]
-            # rounded, because 60 deg would become 59.99999999999999
+            # round the angle, because 60 deg would become 59.99999999999999
             degrees = numeric.rounded(numeric.degrees(sensor.fovy), 12)
             attributes = {"name": sensor.path, **pose_attributes(site.pose @ LOOKING), "fovy": degrees}
             bodies[site.body].add("camera", attributes, sensor.origin)
@@ -83,7 +83,7 @@ def sensors(robot: Robot, section: Element) -> None:
                 if not _missing(robot, sensor):
                     _elements(robot, sensor, section)
             case "camera" | None:
-                pass  # cameras are in bodies
+                pass  # `cameras` adds cameras to the bodies
             case _:
                 assert_never(form)
 
@@ -98,7 +98,7 @@ def _elements(robot: Robot, sensor: LinkedSensor, section: Element) -> None:
 
 
 def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[str, str]:
-    """Return the attributes that specify the object that a sensor measures."""
+    """Return the attributes that specify the object measured by a sensor."""
     links, site = robot.assembly.links, {"site": sensor.site or ""}
     match sensor.kind:
         case "imu" if reading == "quat":
@@ -128,7 +128,7 @@ def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[s
 
 
 def _missing(robot: Robot, sensor: LinkedSensor) -> str:
-    """Return the reason why a mode does not support a sensor, as text for its loss, or "" if it does."""
+    """Return the reason why a mode does not support a sensor, as a text for the loss, or "" if the mode supports the sensor."""
     sites = merged_joints.sites(robot)
     if any(mount.path not in sites for mount in sensor.mounts):
         return "MuJoCo has no frame between two joints of a body for it"
@@ -152,8 +152,8 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
 def losses(robot: Robot) -> Iterator[Loss]:
     """Yield the losses of a mode's sensors.
 
-    These are unsupported sensors, forces that are not measured at the mount, and accelerations of a fixed base. (MuJoCo's accelerometer
-    reads 0 on a fixed body, and 9.81 m/s^2 on any other body at rest.)
+    The losses are unsupported sensors, forces that are not measured at the mount, and accelerations of a fixed base. (MuJoCo's
+    accelerometer reads 0 on a fixed body, and 9.81 m/s^2 on any other body at rest.)
     """
     for sensor in robot.assembly.sensors:
         missing = _missing(robot, sensor)

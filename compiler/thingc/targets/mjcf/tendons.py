@@ -1,6 +1,7 @@
 """Tendons of documents as `fixed` and `spatial` tendons of MJCF, and their drives.
 
-A tendon over a joint that cuts a loop is omitted in that mode. The drive of a tendon is in every mode that does not select its actuators.
+If a joint of a tendon cuts a loop in a mode, this mode omits the tendon. Every mode that does not select its actuators contains the drives
+of tendons.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from thingc.targets.xml_writer import Element, XmlValue
 
 
 def present(robot: Robot) -> tuple[LinkedTendon, ...]:
-    """Return the tendons of a mode, whose joints are all in its tree and whose mounts are on its bodies."""
+    """Return those tendons whose joints are all in the tree of the mode and whose mounts are on bodies of the mode."""
     there = {joint.path for body in robot.bodies for joint in body.joints}
     sites = merged_joints.sites(robot)
     return tuple(one for one in robot.assembly.tendons if there.issuperset(one.moves) and all(mount.path in sites for mount in one.mounts))
@@ -60,13 +61,16 @@ def _shape(tendon: LinkedTendon, place: int) -> str:
 
 
 def shapes(robot: Robot, bodies: Mapping[int, Element]) -> None:
-    """Add the spheres and cylinders around which tendons wrap. They have no contacts and no mass, and are drawn as collision geoms."""
+    """Add the spheres and cylinders around which tendons wrap.
+
+    These geoms have no contacts and no mass, and are drawn like collision geoms.
+    """
     sites = merged_joints.sites(robot)
     for one in present(robot):
         for place, step in enumerate(one.steps):
             if step.mount is not None and step.radius is not None and step.shape is not None:
                 site = sites[step.mount.path]
-                # MuJoCo's cylinder is infinite for a tendon, and its length is only visual
+                # for a tendon, MuJoCo treats a cylinder as infinite; its length is only visual
                 size = (step.radius,) if step.shape == "sphere" else (step.radius, step.radius)
                 attributes = {"name": _shape(one, place), "type": step.shape, "size": size, **pose_attributes(site.pose)}
                 attributes |= {"contype": "0", "conaffinity": "0", "group": "3", "mass": "0"}
@@ -82,7 +86,7 @@ def drives(robot: Robot, section: Element) -> None:
 
 
 def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
-    """Yield the controls that keep the tendons' drives at `q` [rad or m]: a length for position drives, else 0."""
+    """Yield the controls that hold the drives of tendons at `q` [rad or m]: a length for position drives, otherwise 0."""
     for one in pulled(robot):
         if one.actuator is None or one.actuator.kind != "position":
             yield 0.0

@@ -1,6 +1,6 @@
-"""Compile every model with MuJoCo, and report its messages at their causes in the documents.
+"""Compile every model with MuJoCo, and report the messages of MuJoCo at their causes in the documents.
 
-MuJoCo is only imported for models that it has not accepted before.
+MuJoCo is imported only if a model has not been accepted before.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from thingc.targets.mjcf.accepted_models import AcceptedModels, about_meshes, bo
 from thingc.targets.xml_writer import Element, RawValue, XmlText, write
 
 MANY = 20_000_000
-"""Limit of bytes of meshes for one compilation. MuJoCo needs about fifteen times as much memory for them."""
+"""Maximum total size of meshes [bytes] in one compilation. MuJoCo needs about fifteen times as much memory."""
 
 
 class Candidate(FrozenStruct):
-    """The files of a mode: `model`, which is written from `root` with `heading`, and the scene, which includes the model as `file`."""
+    """The files of a mode: `model` is the XML of `root` with `heading`; the scene includes the model as `file`."""
 
     mode: str
     file: str
@@ -42,12 +42,12 @@ class Candidate(FrozenStruct):
 
     @property
     def texts(self) -> tuple[str, str]:
-        """The texts of both files."""
+        """The contents of both files."""
         return self.model.text, self.scene.text
 
 
 class CompileResult(FrozenStruct):
-    """The result of compiling one text: the error (None if it compiled), the warnings, and the compiled `MjModel`."""
+    """The result of compiling a file: the error (None on success), the warnings, and the compiled `MjModel`."""
 
     error: str | None
     warnings: tuple[str, ...] = ()
@@ -55,12 +55,12 @@ class CompileResult(FrozenStruct):
 
 
 def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, report: Report, memo: Memo, *, starts: bool = True) -> None:
-    """Compile the scene of every candidate, which includes its model, and report errors and warnings at their origin.
+    """Compile the scene of every candidate, which includes its model, and report errors and warnings at their origins.
 
     With `starts`, each distinct initial state is also checked (see `initial_state_checks.py`).
 
-    Models that MuJoCo has accepted before are not compiled again (`accepted_models.py`). The same applies to a model with the initial state
-    of an accepted one, if its other contents (names, limits, colours, gravity) were accepted earlier in this process.
+    Models that MuJoCo has accepted before are not compiled again (`accepted_models.py`). The same applies to a model with the same initial
+    state as an accepted model, if its other contents (names, limits, colours, gravity) were accepted earlier in this process.
     """
     known = AcceptedModels(store, mujoco_version(), geometry.meshes)
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, started=starts)]
@@ -103,11 +103,11 @@ def _verdicts(
 ) -> Iterator[tuple[Candidate, CompileResult, Any]]:
     """Yield MuJoCo's result for each scene, and the files that it read.
 
-    Modes in `looked` come first, and need the true meshes of the names in `touching`. Other modes are omitted if they are in `settled` by
-    then. The meshes in `instead` are used as long as there are no messages (see `_one_by_one`). Scenes are compiled one after the other,
-    because MuJoCo caches what it reads by file name: in parallel, a scene could get another scene's model, or the process could crash.
-    MuJoCo also caches the meshes of the first scene, so only the first one needs threads. Textures are the same in all scenes, so later
-    scenes do not render them.
+    Modes in `looked` come first; their scenes need the true meshes whose names are in `touching`. Another mode is omitted if `settled`
+    already contains it. The meshes in `instead` are used until MuJoCo reports a message (see `_one_by_one`). Scenes are compiled one after
+    the other, because MuJoCo caches files by name: in parallel, a scene could get the model of another scene, or the process could crash.
+    MuJoCo also caches the meshes of the first scene, so only the first compilation needs threads. Textures are the same in all scenes, so
+    later scenes do not generate textures.
     """
     first, standing = True, [*instead, {}]
     for true in (touching, ()):
@@ -129,15 +129,16 @@ def _verdicts(
 
 
 def _will_do(verdict: CompileResult, robot: Robot, *, boxes: bool) -> bool:
-    """Return whether a scene with replaced meshes has no messages and, if they are replaced by boxes, no overlaps."""
+    """Return whether a scene with replaced meshes compiles without messages and, if boxes replace the meshes, has no overlaps."""
     return verdict.error is None and not verdict.warnings and not (boxes and initial_state_checks.look(verdict.model, robot).inside)
 
 
 def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mapping[str, bytes]]:
-    """Let MuJoCo read each mesh separately if there are too many for one compilation. Otherwise return [].
+    """If the meshes are too large for one compilation, compile each mesh separately. Otherwise return [].
 
-    Return two replacements for the meshes in `touching` (names of meshes), by file. The first are boxes around them, which overlap if the
-    meshes do; the second are the convex hulls that MuJoCo uses for contacts. Meshes that cause messages are not replaced.
+    Return two replacements for the meshes in `touching` (names of meshes), by file. The first replacements are bounding boxes, which
+    overlap if the meshes overlap. The second are the convex hulls that MuJoCo uses for contacts. Meshes that cause messages are not
+    replaced.
     """
     waiting = known.unread(touching)
     if sum(mesh.stored.size for mesh in waiting) <= MANY:
@@ -178,13 +179,13 @@ def _hull(model: Any, mesh: MeshAsset) -> tuple[list[list[float]], list[list[int
 
 
 _NUMBERS = re.compile(r'(?<=[" ])-?[0-9][0-9.e+-]*(?=[" ])')
-"""Numbers in attributes."""
+"""Pattern of numbers in attributes."""
 
 
 def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candidate]:
-    """Return the models to compile: one of every `share` models that differ only in numbers.
+    """Return the models to compile: one out of every `share` models that differ only in numbers.
 
-    These are the first model of each kind and every `share`-th model after it.
+    The result contains the first model of each kind and every `share`-th later model of this kind.
     """
     if share <= 1:
         return list(candidates)
@@ -208,16 +209,16 @@ def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
 
 
 def _kind(candidate: Candidate) -> tuple[str, str, str]:
-    """Return a key that is equal for models that differ only in numbers: the text without numbers."""
+    """Return a key that is equal for models that differ only in numbers: the XML without its numbers."""
     return ("mujoco takes", candidate.mode, hashlib.sha256(_NUMBERS.sub("", candidate.model.text).encode()).hexdigest())
 
 
 def doubtful(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, memo: Memo, *, starts: bool) -> list[Candidate]:
-    """Return the models that `check` must compile, after a faster check of many models has accepted the others.
+    """Return the models that `check` must compile. A faster check has accepted all other models.
 
     The faster check is used if MuJoCo has accepted a scene that differs only in numbers and, with `starts`, the same initial state. It
-    compiles the model without its scene, with tetrahedra in place of the meshes that MuJoCo has accepted. If there are messages, the model
-    is returned, so that `check` finds their cause.
+    compiles the model without its scene, with tetrahedra in place of the meshes that MuJoCo has accepted. If MuJoCo reports messages, the
+    model is returned, so that `check` can find their cause.
     """
     known = [one for one in candidates if memo.last(*_scene(one)) is not None]
     accepted = AcceptedModels(store, mujoco_version(), meshes)
@@ -246,13 +247,13 @@ def took_scenes(candidates: Sequence[Candidate], memo: Memo) -> None:
 def _own(candidate: Candidate) -> tuple[tuple[str, str], tuple[str, tuple[str, ...]]]:
     """Return a memo key and value for the contents of a mode that do not affect its initial state.
 
-    These are its scene without numbers, and the parts of its model that `initial_state_checks.key` omits.
+    These contents are the scene without numbers, and the parts of the model that `initial_state_checks.key` omits.
     """
     return ("mujoco own", candidate.mode), (_NUMBERS.sub("", candidate.scene.text), initial_state_checks.apart(candidate.model.text))
 
 
 def _scene(candidate: Candidate) -> tuple[tuple[str, str], tuple[str]]:
-    """Return a memo key and value for an accepted scene: its text without numbers."""
+    """Return a memo key and value for an accepted scene. The key is the XML of the scene without numbers."""
     return ("mujoco scene", candidate.mode), (_NUMBERS.sub("", candidate.scene.text),)
 
 
@@ -267,17 +268,17 @@ def in_memory(data: Mapping[str, bytes]) -> Any:
 
 
 def _without_threads(text: str) -> str:
-    """Return a model text that makes MuJoCo read meshes without threads, which is faster for cached meshes and for tetrahedra."""
+    """Return the XML of a model that MuJoCo compiles without threads, which is faster for cached meshes and for tetrahedra."""
     return text if " usethread=" in text else text.replace("<compiler ", '<compiler usethread="false" ', 1)
 
 
 def _unpainted(scene: str) -> str:
-    """Return a scene with textures of the smallest size. The texture of a sky is six squares, one above the other."""
+    """Return a scene with textures of the smallest size. The texture of a sky consists of six squares, one above the other."""
     return re.sub(r'(<texture [^>]*) width="\d+" height="\d+"', r'\1 width="1" height="6"', scene)
 
 
 def attempt(text: str, files: Any) -> CompileResult:
-    """Compile a text, with the files that it refers to (see `in_memory`)."""
+    """Compile a model file with MuJoCo. `files` contains all files to which the model refers (see `in_memory`)."""
     import mujoco
 
     with heard() as warnings:
@@ -290,7 +291,7 @@ def attempt(text: str, files: Any) -> CompileResult:
 
 @contextmanager
 def heard() -> Iterator[list[str]]:
-    """Collect MuJoCo's warnings, which it would otherwise print and write to `MUJOCO_LOG.TXT` in the working folder."""
+    """Collect the warnings of MuJoCo. By default, MuJoCo prints warnings and writes them to `MUJOCO_LOG.TXT` in the working folder."""
     import mujoco
 
     heard: list[str] = []
@@ -305,7 +306,7 @@ def heard() -> Iterator[list[str]]:
 def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: str) -> None:
     """Report why MuJoCo rejects a model: every raw attribute that causes an error, and one other cause.
 
-    MuJoCo stops at its first error. The raw attribute that causes it is therefore removed, and the model is compiled again.
+    MuJoCo stops at the first error. Therefore the raw attribute that causes the error is removed, and the model is compiled without it.
     """
     written = candidate.model
     while True:
@@ -336,10 +337,10 @@ def _of_document(element: Element) -> bool:
 
 
 def _blame(error: str, place: Element | None, candidate: Candidate, files: Any) -> tuple[Element, str, RawValue] | None:
-    """Return the raw attribute that causes an error, after removing it, or None.
+    """Remove the raw attribute that causes an error, and return it, or None if no attribute causes the error.
 
-    An attribute is the cause if the error changes when it is removed. Attributes of the element in the error are tried first, starting with
-    those that the error names, then all other attributes of the model.
+    An attribute is the cause if its removal changes the error. Attributes of the element in the error message are tried first (attributes
+    that the message names before others), then all other attributes of the model.
     """
     quoted = set(re.findall(r"[A-Za-z_]\w*", error))
     owned = [(place, name) for name in place.raw] if place is not None else []
@@ -356,7 +357,7 @@ def _say(
     code: Code, verb: str, text: str, candidate: Candidate, written: XmlText, report: Report, *,
     severity: Severity = Severity.ERROR,
 ) -> None:
-    """Report a message of MuJoCo at the origin of its element, or of the raw attribute that it names."""
+    """Report a message of MuJoCo at the origin of its element, or at the origin of the raw attribute that the message names."""
     place = _element_at(text, written)
     for element in (place,) if place is not None else candidate.root.walk():
         for name, value in element.raw.items():
@@ -372,7 +373,7 @@ def _say(
 
 
 def _element_at(text: str, written: XmlText) -> Element | None:
-    """Return the element that a MuJoCo message refers to, by line number or else by name, or None."""
+    """Return the element to which a MuJoCo message refers, by line number or else by name. Return None if there is no such element."""
     line = re.search(r"\bline (?:number=)?(\d+)", text, re.IGNORECASE)
     if line:
         return written.element_at(int(line[1]))

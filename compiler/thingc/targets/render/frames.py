@@ -1,6 +1,6 @@
 """Draw frames and joint axes over a picture, as arrows with names, projected by the picture's camera.
 
-They are drawn on top of the robot, so that frames inside parts are visible.
+The arrows are drawn on top of the robot, so that frames inside parts are visible.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ JOINT, INK = (214, 98, 0), (24, 28, 36)
 LENGTH = 0.075
 """Length of an axis, relative to the height of the visible scene."""
 FINER = 3
-"""Supersampling factor for smooth lines."""
+"""Supersampling factor that makes lines smooth."""
 ARC = math.radians(280.0)
 """Angle of the arrow of a joint that rotates."""
 
@@ -48,7 +48,7 @@ class Frame(FrozenStruct):
 
     @property
     def strokes(self) -> tuple[Stroke, ...]:
-        """One arrow per axis; z is drawn last."""
+        """The arrows of the frame: an arrow for each axis, z last."""
         ends = self.size * np.eye(3)
         return tuple(Stroke(colour=c, points=np.array([np.zeros(3), end])) for c, end in zip((RED, GREEN, BLUE), ends))
 
@@ -71,7 +71,7 @@ class JointAxis(FrozenStruct):
 
     @property
     def strokes(self) -> tuple[Stroke, ...]:
-        """The line of the axis and, for a rotating joint, an arrow around it."""
+        """The line of the axis and, for a rotating joint, an arrow around the axis."""
         line = Stroke(colour=JOINT, points=np.array([[0.0, 0.0, -1.2], [0.0, 0.0, 1.6]]))
         if self.slides:
             return (line,)
@@ -96,7 +96,7 @@ def length_of(points: Array, camera: Camera) -> float:
 
 
 def placed(mark: Mark, data: Any, length: float) -> list[Array]:
-    """Return the strokes of a mark as points `(n, 3)` [m] in the world."""
+    """Return the strokes of a frame or joint axis as points `(n, 3)` [m] in the world."""
     body = data.body(mark.body)
     turned = body.xmat.reshape(3, 3)
     rotation, origin = turned @ np.array(mark.pose.rotation), body.xpos + turned @ np.array(mark.pose.translation)
@@ -104,7 +104,7 @@ def placed(mark: Mark, data: Any, length: float) -> list[Array]:
 
 
 def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: float) -> Any:
-    """Return the image (height, width, 3) of bytes with the marks drawn on it in order."""
+    """Draw the marks on an image in order. The image is an array (height, width, 3) of bytes."""
     height, width = image.shape[:2]
     scale = FINER * max(1.0, height / 720.0)
     sheet = Image.new("RGBA", (width * FINER, height * FINER), (255, 255, 255, 0))
@@ -138,7 +138,7 @@ def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: 
 
 
 def _arrow(pen: Any, points: Array, colour: Colour, width: float, scale: float) -> None:
-    """Draw a line with an arrowhead, or a dot if it points at the camera."""
+    """Draw a line with an arrowhead, or a dot if the line points at the camera."""
     end = points[-1]
     far = [point for point in points[:-1] if float(np.linalg.norm(point - end)) > 4.0 * scale]
     if not far:
@@ -158,7 +158,7 @@ Box = tuple[float, float, float, float]
 
 
 def _pieces(points: Array) -> Iterator[Array]:
-    """Yield short pieces of a line, whose bounding boxes contain little besides the line."""
+    """Yield short pieces of a line. The bounding box of a short piece contains little besides the line."""
     for start, end in zip(points, points[1:]):
         steps = np.linspace(0.0, 1.0, 7 if len(points) == 2 else 2)[:, None]
         whole = start + steps * (end - start)
@@ -171,7 +171,7 @@ def _box(points: Array, margin: float) -> Box:
 
 
 def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet: tuple[int, int], scale: float) -> Box:
-    """Return the position of a name: the nearest free box around the origin in the picture, else the box that covers the least."""
+    """Return the position of a name: the nearest free box around the origin in the picture, else the box that overlaps the least."""
     best: tuple[float, Box] | None = None
     others = np.array(taken)
     for ring in range(1, 12):
@@ -191,7 +191,7 @@ def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet:
 
 
 def _shared(box: Box, others: Array) -> float:
-    """Return the total area that a box shares with others `(n, 4)`."""
+    """Return the total area that a box shares with other boxes `(n, 4)`."""
     across = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
     down = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])
     return sum_of((across * down)[(across > 0.0) & (down > 0.0)].tolist())

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from thingc.targets.render.studio import Array
 
 ANGLE = 18.0
-"""Vertical field of view [deg]. It is small, so that parallel edges look parallel."""
+"""Vertical field of view [deg]. A small angle makes parallel edges look parallel."""
 
 MARGIN = 0.12
 """Free border around the robot, as a fraction of half the picture."""
@@ -50,7 +50,7 @@ class Shot(FrozenStruct):
 def ready() -> None:
     """Prepare rendering without a display. Call this before importing MuJoCo, which selects its backend on import.
 
-    If `MUJOCO_GL` is not set, it is set to `egl`. Raises `NoGraphics` if that does not work.
+    If `MUJOCO_GL` is not set, it is set to `egl`. Raises `NoGraphics` if this backend is not available.
     """
     backend = os.environ.setdefault("MUJOCO_GL", "egl")
     try:
@@ -133,9 +133,9 @@ def posed(model: Any, pose: str | None) -> Any:
 
 
 def points_of(model: Any, data: Any) -> Array:
-    """Return points `(n, 3)` [m] in the world that have the same hull as all visible geoms.
+    """Return points `(n, 3)` [m] in the world with the same convex hull as all visible geoms.
 
-    They are the vertices of meshes and the corners of the bounding boxes of other shapes.
+    The points are the vertices of meshes and the corners of the bounding boxes of other shapes.
     """
     import numpy as np
 
@@ -166,7 +166,7 @@ def encoded(image: Any) -> bytes:
 SIZE = (240, 180)
 """Default width and height of a small picture [px]."""
 LAMPS = (8, 8)
-"""Numbers of lamps in the soft box and in the dome. They suffice for a small picture."""
+"""Numbers of lamps in the soft box and in the dome that suffice for a small picture."""
 SHADOW = 1024
 """Size of a shadow map of a small picture [px]."""
 
@@ -175,9 +175,9 @@ Point = Sequence[float]
 
 
 def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[list[float]], tuple[float, float, float]]:
-    """Return the corner points [m] of the MuJoCo model `xml` (empty if nothing is visible) and its gravity [m/s^2].
+    """Return the corner points [m] of the MuJoCo model `xml` (empty if no geom is visible) and the gravity [m/s^2] of the model.
 
-    The model is in the keyframe `pose` if it exists, else in its first keyframe. Raises `ValueError` if `xml` is not a model.
+    The model is in the keyframe `pose` if this keyframe exists, else in its first keyframe. Raises `ValueError` if `xml` is not a model.
     """
     import mujoco
 
@@ -188,7 +188,7 @@ def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[l
 
 
 def body_poses(xml: str, assets: dict[str, bytes], pose: str | None) -> dict[str, tuple[list[float], list[float]]]:
-    """Return the position [m] and quaternion (w, x, y, z) of each body in the world, by name, in the pose of `extent`."""
+    """Return the position [m] and quaternion (w, x, y, z) of each body in the world, by name. The pose is the same as in `extent`."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(xml, assets)
@@ -215,7 +215,7 @@ def small_picture(
 
 
 def _pose_of(model: Any, pose: str | None) -> str | None:
-    """Return the keyframe to show: `pose` if the model has it, else its first keyframe, or None if it has no keyframes."""
+    """Return the keyframe to show: `pose` if this keyframe exists, else the first keyframe, or None for a model without keyframes."""
     names = [model.key(k).name for k in range(model.nkey)]
     return pose if pose in names else next(iter(names), None)
 
@@ -223,8 +223,8 @@ def _pose_of(model: Any, pose: str | None) -> str | None:
 def _corners(points: Array, gravity: tuple[float, float, float]) -> list[list[float]]:
     """Return the subset of points `(n, 3)` that determines the position of a camera with all points in view.
 
-    They are the points at the edges of the picture, the nearest point, the lowest point, and the two extreme points along each axis of the
-    world.
+    The subset contains the points at the edges of the picture, the nearest point, the lowest point, and the two extreme points along each
+    world axis.
     """
     import numpy as np
 

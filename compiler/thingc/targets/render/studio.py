@@ -1,8 +1,8 @@
 """Studio light, computed as the average of many pictures, each lit by one distant lamp.
 
 MuJoCo's renderer has lamps with hard shadows. A picture lit by a large soft box and a bright dome is the mean of pictures lit by single
-lamps distributed over them. A shift by a fraction of a pixel between the pictures also smooths the edges. The mean requires linear light.
-Therefore colours are converted to linear values first and encoded for screens at the end.
+lamps distributed over them. A shift by a fraction of a pixel between the pictures also smooths the edges. The mean must be computed with
+linear light. Therefore colours are first converted to linear values, and the result is encoded for screens.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ def directions(azimuth: float, elevation: float, upright: Array) -> Array:
 
 
 def upright(gravity: Array) -> Array:
-    """Return the reference directions (3, 3) of azimuths as rows, given gravity (3,) in the world, whose floor is z = 0.
+    """Return the reference directions of azimuths as rows (3, 3). `gravity` (3,) is in the world, whose floor is z = 0.
 
-    On a floor they are x, y and z. If z = 0 is a wall, azimuth 0 looks straight at it. Without gravity z is up.
+    On a floor the directions are x, y and z. If z = 0 is a wall, azimuth 0 looks straight at the wall. Without gravity, z is up.
     """
     size = float(np.linalg.norm(gravity))
     up = -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
@@ -70,8 +70,8 @@ def upright(gravity: Array) -> Array:
 def fitted(points: Array, axes: Array, angle: float, aspect: float, margin: float) -> Camera:
     """Return the nearest camera with these axes and this vertical field of view [rad] that sees all points `(n, 3)`.
 
-    `margin` is the free border as a fraction of half the picture. In one direction the points reach both borders, in the other they are
-    centred.
+    `margin` is the free border as a fraction of half the picture. In one direction of the picture the points reach both borders; in the
+    other direction the points are centred.
 
     Let (x, y, z) be a point along the axes, (X, Y, Z) the camera and t the tangent of half the angle. The point is right of the left edge
     if x - X >= -t (Z - z), and left of the right edge if x - X <= t (Z - z). Thus t Z + X >= max(x + t z) = A and t Z - X >= max(t z - x) =
@@ -90,7 +90,7 @@ def fitted(points: Array, axes: Array, angle: float, aspect: float, margin: floa
 
 
 KEY, DOME = 32, 36
-"""Numbers of lamps in the soft box and in the dome. Each takes about 50 ms at 1280 x 960 without a graphics card."""
+"""Numbers of lamps in the soft box and in the dome. Each lamp takes about 50 ms at 1280 x 960 pixels without a graphics card."""
 
 SHADOW = 2048
 """Size of a lamp's shadow map [px]."""
@@ -105,7 +105,7 @@ KEY_SHARE = 0.52
 """Fraction of the light on the floor that comes from the soft box."""
 
 BOUNCE = 0.2
-"""Brightness of the light that the floor reflects, relative to a lamp."""
+"""Brightness of the light that the floor reflects, relative to the brightness of a lamp."""
 
 FLOOR = 0.78
 """Brightness of the lit floor in the picture (linear, white is 1)."""
@@ -123,11 +123,11 @@ GAMMA = 2.2
 """Gamma of the colours in models."""
 
 BEYOND = 0.5
-"""Brightness beyond the edge of the floor, in the light of one lamp."""
+"""Brightness beyond the edge of the floor when one lamp is on."""
 
 BACKDROP = "backdrop"
 UNDER, GLASS = 0.5e-3, 0.4
-"""Depth [m] of a robot below the floor from which the floor is drawn transparent, and its opacity in this case."""
+"""Depth [m] of a robot below the floor at which the floor becomes transparent, and the opacity of a transparent floor."""
 
 
 def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: float, *, shadow: int = SHADOW) -> Any:
@@ -156,7 +156,9 @@ def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: f
 
 
 def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) -> list[tuple[Array, float]]:
-    """Return the light direction (3,) and weight of each lamp. Together they light a floor with normal `normal` by 1.
+    """Return the light direction (3,) and the weight of each lamp.
+
+    All lamps together illuminate a floor with the normal `normal` with brightness 1.
 
     `counts` are the numbers of lamps in the soft box and in the dome.
     """
@@ -195,7 +197,7 @@ def photographed(
 ) -> NDArray[np.uint8]:
     """Return the picture (height, width, 3) of `data`.
 
-    Shadows are computed within `extent` [m] around `centre` (3,); `counts` are the numbers of lamps (see `lamps`).
+    Shadows are computed up to `extent` [m] from `centre` (3,). `counts` are the numbers of lamps (see `lamps`).
     """
     width, height = size
     normal = np.array([0.0, 0.0, 1.0])
@@ -225,7 +227,7 @@ def developed(light: Array) -> NDArray[np.uint8]:
     y, x = np.mgrid[0:height, 0:width]
     corner = ((2.0 * (x + 0.5) / width - 1.0) ** 2 + (2.0 * (y + 0.5) / height - 1.0) ** 2) / 2.0
     shown = light * FLOOR * (1.0 - VIGNETTE * corner)[..., None]
-    knee = 0.8  # above this, the brightness approaches white smoothly
+    knee = 0.8  # above this value, the brightness approaches white smoothly
     over = np.maximum(shown - knee, 0.0)
     shown = np.minimum(shown, knee) + (1.0 - knee) * (1.0 - np.exp(-over / (1.0 - knee)))
     encoded = np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * np.maximum(shown, 0.0031308) ** (1.0 / 2.4) - 0.055)
@@ -240,7 +242,7 @@ def _light(scene: Any, direction: Array, normal: Array, centre: Array, extent: f
 
 
 def _stand(scene: Any, camera: Camera, number: int, size: tuple[int, int]) -> None:
-    """Set the scene's camera, shifted by a different fraction of a pixel for each picture (the R2 sequence)."""
+    """Set the camera of the scene. For each picture, the camera is shifted by a different fraction of a pixel (R2 sequence)."""
     x, y = (0.5 + 0.7548776662466927 * number) % 1.0 - 0.5, (0.5 + 0.5698402909980532 * number) % 1.0 - 0.5
     half = camera.near * camera.tangent
     pixel = 2.0 * half / size[1]

@@ -1,7 +1,7 @@
 """Find the pairs of links that collide when the joints move.
 
-MuJoCo searches for contacts in the mode's own URDF, at a fixed set of random configurations. Meshes collide as convex hulls. Therefore
-links that are reported as not colliding do not collide, while a reported collision may not exist if a mesh is not convex.
+MuJoCo searches for contacts in the mode's own URDF, at a fixed set of random configurations. MuJoCo uses the convex hulls of meshes for
+collisions. Therefore a reported collision may not exist if a mesh is not convex, but no collision in the sampled configurations is missed.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MEETING = "links-meeting"
 """Kind of the documents in the store."""
 
 MEMORY = 1 << 26
-"""Size of MuJoCo's arena [bytes], enough for the contacts of any robot that does not overlap itself heavily."""
+"""Size of MuJoCo's arena [bytes]. It suffices for the contacts of any robot whose links do not overlap heavily."""
 
 Pair = tuple[str, str]
 
@@ -40,7 +40,7 @@ Pair = tuple[str, str]
 class CollisionMatrix(FrozenStruct):
     """How often each pair of links collides in `samples` configurations. Pairs that never collide are omitted.
 
-    `at` has the colliding pairs of each named configuration. Names in a pair are sorted.
+    `at` contains the colliding pairs of each named configuration. The names in a pair are sorted.
     """
 
     samples: int
@@ -156,7 +156,7 @@ class _Sampler:
         self.samples = SAMPLES if self.free else 1
 
     def counts(self) -> dict[Pair, int]:
-        """Return in how many configurations each pair of links collides. Independent joints are sampled between their limits."""
+        """Return the number of configurations in which each pair of links collides. Independent joints are sampled between their limits."""
         import numpy as np
 
         drawn = np.random.Generator(np.random.PCG64(SEED)).random((self.samples, len(self.free)))
@@ -164,13 +164,13 @@ class _Sampler:
         return self._meeting(ends[:, 0] + drawn * (ends[:, 1] - ends[:, 0]))
 
     def at(self, q: Mapping[str, float]) -> Collection[Pair]:
-        """Return the pairs of links that collide at `q`, which has values by joint."""
+        """Return the pairs of links that collide at `q`, which contains values by joint."""
         import numpy as np
 
         return self._meeting(np.array([[q[name] for name in self.free]])).keys()
 
     def _meeting(self, q: NDArray[np.float64]) -> dict[Pair, int]:
-        """Return how often pairs of links collide in the configurations `q` `(n, independent joints)`."""
+        """Return how often each pair of links collides in the configurations `q`, an array `(n, independent joints)`."""
         import mujoco
         import numpy as np
 
@@ -190,7 +190,10 @@ class _Sampler:
         return {pair: int(count) for pair, count in zip(named, counts, strict=True)}
 
     def _ends(self, joint: Element) -> tuple[float, float]:
-        """Return the range [rad or m] of a joint. Without limits, it is one turn, or the robot's size in both directions."""
+        """Return the range [rad or m] of a joint.
+
+        For a joint without limits, return one turn, or the size of the robot in both directions.
+        """
         limit = joint.find("limit")
         assert limit is not None
         lower, upper = (float(limit.get(name, str(end))) for name, end in (("lower", -UNBOUNDED), ("upper", UNBOUNDED)))

@@ -27,7 +27,7 @@ RATE = 100
 
 
 class Controller(FrozenStruct):
-    """A controller for joints with the same `interface`. `drives` is by joint name."""
+    """A controller for joints with the same `interface`. `drives` maps the name of each joint to its drive."""
 
     name: str
     type: str
@@ -69,8 +69,8 @@ def ros2_control(robot: Robot) -> Element | None:
 def controllers(robots: Sequence[Robot]) -> dict[str, tuple[Controller, ...]]:
     """Return the controllers by mode name.
 
-    Modes with the same drives share a controller. For each additional set of drives, the name of the first mode is appended to the name of
-    the controller.
+    Modes with the same drives share a controller. The name of the controller for each additional set of drives ends with the name of the
+    first mode.
     """
     known: dict[str, list[Controller]] = {}
     of_mode: dict[str, tuple[Controller, ...]] = {}
@@ -131,12 +131,12 @@ def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | N
 
 
 def _quoted(name: str) -> str:
-    """Return a name as quoted YAML text, so that `y` or `null` is not read as another type."""
+    """Return a name as a quoted YAML string, so that YAML parsers do not read `y` or `null` as another type."""
     return f'"{name}"'
 
 
 @formatter("yaml")
 def _real(value: float) -> str:
-    """Return a number that every YAML parser reads as a float: `20.0`, `1.0e-05`."""
+    """Return a number in a form that every YAML parser reads as a float: `20.0`, `1.0e-05`."""
     mantissa, e, exponent = repr(float(value)).partition("e")
     return f"{mantissa}{'' if '.' in mantissa else '.0'}{e}{exponent}"

@@ -23,8 +23,9 @@ INTERFACES: Mapping[DriveType, str] = {"position": "position", "velocity": "velo
 class MovingJoint(FrozenStruct):
     """A moving joint of the URDF.
 
-    `name` is its name in the URDF, `body` the index of its child, `move` its motion, and `drive` its drive in this mode. `follows` is True
-    if it mimics another joint. The three rotations of a ball have no drive, because the drives of a ball have different axes.
+    `name` is the name of the joint in the URDF, `body` is the index of its child, `move` is its motion, and `drive` is its drive in this
+    mode. `follows` is True if the joint mimics another joint. The three rotations of a ball have no drive, because the drives of a ball
+    have different axes.
     """
 
     name: str
@@ -56,7 +57,7 @@ def joints(robot: Robot) -> tuple[MovingJoint, ...]:
 
 
 def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
-    """Return the values [rad or m] of joints by name at `q`, which is by path. A moving base is in its start pose."""
+    """Return the values [rad or m] of joints by name. `q` contains values by path. A moving base is in its start pose."""
     at: dict[str, float] = {}
     for body in robot.bodies:
         lead = _lead(robot, body)
@@ -80,7 +81,7 @@ def _lead(robot: Robot, body: Body) -> tuple[TreeJoint, ...]:
 
 
 def _turns(ball: tuple[TreeJoint, ...], q: tuple[float, ...]) -> Vector:
-    """Return the angles [rad] of three successive rotations about a ball's axes that are equal to the rotation vector `q`.
+    """Return the angles [rad] of three successive rotations about the axes of a ball that together equal the rotation vector `q`.
 
     In the frame U of the axes, R = U Rx(a) Ry(b) Rz(c) U', so that U' R' U = Rz(-c) Ry(-b) Rx(-a), whose roll, pitch and yaw are -a, -b and
     -c. The axes of a reversed ball are a left-handed frame; about the opposite axes the angles have the opposite sign.

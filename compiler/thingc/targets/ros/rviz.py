@@ -25,12 +25,12 @@ def launch_file(robots: Sequence[Robot], controllers: Mapping[str, Sequence[Cont
 
 
 def rviz_config(frame: str, heading: str) -> str:
-    """Return `display.rviz`: the robot on a grid, with its frames. `frame` is the fixed frame unless RViz gets another one (`-f`)."""
+    """Return `display.rviz`: the robot on a grid, with its frames. `frame` is the fixed frame, unless RViz is started with `-f`."""
     return _filled(_RVIZ, HEADING=heading, FRAME=frame)
 
 
 def _filled(template: str, **words: str) -> str:
-    """Replace each `@WORD@` in a template in a single pass, because inserted text may also contain such words."""
+    """Replace each `@WORD@` in a template. A single pass is required, because inserted strings may also contain such words."""
     return re.sub("@([A-Z]+)@", lambda word: words[word[1]], template)
 
 

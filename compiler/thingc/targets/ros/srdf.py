@@ -17,7 +17,7 @@ from thingc.targets.urdf.links import WORLD
 from thingc.targets.xml_writer import Element
 
 ALWAYS = 0.95
-"""Fraction of configurations from which a pair counts as always colliding, as in MoveIt's setup assistant."""
+"""Minimum fraction of colliding configurations for a pair that counts as always colliding, as in MoveIt's setup assistant."""
 
 
 class Group(FrozenStruct):
@@ -64,10 +64,11 @@ def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | Non
 
 
 def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> list[Group]:
-    """Return a group of all joints, named like the robot, followed by a chain to every exported mount that moves relative to the root.
+    """Return the groups: a group of all joints with the name of the robot, then a chain to every exported mount that moves relative to the
+    root.
 
     The group of all joints comes first, because some readers only use the first of several states with the same name. If several mounts
-    have the same frame, only the first one has a group. The joints of a moving base are in no group.
+    have the same frame, only the first mount has a group. No group contains the joints of a moving base.
     """
     names = MangledNames("be the group", "SRDF", report)
     of_body: dict[int, tuple[MovingJoint, ...]] = {}
@@ -86,7 +87,7 @@ def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> lis
 
 
 def _exported(robot: Robot) -> Iterator[Site]:
-    """Yield the exported mounts, starting with mounts of the document itself. Mounts with the frame of an earlier one are omitted."""
+    """Yield the exported mounts, first the mounts of the document itself. A mount with the same frame as an earlier mount is omitted."""
     exported = {mount.path for mount in robot.assembly.exported}
     known: set[object] = set()
     for site in sorted((site for site in robot.sites if site.path in exported), key=lambda site: site.path.count("/")):

@@ -7,7 +7,7 @@ from typing import Literal
 from thingc.targets.capabilities import OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["each", "universal", "ball"]
-"""How a joint is written: as an SDF joint for each coordinate, as one with two axes, or as one without axes."""
+"""How a joint is written: as an SDF joint for each coordinate, as an SDF joint with two axes, or as an SDF joint without axes."""
 
 DriveForm = Literal["position controller", "velocity controller", "force"]
 """The system of Gazebo that drives a joint."""

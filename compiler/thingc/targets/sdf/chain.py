@@ -1,4 +1,6 @@
-"""Joints of SDF. Each rotates about or slides along axes through a point fixed in its child. Joints are at 0 in the file's pose.
+"""Joints of SDF.
+
+A joint rotates about axes or slides along axes through a fixed point of its child. In the pose of the file, joints are at 0.
 
 SDF has rotations, slides, screws, balls, and two rotations about intersecting axes (`universal`). Any other joint with several coordinates
 becomes a chain of joints with almost massless links between them. In the pose of the file all joints are at 0, and loops and holds are
@@ -25,11 +27,11 @@ from thingc.targets.sdf.capabilities import CAPABILITIES
 SdfType = Literal["fixed", "continuous", "revolute", "prismatic", "screw", "universal", "ball"]
 
 LINK = "_link"
-"""Suffix of a link in a chain of joints, appended to the name of the joint before it. (Components can have the same names as joints.)"""
+"""Suffix of a link in a chain of joints, appended to the name of the preceding joint. A component can have the name of a joint."""
 
 
 class SdfAxis(FrozenStruct):
-    """A coordinate of a joint, and its motion in the child link's frame in the file's pose."""
+    """A coordinate of a joint, and its motion in the frame of the child link, in the pose of the file."""
 
     joint: TreeJoint | JointEdge
     twist: Twist
@@ -94,7 +96,7 @@ class ZeroState(FrozenStruct):
 
 
 def zero_state(robot: Robot) -> ZeroState:
-    """Return the pose with all joints at 0 if it closes all loops and holds, else the first pose of the document that does."""
+    """Return the pose with all joints at 0 if it closes all loops and holds, else the first pose of the document that closes them."""
     q = {joint.path: 0.0 for joint in joints_of(robot.assembly)}
     if not robot.closures:
         return ZeroState(q=q, base=robot.bodies[0].X_PL)
@@ -108,7 +110,7 @@ def zero_state(robot: Robot) -> ZeroState:
 
 
 def _as_held(robot: Robot, q: dict[str, float]) -> Pose:
-    """Return the pose of the root at `q`. The first hold determines the pose of a free base."""
+    """Return the pose of the root link at `q`. The first hold determines the pose of a free base."""
     base = robot.bodies[0].X_PL
     hold = next((closure for closure in robot.closures if closure.hold), None)
     if robot.base != "free" or hold is None:

@@ -24,7 +24,7 @@ from thingc.targets.xml_writer import write
 def emit(request: EmitRequest) -> Artifacts:
     """Return a folder and a world for each chosen mode.
 
-    A folder contains its own meshes, as usual for Gazebo, so that it can be copied alone.
+    Each folder contains its own meshes, as usual for Gazebo, so that a user can copy a single folder.
     """
     assembly = request.assembly
     shapes, flat = solid_geometry(assembly, "sdf", f"sdf/{assembly.name}_MODE/{MESHES}", request.report)

@@ -43,7 +43,7 @@ Kind = Literal["link", "joint", "frame"]
 """Kinds of named elements in a model. They share one namespace."""
 
 WORLD = "world"
-"""The name of the world in SDF. Links, joints and robots must not have it."""
+"""The name of the world in SDF. Links, joints and robots must not have this name."""
 
 PLAIN, NEWER = "1.9", "1.11"
 """The usual version of a file, and the version of a file with a mimic joint or a screw, which older versions do not support."""
@@ -94,7 +94,7 @@ class _Builder:
         self.follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in self.axes)
 
     def build(self) -> Element:
-        """Return the element with links and their contents, then joints, frames, and the Gazebo systems that drive joints."""
+        """Return the element. It contains links, then joints, then frames, then the Gazebo systems that drive joints."""
         robot, names = self.robot, self.links
         self.robots.take(WORLD, (), "the world")
         name = self.robots.take(self.assembly.name, self.assembly.definition.origin, "the robot")
@@ -119,7 +119,7 @@ class _Builder:
     def _name(self, kind: Kind, path: str, origin: Origin, made: str | None = None) -> str:
         """Return the name for a path. Links, joints and frames share one namespace.
 
-        If an item of another kind has the name, the kind is added as a suffix, as SDFormat does for files older than 1.7.
+        If an item of another kind already has the name, the kind is appended, as SDFormat does for files older than 1.7.
         """
         name = own = self.names[kind].take(path, origin, made or f"{kind} `{path}`")
         while name in self.taken:
@@ -131,7 +131,7 @@ class _Builder:
         return name
 
     def _lead(self, model: Element, parent: str, child: str, connection: Connection, steps: tuple[SdfJoint, ...]) -> None:
-        """Add the joints between two links, and the links between these joints, which have the pose of the child."""
+        """Add the joints between two links, and the intermediate links, which have the pose of the child."""
         *before, last = steps
         for step in before:
             between = self._name("link", f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
@@ -272,7 +272,10 @@ def _rub(collision: Element, material: Material | None) -> None:
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
-    """Set mass [kg], centre of mass [m] and inertia about it [kg m^2] in the link's axes, with at least the minimum that SDF accepts."""
+    """Set mass [kg], centre of mass [m] and inertia about the centre of mass [kg m^2] in the link's axes.
+
+    Values below the minimum of SDF are raised.
+    """
     least = LEAST_INERTIA
     fault = physical_fault(properties.inertia) is not None
     i = ((least, 0.0, 0.0), (0.0, least, 0.0), (0.0, 0.0, least)) if fault else within_triangle(properties.inertia)
@@ -287,7 +290,8 @@ def _weigh(link: Element, properties: MassProperties) -> None:
 def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint], names: Mapping[str, str]) -> Iterator[Element]:
     """Yield the controllers for joints with one axis and a drive in this mode.
 
-    They are PID controllers with the gains of the drive. For a motor, the controller applies forces. `names` maps joint paths to names.
+    The controllers are PID controllers with the gains of the drive. For a motor, the controller applies forces. `names` maps joint paths to
+    names.
     """
     for step in steps:
         if len(step.axes) == 1 and step.axes[0].joint.path in robot.present:

@@ -1,4 +1,4 @@
-"""Sensors that SDF supports. They are on links, but a `force` becomes a `force_torque` sensor on the joint of its link."""
+"""Sensors that SDF supports. Sensors belong to links, except `force`, which becomes a `force_torque` sensor on the joint of its link."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames)
             case "gpu_lidar":
                 _ray(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.cutoff.get("distance", numeric.inf))
             case "force_torque" | "contact" | None:
-                pass  # on the joint of the link, or not on a mount
+                pass  # the sensor belongs to the joint of the link, or is not on a mount
             case _:
                 assert_never(form)
     collisions = [child.get("name") for child in link.children if child.tag == "collision"]

@@ -1,4 +1,4 @@
-"""Files that accompany a model: `model.config`, by which Gazebo finds it, and a world with a floor."""
+"""Files that accompany a model: `model.config`, which Gazebo needs to find the model, and a world with a floor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from thingc.targets.sdf.model_element import PLAIN
 from thingc.targets.xml_writer import Element
 
 GRIP = 100.0
-"""Friction of the floor. Gazebo uses the smaller friction of two surfaces; with this value it is the robot's, as in MuJoCo."""
+"""Friction of the floor.
+
+Gazebo uses the smaller friction of two surfaces. This large value selects the friction of the robot, as in MuJoCo.
+"""
 
 RENDERING = ("gz-sim-sensors-system", "gz::sim::systems::Sensors")
 """The Gazebo system that all cameras and rays need in the world."""
@@ -63,7 +66,7 @@ def world(robot: Robot, folder: str) -> Element:
 
 
 def _lift(robot: Robot) -> float:
-    """Return the height [m] by which to lift a floating robot so that it is not in the floor with all joints at 0."""
+    """Return the height [m] by which a floating robot must be lifted so that no part is below the floor with all joints at 0."""
     box = bounds(*placements(robot)) if robot.base == "free" and not robot.closures else None
     return 0.0 if box is None else numeric.maximum(0.0, -box[0][2])
 

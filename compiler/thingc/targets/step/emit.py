@@ -18,9 +18,9 @@ Value = TypeVar("Value")
 
 
 def in_background(work: Callable[[], Value]) -> Future[Value]:
-    """Call `work()` in a daemon thread and return its future, so that the caller can do other work while a process runs.
+    """Call `work()` in a daemon thread and return a future. The caller can do other work in the meantime.
 
-    The result may be ignored.
+    The caller may ignore the result.
     """
     future: Future[Value] = Future()
 
@@ -42,15 +42,15 @@ class _Begun(FrozenStruct):
 
 
 def begin(request: EmitRequest) -> None:
-    """Start writing the file in the CAD kernel's process while other targets are written. `emit` waits for it."""
+    """Start writing the file in the CAD kernel's process while other targets are written. `emit` waits for the file."""
     request.made["step"] = _begun(request)
 
 
 def emit(request: EmitRequest) -> Artifacts:
     """Return one STEP file with one shape per definition and coloured instances, whose names are the paths of the occurrences.
 
-    The geometry service writes it with the CAD kernel. A part without B-rep (a mesh) or a link with listed shapes is a loss. A robot
-    without geometry has no file, which is also a loss. If the kernel fails, an error is reported for the document.
+    The geometry service writes the file with the CAD kernel. A part without B-rep (a mesh) or a link with listed shapes is a loss. For a
+    robot without geometry no file is written, which is also a loss. If the kernel fails, an error is reported for the document.
     """
     assembly = request.assembly
     begun = request.made.get("step")

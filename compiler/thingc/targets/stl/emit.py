@@ -1,4 +1,4 @@
-"""`stl/<definition>.stl`: a file for slicers for each definition that is not bought, in millimetres, with z away from the bed."""
+"""`stl/<definition>.stl`: a print file for each definition that is not bought, in millimetres, with z away from the bed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def emit(request: EmitRequest) -> Artifacts:
     """Return the print mesh of each definition with geometry, in print orientation, unless all its occurrences are bought.
 
     A mesh that is not closed is written with a loss: a slicer may repair or reject it. If two definitions have the same file name
-    (`a/b.step` and `a.b.step`), this is reported at the second one.
+    (`a/b.step` and `a.b.step`), an error is reported at the second definition.
     """
     files: dict[str, Content] = {}
     losses: list[Loss] = []
@@ -48,7 +48,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _up(occurrence: Occurrence) -> Vector:
-    """Return the direction away from the bed in the part's frame, from the document, else from the Thing, else the default."""
+    """Return the direction away from the bed in the frame of the part: the value in the document, else in the Thing, else the default."""
     record = occurrence.record
     return occurrence.overrides.up or (record.up if record is not None else None) or UPRIGHT
 
@@ -58,7 +58,7 @@ def _turned(stl: bytes, up: Vector) -> bytes:
     import numpy as np
 
     x, y, z = up
-    # Rodrigues' formula with the axis up x z or, if upside down, about x
+    # Rodrigues' formula; the axis is up x z, or x if `up` is -z
     rotation = np.diag([1.0, -1.0, -1.0]) if z < -1.0 + 1e-12 else np.array([
         [1.0 - x * x / (1.0 + z), -x * y / (1.0 + z), -x], [-x * y / (1.0 + z), 1.0 - y * y / (1.0 + z), -y], [x, y, z],
     ])

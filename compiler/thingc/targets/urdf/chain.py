@@ -1,7 +1,7 @@
-"""Joints of URDF. Each rotates about or slides along an axis through the origin of its child.
+"""Joints of URDF. A joint rotates about an axis or slides along an axis through the origin of its child.
 
 A joint with several coordinates becomes a chain of such joints with almost massless links between them. A screw becomes a rotation and a
-slide that mimics it, and a ball becomes three rotations.
+slide that mimics the rotation. A ball becomes three rotations.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ SLIDE = "_slide"
 class Move(FrozenStruct):
     """A joint of URDF.
 
-    `path` is its name, and `type` its motion about or along the unit vector `axis`. `origin` is the frame of the joint and its child,
-    relative to the previous joint or link, at q = 0. `follows` is the joint that the slide of a screw mimics, with the ratio [m/rad].
+    `path` is the name of the joint, and `type` is its motion about or along the unit vector `axis`. `origin` is the frame of the joint and
+    its child at q = 0, relative to the previous joint or link. `follows` is the joint that the slide of a screw mimics, with the ratio
+    [m/rad].
     """
 
     path: str
@@ -35,7 +36,10 @@ class Move(FrozenStruct):
 
 
 def own_frame(joints: Sequence[TreeJoint]) -> Pose:
-    """Return the URDF frame of a link relative to the link's own frame. It is on the last of the `joints` that lead to the link."""
+    """Return the URDF frame of a link relative to the link's own frame.
+
+    The URDF frame is on the last of the `joints` that lead to the link.
+    """
     return shifted(*joints[-1].twist.anchor) if joints else NO_POSE
 
 

@@ -36,7 +36,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _uri(request: EmitRequest) -> str:
-    """Return the URI of the mesh folder as configured in the workspace. It is relative if the build folder is unknown."""
+    """Return the URI of the mesh folder as configured in the workspace. If the build folder is unknown, the URI is relative."""
     match request.workspace.mesh_uri:
         case "package":
             return f"package://{package_name(request.assembly.name)}/{MESHES}"

@@ -1,8 +1,8 @@
 """A robot in one mode as a URDF tree.
 
-A link's URDF frame is on the joint that leads to it. The link's own frame, as in MJCF and `modes.json`, is the same in every mode. If the
-two differ, the own frame becomes the massless link `<link>_frame`. Exported mounts, `frame` components and roots of modes are also massless
-links. All frames have the link's own axes, so that no frame of an inertia or a joint is rotated.
+The URDF frame of a link is on the joint that leads to the link. The link's own frame, as in MJCF and `modes.json`, is the same in every
+mode. If both frames differ, the own frame becomes the massless link `<link>_frame`. Exported mounts, `frame` components and roots of modes
+are also massless links. All frames have the link's own axes, so that no frame of an inertia or a joint is rotated.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ WORLD = "world"
 """The root link for a base that does not float."""
 
 UNBOUNDED = 1e9
-"""Limit [rad, m, N m, N, rad/s or m/s] that is written if there is none, because URDF requires a limit."""
+"""Limit [rad, m, N m, N, rad/s or m/s] that is written for a joint without a limit, because URDF requires a limit."""
 
 BETWEEN = MassProperties(mass=1e-9, centre=(0.0, 0.0, 0.0), inertia=((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
 """Mass properties of a moving link without mass, because MuJoCo rejects zero."""
 
 MASSLESS = MassProperties(mass=0.0)
-"""Mass properties of a fixed link without mass. Without `<inertial>`, PyBullet gives it 1 kg, unless it is `world`."""
+"""Mass properties of a fixed link without mass. PyBullet assigns 1 kg to a link without `<inertial>`, unless its name is `world`."""
 
 LINK = "_link"
-"""Suffix of a link in a chain of joints, appended to the name of the joint before it. (Components can have the same names as joints.)"""
+"""Suffix of a link in a chain of joints, appended to the name of the preceding joint. A component can have the name of a joint."""
 
 MESHES = "meshes"
 """The folder of meshes beside the files."""
@@ -57,7 +57,7 @@ def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES
 
 
 def mujoco_extension(robot: Robot) -> Element:
-    """Return the options for MuJoCo, which otherwise drops fixed links and visual shapes."""
+    """Return the options for MuJoCo. Without these options, MuJoCo drops fixed links and visual shapes."""
     section = Element(tag="mujoco", attributes={}, origin=robot.mode.origin)
     section.add("compiler", {"fusestatic": "false", "discardvisual": "false", "strippath": "false", "meshdir": ""})
     section.add("option", {"gravity": robot.gravity}, robot.mode.origin)
@@ -82,9 +82,9 @@ class _Builder:
         self.followed = {leader for path, (leader, _, _) in self.follows.items() if leader != path}
 
     def build(self) -> Element:
-        """Return the element: materials, links and joints from the root on, then mimic joints, frames, and transmissions.
+        """Return the element. It contains materials, links and joints from the root on, then mimic joints, frames, and transmissions.
 
-        Frames come last, because some readers, such as ikpy, follow the first child of a link.
+        Frames come last, because some readers, such as ikpy, only use the first child of a link.
         """
         for name, (color, origin) in materials(self.geometry.shapes).items():
             self.root.add("material", {"name": name}, origin).add("color", {"rgba": channels(color)})
@@ -112,7 +112,7 @@ class _Builder:
         return self.root
 
     def _lead(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose) -> None:
-        """Add the joints between a link and the next, and the links between these joints. For a fixed base, add a fixed joint."""
+        """Add the joints between two links, and the intermediate links. For a fixed base, add a fixed joint."""
         if not chain:
             self.root.children.append(self._joint(BASE, "fixed", parent, child, X_PL, self.robot.mode.origin))
             return
@@ -127,7 +127,8 @@ class _Builder:
     def _moving(self, move: Move, parent: str, child: str) -> None:
         """Add a moving joint.
 
-        A joint that mimics a mimic joint follows the independent one, because not every reader supports chains of mimics.
+        If the leader of a mimic joint is also a mimic joint, the independent joint is written as the leader, because not every reader
+        supports chains.
         """
         joint = move.joint
         leader, multiplier, offset = self.follows.get(joint.path, (joint.path, 1.0, 0.0))
@@ -163,7 +164,7 @@ class _Builder:
                     assert_never(form)
 
     def _ends(self, move: Move) -> tuple[float, float]:
-        """Return the range of a joint. The range of a mimic joint without limits follows from the limits of its leader."""
+        """Return the range of a joint. For a mimic joint without limits, the range is computed from the limits of its leader."""
         limit, thread = move.joint.limit, 1.0 if move.follows is None else move.follows[1]
         offset = 0.0
         if not limit.bounded and move.joint.path in self.follows:
@@ -174,7 +175,7 @@ class _Builder:
         return (-UNBOUNDED if lower is None else lower), (UNBOUNDED if upper is None else upper)
 
     def _strength(self, move: Move) -> dict[str, XmlValue]:
-        """Return the effort and velocity limits. The limits of a screw's slide follow from its rotation, which has the drive."""
+        """Return the effort and velocity limits. For the slide of a screw, they are computed from the rotation, which has the drive."""
         joint = move.joint
         if joint.kind.at_once and joint.mate >= 0:
             effort, velocity = self._strength_of_turn(joint)
@@ -253,7 +254,7 @@ class _Builder:
 
 
 def _transmission(joint: str, drive: ActuatorModel) -> Element:
-    """Return a transmission with ratio 1 for a drive. It is named like the joint."""
+    """Return a transmission with ratio 1 for a drive. The transmission has the name of the joint."""
     element = Element(tag="transmission", attributes={"name": f"{joint}_transmission"}, origin=drive.origin)
     element.say("type", "transmission_interface/SimpleTransmission")
     element.add("joint", {"name": joint}).say("hardwareInterface", f"hardware_interface/{INTERFACES[drive.kind]}")
@@ -262,7 +263,7 @@ def _transmission(joint: str, drive: ActuatorModel) -> Element:
 
 
 def parts(shape: Shape) -> tuple[Shape, ...]:
-    """Return the URDF 1.0 shapes that together equal a shape. URDF has no capsules."""
+    """Return URDF 1.0 shapes whose union is the given shape. URDF has no capsules."""
     form = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
     match form:
         case "itself":
@@ -287,7 +288,7 @@ def _origin(element: Element, pose: Pose) -> None:
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
-    """Set the mass [kg], the centre of mass [m] and the inertia about it [kg m^2], in the axes of the link."""
+    """Set the mass [kg], the centre of mass [m] and the inertia about the centre of mass [kg m^2], in the axes of the link."""
     inertial = link.add("inertial")
     _origin(inertial, shifted(*properties.centre))
     inertial.add("mass", {"value": properties.mass})

@@ -3,9 +3,9 @@
     X_body1 = X_body0 @ frame0 @ T(trans) @ RotX @ RotY @ RotZ @ inv(frame1)
 
 A rotation about z of the frame, a slide along z, and a ball have their own types. Any other joint with several coordinates is a generic
-joint (D6), which slides first and then rotates about x, the rotated y, and z. UsdPhysics does not define the order of the rotations; this
-is Newton's order. Other motions become a chain of two joints with an almost massless link between them. In Newton's schema a rotation can
-mimic only a rotation, and a slide only a slide.
+joint (D6), which first slides, and then rotates about x, about the rotated y, and about the rotated z. UsdPhysics does not define the order
+of the rotations; this is Newton's order. Other motions become a chain of two joints with an almost massless link between them. In Newton's
+schema a rotation can mimic only a rotation, and a slide only a slide.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ PARALLEL = 1e-9
 """Tolerance of the cosine for parallel and perpendicular axes."""
 
 LETTERS = {1: ("Z",), 2: ("X", "Y"), 3: ("X", "Y", "Z")}
-"""Axes of the frame that the directions of a joint use, by the number of directions."""
+"""Frame axes for the directions of a joint, by the number of directions."""
 
 
 class Freedom(FrozenStruct):
     """A free motion.
 
     `name` is its name in UsdPhysics (`angular` or `linear` for a joint with one coordinate, else `rotX` or `transX` ..., and `ball` for a
-    ball). Its value is `ratio` [1 or m/rad] times the q of `joint`.
+    ball). The value of the motion is `ratio` [1 or m/rad] times the q of `joint`.
     """
 
     name: str
@@ -47,14 +47,15 @@ class Freedom(FrozenStruct):
 
     @property
     def turns(self) -> bool:
-        """Whether the motion is a rotation (in degrees in the file) and not a slide [m]."""
+        """Whether the motion is a rotation (in degrees in the file) or a slide [m]."""
         return self.name.startswith(("angular", "rot"))
 
 
 class UsdJoint(FrozenStruct):
     """A joint of UsdPhysics.
 
-    `path` is its name, and `frame` its frame in the child at q = 0. `freedoms` are its motions (for a ball, the document's coordinates).
+    `path` is the name of the joint, and `frame` is its frame in the child at q = 0. `freedoms` are its motions; for a ball, they are the
+    document's coordinates.
     """
 
     path: str
@@ -71,7 +72,7 @@ class UsdJoint(FrozenStruct):
 def chain(connection: Connection) -> tuple[UsdJoint, ...]:
     """Return the joints that connect two bodies, in order.
 
-    If F is the frame of one of these joints, it is `X_0 @ F` on the parent and `X_1 @ F` on the child.
+    If F is the frame of a returned joint, the frame on the parent is `X_0 @ F`, and the frame on the child is `X_1 @ F`.
     """
     path, joints, twists = connection.path, connection.coordinates, connection.twists
     if not joints:
@@ -89,9 +90,9 @@ def chain(connection: Connection) -> tuple[UsdJoint, ...]:
 
 
 def _spherical(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
-    """Return a ball."""
+    """Return a spherical joint."""
     backwards = isinstance(joints[0], TreeJoint) and joints[0].reversed
-    # A reversed joint has its coordinates in reverse order and negated.
+    # The coordinates of a reversed joint are negated and in reverse order.
     axes = [(-x, -y, -z) for x, y, z in (twist.angular for twist in reversed(twists))] if backwards else [one.angular for one in twists]
     ordered = joints[::-1] if backwards else joints
     frame = Pose(rotation=transpose((axes[0], axes[1], axes[2])), translation=twists[0].anchor)
@@ -105,7 +106,7 @@ def _single(path: str, joint: TreeJoint | JointEdge, twist: Twist) -> UsdJoint:
 
 
 def _generic(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> Iterator[UsdJoint]:
-    """Yield a generic joint, or several if a slide follows a rotation about another axis."""
+    """Yield a generic joint. If a slide comes after a rotation about another axis, yield several joints."""
     groups: list[list[int]] = [[]]
     for k, twist in enumerate(twists):
         if not twist.turns and any(twists[other].turns and not _parallel(twists[other].axis, twist.axis) for other in groups[-1]):
@@ -152,8 +153,8 @@ class MimicJoint(FrozenStruct):
     """A mimic joint at `path`.
 
     The joint follows the independent joint `leader`: q = offset + multiplier q(leader) [rad or m]. `said` is True if Newton's schema can
-    express it, which requires two joints of the same kind with one coordinate. `reach` is the range derived from the leader's limits, or
-    None if the leader does not have both limits.
+    express the mimic joint, which requires two joints of the same kind with one coordinate. `reach` is the range computed from the leader's
+    limits, or None if the leader does not have both limits.
     """
 
     path: str

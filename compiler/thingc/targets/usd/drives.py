@@ -1,7 +1,7 @@
 """Limits, drives and other properties of joints in the units of UsdPhysics: degrees, and gains per degree.
 
-Properties that UsdPhysics lacks are written in the schemas of Newton and of PhysX (Isaac Sim), which other readers ignore. Both schemas are
-for joints with one axis. PhysX properties are not written for balls, and neither schema is used for generic joints.
+Properties that UsdPhysics lacks are written with the schemas of Newton and PhysX (Isaac Sim), which other readers ignore. Both schemas
+describe joints with one axis. PhysX properties are not written for balls, and generic joints use neither schema.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from thingc.targets.usd.chain import Freedom, MimicJoint, UsdJoint
 from thingc.targets.usd.usda import Prim
 
 LOCKED = (1.0, -1.0)
-"""The limits of a locked motion: the lower limit is above the upper one (UsdPhysics, `PhysicsLimitAPI`)."""
+"""The limits of a locked motion: the lower limit is above the upper limit (UsdPhysics, `PhysicsLimitAPI`)."""
 
 GENERIC = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
-"""The motions of a generic joint. Each is free or locked."""
+"""The motions of a generic joint. Each motion is free or locked."""
 
 
 def ends(freedom: Freedom) -> tuple[float, float]:
@@ -54,7 +54,7 @@ def equip(prim: Prim, joint: UsdJoint, robot: Robot) -> None:
 def _drive(prim: Prim, freedom: Freedom) -> None:
     """Set the drive of a joint with its gains.
 
-    A motor has no gains; the simulator sets its force. The target is q = 0, or the nearest value within the limits.
+    A motor has no gains; the simulator sets its force. For other drives, the target is q = 0, or the nearest value within the limits.
     """
     drive = freedom.joint.actuator
     if drive is None or written(CAPABILITIES["drives"][drive_cell(freedom.joint, drive)]) is None:
@@ -105,9 +105,9 @@ def articulation(prim: Prim) -> None:
 def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
     """Set armature, damping, friction and velocity limit of a joint.
 
-    PhysX supports them only for joints of its articulation. Armature and velocity limit are per joint. Since Isaac Sim 5, all of them can
-    also be set per axis, which takes precedence. (The older `jointFriction` of PhysX is not a torque, but relative to the load of the
-    joint.)
+    PhysX supports these properties only for joints of its articulation. Armature and velocity limit are per joint. Since Isaac Sim 5, all
+    four properties can also be set per axis, and the values per axis take precedence. The older `jointFriction` of PhysX is not a torque,
+    but a factor of the load of the joint.
     """
     values = passive(joint)
     if values:
@@ -132,9 +132,9 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
 
 
 def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> None:
-    """Make a joint mimic the joint at the path `leader`. Values are in degrees if it rotates.
+    """Make a joint mimic the joint at the path `leader`. For a rotation, values are in degrees.
 
-    A joint without limits gets a range derived from the leader's limits, because PhysX requires limits for rotations. PhysX uses the
+    The range of a joint without limits is computed from the leader's limits, because PhysX requires limits for rotations. PhysX uses the
     opposite sign: q + gearing * q(leader) + offset = 0.
     """
     unit = numeric.degrees(1.0) if follower.turns else 1.0

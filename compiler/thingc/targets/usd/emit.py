@@ -24,7 +24,7 @@ from thingc.targets.usd.usda import FLOAT_MAX, rendered, write
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return a file for each chosen mode. Each file contains the meshes, whose text is generated only once."""
+    """Return a file for each chosen mode. Each file contains the meshes. The USD text of the meshes is generated only once."""
     assembly = request.assembly
     shapes, flat = solid_geometry(assembly, "usd", "usd", request.report)
     scope = f"{assembly.name}_meshes"

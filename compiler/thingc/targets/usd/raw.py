@@ -4,7 +4,7 @@
     scene: {"token physxScene:solverType": TGS}                   of the scene; with its type, unless the value shows it
     link: {crane.boom: {apiSchemas: PhysxRigidBodyAPI}}           additional applied schemas
 
-This module checks names, types and values, but not whether a reader supports them.
+This module checks names, types and values, but not whether a reader supports the attributes.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ KINDS = ("joint", "link", SCENE)
 """Kinds of prims that can have raw attributes. Links and joints have names."""
 
 SCHEMAS = "apiSchemas"
-"""The key of applied schemas, which is not an attribute."""
+"""The key of applied schemas. It is not an attribute."""
 
 TYPES = ("bool", "int", "float", "double", "string", "token")
-"""Types of attributes. Each can be an array (`int[]`), and numbers can also be vectors (`float3`)."""
+"""Types of attributes. Each type can be an array (`int[]`), and a numeric type can also be a vector (`float3`)."""
 
 _NAME = r"[A-Za-z_]\w*(?::[A-Za-z_]\w*)*"
 _KEY = re.compile(rf"(?:(\S+) )?({_NAME})", re.ASCII)
@@ -54,7 +54,7 @@ def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
 
 
 def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
-    """Return why a path is invalid, or None if it is valid."""
+    """Return the reason why a path is invalid, or None for a valid path."""
     path = attribute.path
     if path[0] not in KINDS:
         return f"there are no raw attributes of `{path[0]}` in `usd`", did_you_mean(path[0], KINDS, what="kinds of prims"), 0
@@ -68,7 +68,7 @@ def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
 
 
 def _prims(attribute: RawAttribute, models: Sequence[Prim]) -> list[Prim]:
-    """Return the prims that an attribute applies to."""
+    """Return the prims to which an attribute applies."""
     kind, name = attribute.path[0], in_files(attribute.path[1])
     return [prim for model in models for prim in _all(kind, model) if kind == SCENE or prim.name == name]
 
@@ -81,7 +81,7 @@ def _all(kind: str, model: Prim) -> list[Prim]:
 
 
 def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
-    """Apply an attribute to a prim. Return its fault, or None."""
+    """Apply an attribute to a prim. Return the fault of the attribute, or None."""
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
     strange = NO_CHARACTER.search("".join(one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)))
     if strange is not None:
@@ -117,14 +117,14 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
 
 
 def _type_of(value: object) -> str:
-    """Return the type of an attribute with this value. For a list, it is the first type that fits all items."""
+    """Return the type of an attribute with this value. For a list, return the first type that is valid for all items."""
     if isinstance(value, list):
         return next((f"{type}[]" for type in ("bool", "int", "float", "string") if _literal(f"{type}[]", value) is not None), "float[]")
     return {bool: "bool", int: "int", str: "string"}.get(type(value), "float")
 
 
 def _literal(type: str, value: object) -> str | None:
-    """Return a value as USD text, or None if it does not have the type."""
+    """Return a value as USD text, or None if the value does not have the type."""
     scalar, size = type.removesuffix("[]"), None
     if type == "vector3f":
         scalar, size = "float", 3

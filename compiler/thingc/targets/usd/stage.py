@@ -7,9 +7,9 @@
           ->  joints
     /arm_meshes                             prototypes (a class: not part of the scene by itself)
 
-There is one articulation, whose root is the base link. Unless the base floats, the joint `root` connects it to the world. (By the schema,
-the root of such an articulation would be that joint. Newton accepts both, mujoco-usd only a link.) Joints of the tree go from the parent in
-the tree to the child, as Newton requires. Joints that close loops are excluded from the articulation.
+There is one articulation, whose root is the base link. Unless the base floats, the joint `root` connects it to the world. According to the
+schema, the root of such an articulation is that joint. Newton accepts a joint or a link as root; mujoco-usd accepts only a link. Joints of
+the tree go from the parent in the tree to the child, as Newton requires. Joints that close loops are excluded from the articulation.
 """
 
 from __future__ import annotations
@@ -40,24 +40,24 @@ from thingc.targets.usd.usda import Prim, listed, several
 Key = TypeVar("Key")
 
 MESH = "mesh"
-"""The name of the mesh in a prototype. Instances share the prims below it."""
+"""The name of the mesh in a prototype. Instances share the prims below the prototype."""
 
 SCENE, MATERIALS, JOINTS = "scene", "materials", "joints"
 """Prims beside the links. No link can have these names."""
 
 LINK = "_link"
-"""Suffix of a link in a chain of joints, appended to the name of the joint before it."""
+"""Suffix of a link in a chain of joints, appended to the name of the preceding joint."""
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
 """Mass [kg] and moments of inertia [kg m^2] of a link without mass, because 0 means "not specified" in UsdPhysics."""
 
 ROUGHNESS = 0.6
-"""Roughness of all surfaces, because documents specify colours but no gloss."""
+"""Roughness of all surfaces. Documents specify colours but no gloss."""
 
 ROOM = 2.0**-22
-"""Relative margin by which the largest principal moment is below the sum of the others.
+"""Relative margin by which the largest principal moment is below the sum of the other moments.
 
-For a flat body they are equal, and rounding to floats could make it larger.
+For a flat body, the largest moment equals this sum, and rounding to floats could make it larger than the sum.
 """
 
 
@@ -161,7 +161,7 @@ class _Builder:
         return prim
 
     def _lead(self, holder: Prim, names: list[str], poses: tuple[Pose, ...], connection: Connection) -> None:
-        """Add the joints between two links, and the links between these joints, which have the pose of the child."""
+        """Add the joints between two links, and the intermediate links, which have the pose of the child."""
         parent, X_0 = self.path if connection.parent is None else f"{self.path}/{names[connection.parent]}", connection.X_0
         *before, last = chain(connection)
         for step in before:
@@ -239,9 +239,9 @@ class _Builder:
 
 
 def moments_of(properties: MassProperties) -> tuple[Vector, Matrix]:
-    """Return the principal moments of inertia [kg m^2], and a rotation with the principal axes as columns.
+    """Return the principal moments of inertia [kg m^2], and a rotation matrix whose columns are the principal axes.
 
-    The moments remain physical after rounding to floats. Without a physical inertia they are the smallest allowed values.
+    The moments remain physical after rounding to floats. For an inertia that is not physical, return the smallest allowed moments.
     """
     if properties.mass <= 0.0 or physical_fault(properties.inertia) is not None:
         return (LEAST_INERTIA,) * 3, IDENTITY
@@ -254,7 +254,10 @@ Friction = tuple[str, float | None, float | None, float | None]
 
 
 def _friction(material: Material) -> Friction:
-    """Return the values that distinguish physics materials. Nested documents may use the same name for different materials."""
+    """Return the values that distinguish physics materials.
+
+    A name is not sufficient, because nested documents may use the same name for different materials.
+    """
     return material.name, material.slide, material.torsion, material.roll
 
 
@@ -265,7 +268,7 @@ def rubbing(geometry: Geometry) -> dict[Friction, Material]:
 
 
 def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
-    """Set the size of a primitive, and return the additional scale factors that it needs (empty if none). A mesh has no size."""
+    """Set the size of a primitive, and return the additional scale factors of the prim (empty if none are needed). A mesh has no size."""
     match shape.kind:
         case "mesh":
             return ()
@@ -311,7 +314,7 @@ def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
 
 
 def free(word: str, taken: Collection[str]) -> str:
-    """Return the word, with a number if it is already in use."""
+    """Return the word, with a number appended if the word is already in use."""
     return next(name for k in range(len(taken) + 1) if (name := f"{word}_{k}" if k else word) not in taken)
 
 

@@ -1,7 +1,8 @@
 """A writer for USD text files.
 
-With usd-core's writer, the bytes would depend on its version, a build would need a package of 30 MB, and every number of UsdPhysics, whose
-attributes are floats, would be rounded to eight digits. Here all numbers are written exactly, and only the reader rounds them.
+The writer of usd-core is not used: the bytes would depend on the version of usd-core, a build would need a package of 30 MB, and every
+number of UsdPhysics, whose attributes are floats, would be rounded to eight digits. This module writes all numbers exactly; only the reader
+rounds them.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ class Prim:
     """A prim.
 
     `type` is for example `Xform`, and `schemas` are the applied API schemas. Other metadata and properties are lines of text. With the
-    `specifier` `class`, the prim and its children only serve as references. The class is not frozen, because trees are built from the top.
+    `specifier` `class`, the prim and its children only serve as references. The class is mutable, because trees are built from the top.
     """
 
     type: str
@@ -47,7 +48,7 @@ class Prim:
         self.properties.append(f"{property} = {value if isinstance(value, str) else number(value)}")
 
     def place(self, pose: Pose, scale: tuple[float, ...] = ()) -> None:
-        """Set the pose in the parent, unless it is the identity, and the scale [1]."""
+        """Set the pose in the parent, unless the pose is the identity, and the scale [1]."""
         steps = []
         if any(pose.translation):
             self.say("double3 xformOp:translate", several(pose.translation))
@@ -73,7 +74,7 @@ def several(values: Iterable[float]) -> str:
 
 
 def listed(values: Iterable[str]) -> str:
-    """Return the USD text of an array whose values are already text."""
+    """Return the USD text of an array whose values are already USD text."""
     return f"[{', '.join(values)}]"
 
 
@@ -85,7 +86,7 @@ def rendered(prim: Prim) -> str:
 def write(prims: Iterable[str], default: str, heading: str) -> str:
     """Return the layer, in metres and kilograms, with z up.
 
-    `prims` are already rendered, and empty ones are omitted. `default` is the name of the default prim.
+    `prims` are already rendered; empty strings are omitted. `default` is the name of the default prim.
     """
     lines = [
         "#usda 1.0", "(", f"{INDENT}defaultPrim = {quoted(default)}", f"{INDENT}doc = {quoted(heading)}", f"{INDENT}kilogramsPerUnit = 1",

@@ -31,7 +31,7 @@ class CentreCode(DiagnosticCode):
 
 
 class WithinSpec(Model):
-    """A box: smallest and largest value per axis. An omitted axis is free."""
+    """A box: smallest and largest value per axis. An omitted axis is unbounded."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
@@ -64,7 +64,10 @@ class CentreTest(Model):
 
 
 class CentreCheck(OneLineRepr, FrozenStruct):
-    """Requires the centre of mass of components (none: of the robot) to be in a box: `box["x"]` is (smallest, largest) [m]."""
+    """Requires the centre of mass of components (of the robot if no component is named) to be in a box.
+
+    `box["x"]` is (smallest, largest) [m].
+    """
 
     of: tuple[Reference, ...]
     frame: Reference | None

@@ -1,4 +1,4 @@
-"""`ground_clearance`: the robot keeps a distance from a level plane. Components that may touch it are excluded."""
+"""`ground_clearance`: the robot keeps a distance from a level plane. Components that may touch the plane are excluded."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
 def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, str]]:
     """Yield the height [m] of the lowest point of parts and links above the plane, with their paths.
 
-    The lowest point and all points that are too low are included. Others may be omitted if their boxes show that they are higher.
+    The lowest point and all points that are too low are included. Other points may be omitted if bounding boxes show that they are higher.
     """
     from thingc.model.robot.floor_height import DECIMALS, ROUNDING, of_box
     from thingc.model.robot.kinematics import occurrence_poses
@@ -121,7 +121,7 @@ def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, st
 
 
 def _has_end(surface: Surface) -> bool:
-    """Return whether a surface has a lowest point. A plane does not, because it is itself ground."""
+    """Return whether a surface has a lowest point. A plane has no lowest point, because a plane itself represents the ground."""
     return not isinstance(surface.solid, Primitive) or surface.solid.shape != "plane"
 
 

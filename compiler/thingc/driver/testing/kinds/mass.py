@@ -48,7 +48,7 @@ class MassTest(Model):
 
 
 class MassCheck(OneLineRepr, FrozenStruct):
-    """Requires the mass [kg] of components (none: of the robot) to be within bounds."""
+    """Requires the mass [kg] of components (of the robot if no component is named) to be within bounds."""
 
     of: tuple[Reference, ...]
     minimum: float | None

@@ -83,7 +83,7 @@ class NoCollisionTest(Model):
 
 
 class AllowedContact(OneLineRepr, FrozenStruct):
-    """A pair that may touch: every component of `one` with every component of `other`. `text` is its display name."""
+    """Components that may touch: every component of `one` and every component of `other`. `text` is the display name of the pair."""
 
     one: tuple[Reference, ...]
     other: tuple[Reference, ...]
@@ -95,7 +95,7 @@ class AllowedContact(OneLineRepr, FrozenStruct):
 class CollisionCheck(OneLineRepr, FrozenStruct):
     """Requires that no components overlap, and that components on links without a common joint are at least `clearance` [m] apart.
 
-    With `ranges`, this is required at `samples` positions in them.
+    With `ranges`, the requirement applies at `samples` positions in these ranges.
     """
 
     ranges: tuple[JointRange, ...]
@@ -218,7 +218,7 @@ def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int],
 
 
 def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], collisions: Collisions) -> Failure:
-    """Format the worst pair as the message, and the others as notes."""
+    """Format the worst pair as the message, and the other pairs as notes."""
     assembly, first = collisions.assembly, worst[0]
     notes = [Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1 : LISTED + 1]]
     if len(worst) > LISTED + 1:
@@ -237,7 +237,7 @@ def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], c
 
 
 def _skipped_text(collisions: Collisions) -> str:
-    """Describe the skipped pairs with the reasons. The JSON output lists all of them."""
+    """Describe the skipped pairs with the reasons. The JSON output lists all skipped pairs."""
     return "".join(
         f", {counted(len(pairs), 'pair')} skipped ({reason}: {next(iter(pairs))}{', ...' if len(pairs) > 1 else ''})"
         for reason, pairs in collisions.skipped.items()
@@ -259,7 +259,7 @@ def _how(assembly: Assembly, near: NearPair, clearance: float) -> str:
 
 
 def _at(case: TestCase, check: CollisionCheck, near: NearPair) -> str:
-    """Describe the position in a sweep."""
+    """Return a description of the position in a sweep."""
     from thingc.driver.testing.poses import joints_text
 
     if not check.ranges:

@@ -62,7 +62,10 @@ class PointTest(Model):
 
 
 class PointCheck(OneLineRepr, FrozenStruct):
-    """Requires `mount` to come `within` [m] of `point` [m]. With a unit vector `direction`, its z is off by at most `angle` [rad]."""
+    """Requires `mount` to come `within` [m] of `point` [m].
+
+    With a unit vector `direction`, the z axis of the mount deviates by at most `angle` [rad].
+    """
 
     mount: Reference
     point: Vector
@@ -73,7 +76,7 @@ class PointCheck(OneLineRepr, FrozenStruct):
 
 
 def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
-    """Read a `point` test. Return None if it is invalid (reported)."""
+    """Read a `point` test. If the test is invalid, report the error and return None."""
     mount, frame = reader.mount(written.mount, "mount"), reader.mount(written.in_, "in")
     at = reader.vector(written.at, "at", LENGTH)
     within = reader.number(written.within, "within", LENGTH, above=0.0)
@@ -96,7 +99,7 @@ def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
 
 
 def measure(case: TestCase, check: PointCheck) -> Outcome:
-    """Measure the smallest distance of the mount from the point, and the deviation from the direction there."""
+    """Measure the smallest distance of the mount from the point, and the deviation from the direction at this position."""
     from thingc.driver.testing.poses import joints_text
     from thingc.driver.testing.reach_search import ReachGoal, nearest
 

@@ -58,14 +58,14 @@ class ReachCheck(OneLineRepr, FrozenStruct):
 
 
 def read_reach(written: ReachTest, reader: Reader) -> ReachCheck | None:
-    """Read a `reach` test. Return None if it is invalid (reported)."""
+    """Read a `reach` test. If the test is invalid, report the error and return None."""
     of, base = reader.mount(written.of, "of"), reader.mount(written.from_, "from")
     low, high = reader.bounds(written.min, written.max, LENGTH, "the reach")
     return ReachCheck(of=of, base=base, minimum=low, maximum=high) if of is not None and base is not None else None
 
 
 def measure(case: TestCase, check: ReachCheck) -> Outcome:
-    """Measure the largest distance between two mounts. No mode is used: there are no holds, and the base component is fixed.
+    """Measure the largest distance between two mounts, without a mode: the base component is fixed, and the robot has no holds.
 
     The result is a lower bound of the true reach.
     """

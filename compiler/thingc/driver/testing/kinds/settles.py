@@ -28,7 +28,7 @@ LONGEST = 600.0
 HOLD = 1.0
 """Default time [s] for which the robot must be at rest."""
 GIVES = 5e-3
-"""Default depth [m] of contacts. Contacts that carry a robot are less deep; deeper ones overlapped at the start."""
+"""Default for the largest depth [m] of contacts. Contacts that carry a robot are less deep; deeper contacts overlapped at the start."""
 
 
 class SettleCode(DiagnosticCode):
@@ -60,7 +60,8 @@ class SettlesTest(Model):
 class SettleCheck(OneLineRepr, FrozenStruct):
     """Requires every point of every link to be less than `drift` [m] from its final position, from `within` [s] on for `hold` [s].
 
-    It must end at most `moved` [m] from the pose (None: any distance), with contacts at most `penetration` [m] deep.
+    The final position of a point must be at most `moved` [m] from the pose (None: any distance), and contacts must be at most `penetration`
+    [m] deep.
     """
 
     within: float
@@ -110,9 +111,9 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
 
 
 def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
-    """Evaluate the paths of all points."""
+    """Compare the motion of all points with the requirements."""
     rest, drift, moved, deepest = motion.rest(check.drift), motion.drift(check.within), motion.moved, motion.deepest
-    # At the last instant every point is at its final position, so the rest must last for some time.
+    # At the last instant, every point is at its final position, so the points must also be at rest for some time before.
     settled = rest <= check.within + 1e-9
     measured: dict[str, Measure] = {"rest": rest if settled else None, "drift": drift, "moved": moved, "penetration": maximum(deepest, 0.0)}
     expected: dict[str, Measure] = {

@@ -59,7 +59,7 @@ class TorqueCheck(OneLineRepr, FrozenStruct):
 
 
 def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
-    """Read a `torque_margin` test, and report modes if the document does not specify what supports the robot in them."""
+    """Read a `torque_margin` test. Report modes in which the document does not specify what supports the robot."""
     minimum = reader.number(written.min, "min", NUMBER, above=0.0)
     joints = reader.drives(written.drive, "drive")
     floating = [name for name in reader.chosen_modes if not _carried(reader.modes[name])]
@@ -92,7 +92,7 @@ def _left_out(joints: Sequence[str], mode: Mode) -> list[str]:
 
 
 def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findings: LinkReport) -> None:
-    """Report drives without an effort limit, which have no margin."""
+    """Report drives without an effort limit, because such drives have no margin."""
 
     for path in check.joints:
         joint = joints.get(path)
@@ -105,7 +105,7 @@ def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findin
 
 
 SLACK = 1e-6
-"""Relative tolerance for gravity loads on joints that are not balanced."""
+"""Relative tolerance for unbalanced gravity loads on joints."""
 
 
 def measure(case: TestCase, check: TorqueCheck) -> Outcome:
@@ -159,7 +159,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
 
 
 def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
-    """Return the drive with the smallest margin, or the first of several whose margins differ only by rounding."""
+    """Return the drive with the smallest margin. If margins differ only by rounding, return the first of these drives."""
     return min(check.joints, key=lambda path: float(f"{margins[path]:.12g}"))
 
 
@@ -199,7 +199,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
 
 
 def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], check: TorqueCheck) -> float | None:
-    """Return the smallest margin if the floor could only push upwards. Return None without feet, or if this would not support the robot."""
+    """Return the smallest margin for a floor without friction. Return None without feet, or if such a floor cannot support the robot."""
     from thingc.model.statics.efforts import static_efforts
 
     if not any(foot.friction > 0.0 for foot in robot.mode.feet):

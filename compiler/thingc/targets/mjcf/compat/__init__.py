@@ -1,6 +1,6 @@
 """MJCF for the additional programs listed in `compat`.
 
-Models are adapted to a program if that does no harm. Everything that the program still rejects is reported.
+A model is adapted to a program if the change does not affect other readers. Features that the program still rejects are reported.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from thingc.targets.xml_writer import Element
 __all__ = ["CONSUMERS", "separator", "suited"]
 
 CONSUMERS: tuple[Consumer, ...] = (MJX, WARP, DRAKE, PYMJCF)
-"""The consumers in the order in which models are adapted. Names are changed last."""
+"""The consumers, in the order in which models are adapted to them. Names are changed last."""
 
 
 def separator(names: Collection[str]) -> str:
@@ -33,7 +33,7 @@ def suited(
 ) -> tuple[list[Element], dict[Loss, None]]:
     """Return the models of the modes, adapted to the named consumers, and the resulting losses.
 
-    Report a warning for everything that one of the consumers still rejects.
+    Report a warning for each feature that one of the consumers still rejects.
     """
     losses: dict[Loss, None] = {}
     refused: dict[tuple[str, Refusal], list[str]] = {}

@@ -12,9 +12,9 @@ from thingc.targets.xml_writer import Element
 
 
 class Refusal(FrozenStruct):
-    """The reason why a consumer rejects a model. Adapting the model in this respect would do harm.
+    """The reason why a consumer rejects a model, if the model cannot be adapted without harm to other readers.
 
-    `what` is the reason, as text after a colon. `origin` and `path` locate the cause, and `hint` is the help text.
+    `what` is the reason, a text that follows a colon. `origin` and `path` locate the cause, and `hint` is the help text.
     """
 
     what: str
@@ -26,8 +26,8 @@ class Refusal(FrozenStruct):
 class Consumer(FrozenStruct):
     """A program that reads MJCF: its `name` in `compat`, its display name `label`, and the `version` that was examined.
 
-    `suit` adapts the tree of a mode's model, which no other consumer uses, and yields the differences from the document as losses.
-    `refuses` yields everything that the consumer still rejects.
+    `suit` adapts the tree of a mode's model and yields the differences from the document as losses; no other consumer uses this tree.
+    `refuses` yields every feature that the consumer still rejects.
     """
 
     name: str
@@ -38,12 +38,12 @@ class Consumer(FrozenStruct):
 
 
 def nothing_lost(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Yield no losses, for a consumer that needs no changes of the model."""
+    """Yield no losses. This is the `suit` of a consumer that needs no changes of the model."""
     yield from ()
 
 
 def nothing_refused(robot: Robot, root: Element) -> Iterator[Refusal]:
-    """Yield no refusals, for a consumer that reads everything that thingc writes."""
+    """Yield no refusals. This is the `refuses` of a consumer that reads everything that thingc writes."""
     yield from ()
 
 

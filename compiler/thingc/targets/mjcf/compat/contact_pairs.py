@@ -1,4 +1,4 @@
-"""Pairs of geoms that may collide, read from the tree of a model as MuJoCo does.
+"""Pairs of geoms that may collide, selected from the tree of a model by the rules of MuJoCo.
 
 See the section "Selection" in the chapter Computation of MuJoCo's documentation.
 """
@@ -18,7 +18,7 @@ WORLD = -1
 
 
 class ContactPairs(FrozenStruct):
-    """A geom that may collide: its element (None for the floor of the scene), and its attributes, including its class's attributes."""
+    """A geom that may collide: its element (None for the floor of the scene) and its attributes, including the attributes of its class."""
 
     element: Element | None
     values: Values
@@ -40,8 +40,8 @@ FLOOR = ContactPairs(element=None, values={"type": PLANE})
 def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
     """Yield every pair of geoms that MuJoCo tests for contacts, including pairs with the floor.
 
-    Pairs on rigidly connected bodies, on parent and child, and in `exclude` are omitted. (MuJoCo later also skips a held root and the
-    floor, since neither moves.)
+    Pairs on rigidly connected bodies, on parent and child, and in `exclude` are omitted. MuJoCo later also skips a held root and the floor,
+    because neither moves.
     """
     classes = defaults(root, "geom")
     bodies = list(_bodies(root))
@@ -50,7 +50,7 @@ def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
         frozenset((index.get(one.get("body1")), index.get(one.get("body2"))))
         for section in [root.find("contact")] if section is not None for one in section.children if one.tag == "exclude"
     }
-    rigid: list[int] = []  # for every body, the body that carries it rigidly: itself or the world
+    rigid: list[int] = []  # for every body, the body to which it is rigidly connected: itself or the world
     for number, (body, parent) in enumerate(bodies):
         moves = body.get("mocap") == "true" or any(child.tag in ("joint", "freejoint") for child in body.children)
         rigid.append(number if moves else WORLD if parent is None else rigid[parent])

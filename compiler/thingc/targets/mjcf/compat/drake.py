@@ -1,8 +1,8 @@
-"""Drake. Its parser accepts every file. Features that a `MultibodyPlant` does not support are ignored, with a warning at most.
+"""Drake. Its parser accepts every file. Drake ignores features that a `MultibodyPlant` does not support, with a warning at most.
 
-If a body has several joints, Drake reads the axes and anchors of all but the last one in the axes of the parent. Therefore a rotated body
-with several joints is put into an additional body, which is rotated instead. Drake reads the `ctrlrange` of a drive as its force range, so
-only motors have a `ctrlrange`.
+If a body has several joints, Drake reads the axes and anchors of all joints except the last in the axes of the parent. Therefore a rotated
+body with several joints gets an additional parent body, which is rotated in its place. Drake reads the `ctrlrange` of a drive as its force
+range, so only motors have a `ctrlrange`.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ SECTIONS = {
     ("equality", "joint"): "its mimic", ("equality", "weld"): "its closing constraint", ("equality", "connect"): "its closing constraint",
     ("actuator", "adhesion"): "its adhesion", ("keyframe", "key"): "its keyframe",
 }
-"""Features that Drake ignores, by section and tag."""
+"""Elements that Drake ignores, by section and tag."""
 
 ATTRIBUTES = {
     ("joint", "frictionloss"): "its dry friction", ("joint", "actuatorfrcrange"): "its effort limit",
     ("body", "mocap"): "its motion at run time",
 }
-"""Features that Drake ignores, by tag and attribute."""
+"""Attributes that Drake ignores, by tag and attribute."""
 
 
 COMMANDS = "the range of its commands: Drake uses it as the range of the force"
@@ -35,7 +35,7 @@ TURNED = ":turned"
 
 
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Wrap bodies that Drake would misread, and yield losses for everything that it ignores."""
+    """Wrap bodies that Drake would misread, and yield a loss for each feature that Drake ignores."""
     for parent in list(root.walk()):
         parent.children[:] = [_unturned(child) if _is_misread(child) else child for child in parent.children]
     for section in root.children:
@@ -67,7 +67,7 @@ def _is_misread(element: Element) -> bool:
 
 
 def _unturned(body: Element) -> Element:
-    """Return a massless body with the pose of this body, which becomes the child of the new one."""
+    """Return a massless body with the pose of this body. This body becomes its child."""
     outside = {name: value for name, value in body.attributes.items() if name in ("pos", "quat")}
     inside = {name: value for name, value in body.attributes.items() if name not in outside}
     inner = Element(tag="body", attributes=inside, children=body.children, origin=body.origin, raw=body.raw)

@@ -1,6 +1,8 @@
-"""MJX, MuJoCo in JAX (`mjx.put_model` with its own implementation). Unsupported features are taken from its source code.
+"""MJX, MuJoCo in JAX (`mjx.put_model` with its own implementation).
 
-Pairs of shapes are in `collision_driver.py`, options and kinds of actuators are in `types.py`.
+The source code of MJX determines which features are listed as unsupported.
+
+In MJX, `collision_driver.py` lists supported pairs of shapes; `types.py` lists supported options and kinds of actuators.
 """
 
 from __future__ import annotations
@@ -17,12 +19,15 @@ from thingc.targets.mjcf.compat.contact_pairs import ContactPairs, pairs
 from thingc.targets.xml_writer import Element
 
 LACKING = frozenset(map(frozenset, (("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"))))
-"""Pairs of shapes whose contacts it does not support."""
+"""Pairs of shapes whose contacts MJX does not support."""
 
 LACKS = UnsupportedOptions(solvers=("PGS",), enabled=("override", "energy", "fwdinv", "diagexact"))
 
 SIDES = 20
-"""Number of sides of the prism that replaces a cylinder. The error is at most 1.2 % of the radius; MJX warns of faces with more corners."""
+"""Number of sides of the prism that replaces a cylinder.
+
+The error is at most 1.2 % of the radius. MJX warns about faces with more corners.
+"""
 
 FLUID = ("density", "viscosity", "wind")
 
@@ -75,7 +80,7 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
 
 
 def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterator[tuple[str, str]]:
-    """Yield the reasons why MJX rejects a pair, each with the attribute that causes it."""
+    """Yield the reasons why MJX rejects a pair, each with the attribute that causes the rejection."""
     kinds = sorted((one.type, other.type))
     if frozenset(kinds) in LACKING:
         yield f"it has no contacts between {kinds[0]} and {kinds[1]}", "type"
@@ -86,7 +91,7 @@ def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterat
 
 
 def _condim(one: ContactPairs, other: ContactPairs) -> int:
-    """Return the dimension of a contact: the value of the geom with higher priority, else the larger value."""
+    """Return the dimension of a contact (`condim`): the value of the geom with the higher priority, else the larger value."""
     ranked = sorted(((int(geom.values.get("priority", "0")), int(geom.values.get("condim", "3"))) for geom in (one, other)), reverse=True)
     return ranked[0][1] if ranked[0][0] > ranked[1][0] else max(condim for _, condim in ranked)
 
@@ -99,7 +104,7 @@ class _Kind(FrozenStruct, kw_only=False):
 
 
 def _distinct(meeting: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[tuple[ContactPairs, ContactPairs]]:
-    """Yield only one of the pairs that are rejected for the same reason."""
+    """Yield one pair for each reason why MJX rejects pairs."""
     seen: set[tuple[_Kind, _Kind]] = set()
     for pair in meeting:
         one, other = (
@@ -126,7 +131,7 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
 
 
 def _prisms(root: Element) -> Iterator[Loss]:
-    """Replace every cylinder that may collide with a box or a mesh by a prism.
+    """Replace every cylinder that may collide with a box or a mesh with a prism.
 
     Prisms are meshes, so other cylinders may collide with them.
     """
@@ -169,7 +174,7 @@ def prism(radius: float, half: float) -> tuple[float, ...]:
 
 
 def _margins(root: Element) -> None:
-    """Remove the margin of adhesive contacts if there are meshes. Without adhesions the margin has no purpose."""
+    """Remove the margin of adhesive contacts from models with meshes. Without adhesion actuators the margin has no purpose."""
     if any("mesh" in (one.type, other.type) and one.margin + other.margin for one, other in pairs(root)):
         for element in root.walk():
             geom = element.find("geom") if element.get("class") == adhesion_contacts.CLASS else None
@@ -178,7 +183,7 @@ def _margins(root: Element) -> None:
 
 
 def _cones(root: Element) -> None:
-    """Remove elliptic cones if nothing can collide, even in the scene, because MJX accepts them only with contacts."""
+    """Remove elliptic cones from a model without possible contacts, also with the scene. MJX rejects elliptic cones in such a model."""
     option = root.find("option")
     if option is not None and option.get("cone") == "elliptic" and next(pairs(root), None) is None:
         del option.attributes["cone"]
@@ -186,7 +191,7 @@ def _cones(root: Element) -> None:
 
 
 def _needed(robot: Robot) -> list[str]:
-    """Return the mounts whose active adhesion supports the robot. They are on links that are not fixed or held."""
+    """Return the mounts whose active adhesion supports the robot. These mounts are on links that are neither fixed nor held."""
     still = {closure.child for closure in robot.closures if closure.hold} | ({0} if robot.base in ("fixed", "held") else set())
     links = {robot.bodies[body].link for body in still}
     return [
@@ -196,7 +201,7 @@ def _needed(robot: Robot) -> list[str]:
 
 
 def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Remove actuators of adhesions, and their controls in keyframes."""
+    """Remove adhesion actuators, and their controls from keyframes."""
     section, keys = root.find("actuator"), root.find("keyframe")
     if section is None or not robot.assembly.adhesions:
         return

@@ -1,4 +1,4 @@
-"""PyMJCF (`dm_control.mjcf`). It uses `/` for its own scopes and rejects names that contain it."""
+"""PyMJCF (`dm_control.mjcf`). It uses `/` for its own scopes and rejects names that contain `/`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SEPARATOR = "."
 """Replacement for `/` in the paths of documents. No name in a document contains it."""
 
 FILES = frozenset({"file", "meshdir", "texturedir", "assetdir"})
-"""Attributes that are paths in a file system. In all other attributes, `/` is part of a name."""
+"""Attributes that contain file paths. In all other attributes, `/` is part of a name."""
 
 
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:

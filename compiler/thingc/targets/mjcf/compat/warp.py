@@ -1,6 +1,6 @@
 """MuJoCo Warp. It reads everything that thingc writes.
 
-The options that it does not support can be set only by raw attributes (see `put_model` in its `io.py`).
+Only raw attributes can set the options that MuJoCo Warp does not support (see `put_model` in its `io.py`).
 """
 
 from __future__ import annotations
