@@ -1,1 +1,1 @@
-"""The geometry service, which alone has access to the CAD kernel. Entry points: `service`, and `worker.server` for the worker process."""
+"""The geometry service, the only package that uses the CAD kernel. Entry points: `service`, and `worker.server` for the worker process."""

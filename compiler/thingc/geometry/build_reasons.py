@@ -10,7 +10,7 @@ from thingc.geometry.key.result_cache import Results
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord
 
 RECENT = 512
-"""Number of records that a service holds in memory; the oldest is dropped first."""
+"""Number of records that a service caches in memory. The oldest record is dropped first."""
 
 
 class BuildReason(FrozenStruct):
@@ -22,7 +22,7 @@ class BuildReason(FrozenStruct):
 
 
 def unchanged(reason: str) -> str:
-    """Return the reason for reusing a part that was built for `reason` ("" if unknown)."""
+    """Return the reason for reusing a part. `reason` is the reason why the part was built ("" if unknown)."""
     return "no dependency changed" + (f" since it was modelled ({reason})" if reason else "")
 
 
@@ -37,7 +37,7 @@ def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> st
 
 
 class RecentRecords:
-    """A cache of the latest records of a service, by definition and by whether they have convex pieces. Lookups do not read the store."""
+    """A cache of the latest records of a service. The key is the definition and whether the record has convex pieces."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[PartDefinition, bool], tuple[PartRecord, str]] = {}

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 GRACE = 15.0
-"""Grace period [s] after the deadline of a request; a worker that is still silent is then ended."""
+"""Grace period [s] after the deadline of a request. A worker that does not answer within the grace period is ended."""
 LOADING = 120.0
 """Time limit [s] for a worker to load the kernel."""
 
 SPANS = 1000
-"""Number of recent answers whose time spans `busy` evaluates."""
+"""Number of recent answers whose time spans the method `busy` uses."""
 
 CAN_FORK = hasattr(os, "fork")
 
@@ -59,8 +59,8 @@ class _Process:
 class Workers:
     """The worker processes of one service: a single process that forks if the system supports it, else one process per job.
 
-    Processes are started when they are first needed. They end with `close`, or when this process ends. `seed` is their Python hash seed,
-    which determines the iteration order of sets of strings. `there` is False if no worker will ever be started.
+    Processes are started when they are first needed. `close` or the end of this process ends the worker processes. `seed` is the Python
+    hash seed of the workers, which determines the iteration order of sets of strings. `there` is False if no worker will ever be started.
     """
 
     there = True
@@ -90,11 +90,11 @@ class Workers:
 
     @property
     def running(self) -> bool:
-        """Whether a worker has been started and not ended."""
+        """Whether a worker is running."""
         return bool(self._processes)
 
     def warm(self) -> None:
-        """Start the workers without waiting, so that they load the kernel while the caller does something else.
+        """Start the workers without waiting, so that they load the kernel while the caller continues.
 
         If no worker starts, `run` raises the error later.
         """
@@ -117,9 +117,9 @@ class Workers:
             self._processes.append(self._start(flags, self.jobs if self.forking else 1))
 
     def begin(self, requests: Iterable[Mapping[str, Any]]) -> None:
-        """Send requests without waiting, so that a later `run` with the same requests gets their answers sooner.
+        """Send requests without waiting, so that a later call of `run` with the same requests gets the answers sooner.
 
-        Does nothing unless workers fork. If no worker starts, `run` raises the error later.
+        The method does nothing if workers cannot fork. If no worker starts, `run` raises the error later.
         """
         if self.forking:
             with contextlib.suppress(WorkerBroken):
@@ -134,7 +134,7 @@ class Workers:
             worker.process.ask({"prepare": files})
 
     def forget(self, but: Iterable[Mapping[str, Any]] = ()) -> None:
-        """Cancel requests that were begun, except those in `but`."""
+        """Cancel the requests that `begin` sent, except the requests in `but`."""
         self._leave_others()
         wanted = set(map(_request_text, but))
         for text in [text for text in self._begun if text not in wanted]:
@@ -145,7 +145,7 @@ class Workers:
                     worker.process.ask({"forget": number})
 
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
-        """Yield every request with its answer, in the order in which answers arrive: `{"answer": ...}` or `{"failed", "words", "detail"}`.
+        """Yield every request with its answer when the answer arrives: `{"answer": ...}` or `{"failed", "words", "detail"}`.
 
         A request has `op` and `timeout` [s]. `requests` is read lazily, shortly before each request is sent. Raises `WorkerBroken` if no
         worker can be started.
@@ -169,7 +169,7 @@ class Workers:
                 left = {number: request for number, request in worker.asked.items() if number in under_way}
                 under_way -= left.keys()
                 lost += 1
-                if self.forking and lost <= 1:  # the forking server itself ended, for an unknown reason: try once more
+                if self.forking and lost <= 1:  # the forking server itself ended for an unknown reason: send the request a second time
                     waiting.extendleft(reversed(left.values()))
                 else:
                     yield from ((request, dict(answer)) for request in left.values())
@@ -180,7 +180,7 @@ class Workers:
                 yield request, answer
 
     def _hand_out(self, waiting: deque[Mapping[str, Any]], source: Iterator[Mapping[str, Any]], under_way: set[int]) -> None:
-        """Send each worker as many requests as it has capacity for, first those in `waiting`, then those of `source`."""
+        """Send each worker as many requests as it has capacity for, first from `waiting`, then from `source`."""
         for worker in self._processes:
             limit = (2 if self.forking else 1) * worker.capacity - (len(worker.asked) - len(self._begun))
             waiting.extend(islice(source, max(0, limit - len(waiting))))
@@ -189,9 +189,9 @@ class Workers:
                 under_way.add(self._send(worker, request) if (begun := self._taken(request)) is None else begun)
 
     def _taken(self, request: Mapping[str, Any]) -> int | None:
-        """Return the number of a request that `begin` sent, or None. From now on, the request is treated like any other request of `run`.
+        """Return the number of a request that `begin` sent, or None. The request becomes a request of `run`.
 
-        If its answer has already arrived, the answer is queued again.
+        If the answer has already arrived, it is put back into the queue.
         """
         number = self._begun.pop(_request_text(request), None)
         if number is not None and number in self._early:
@@ -201,7 +201,7 @@ class Workers:
     def _heard(self) -> tuple[_Process, dict[str, Any], bool] | None:
         """Wait for a message of a worker. Raises `WorkerBroken`.
 
-        Return the worker and its answer (True), the worker and its failure if it was ended (False), or None for anything else.
+        Return the worker and its answer (True), the worker and its failure if the worker was ended (False), or None for other messages.
         """
         try:
             process, answer = self._lines.get(timeout=max(0.05, min(w.deadline for w in self._processes) - time.monotonic()))
@@ -231,7 +231,8 @@ class Workers:
     def _answered(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any] | None]:
         """Return the number and the request of an answer, after removing `id` and `span` from the answer.
 
-        The request is None if it was cancelled. It is also None if it was begun and `run` has not requested it yet: the answer is stored.
+        The request is None if it was cancelled. It is also None if `begin` sent the request and `run` has not requested it yet. In this
+        case, the answer is stored.
         """
         number: int = answer["id"]
         if number in self._begun.values():
@@ -247,12 +248,12 @@ class Workers:
         return number, request
 
     def close(self) -> None:
-        """End all workers and wait until their processes are gone."""
+        """End all workers and wait until their processes have ended."""
         self._leave_others()
         ended, self._processes = self._processes, []
         self._begun, self._early = {}, {}
         for worker in ended:
-            if not worker.ready or not self.forking and worker.asked:  # the worker does not read its input, and has no children
+            if not worker.ready or not self.forking and worker.asked:  # such a worker does not read its input
                 worker.process.kill()
             worker.process.close()
 
@@ -260,7 +261,7 @@ class Workers:
         self._processes.remove(worker)
         self._begun = {text: number for text, number in self._begun.items() if number not in worker.asked}
         self._early = {number: early for number, early in self._early.items() if number not in worker.asked}
-        process_tree.stop(worker.process.pid)  # prevents new forks while its children are ended
+        process_tree.stop(worker.process.pid)  # a stopped process cannot fork
         process_tree.end_descendants(worker.process.pid)
         worker.process.kill()
         worker.process.close()
@@ -273,9 +274,9 @@ class Workers:
         return self._number
 
     def _put_off(self, worker: _Process) -> None:
-        """Set a new deadline for the next message of a worker, after a message from it or a request to it.
+        """Set a new deadline for the next message of a worker, after each message from the worker and each request to the worker.
 
-        A forking worker enforces the deadlines of its children, so one of them answers within a timeout.
+        A forking worker enforces the deadlines of its children, so the worker sends an answer within each timeout.
         """
         longest = max((float(request["timeout"]) for request in worker.asked.values()), default=0.0)
         worker.deadline = time.monotonic() + longest + (GRACE if self.forking else 0.0) + (0.0 if worker.ready else LOADING)
@@ -317,7 +318,7 @@ class EndingWorkers(Workers):
         super().ensure()
 
     def end(self) -> None:
-        """End all workers and start none again."""
+        """End all workers and do not restart them."""
         self.ended = True
         self.close()
 
@@ -340,7 +341,7 @@ def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _request_text(request: Mapping[str, Any]) -> str:
-    """Return a text for comparing requests, in which 1, 1.0 and True differ."""
+    """Return a string for comparing requests. The strings for 1, 1.0 and True differ."""
     return json.dumps(request, sort_keys=True)
 
 

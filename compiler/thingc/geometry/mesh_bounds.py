@@ -30,7 +30,7 @@ _T = TypeVar("_T")
 
 
 class BadMesh(Exception):
-    """The reason why a file is not a valid mesh, as text that follows the file's name."""
+    """The reason why a file is not a valid mesh. In messages, the reason comes after the file's name."""
 
 
 def damaged(suffix: str, fault: Exception) -> BadMesh:
@@ -118,7 +118,7 @@ def _unfold_collada(root: ElementTree.Element) -> None:
 def _told_by_gltf(text: bytes) -> int:
     """Return a lower bound of the number of triangles that the accessors of a glTF file declare.
 
-    Sparse accessors need no bytes for their elements, and several may share the same bytes. Raises `BadMesh`.
+    Sparse accessors do not need bytes for their elements, and several accessors may share the same bytes. Raises `BadMesh`.
     """
     try:
         document = json.loads(text)

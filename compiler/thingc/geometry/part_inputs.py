@@ -1,4 +1,7 @@
-"""Files that the answers for parts depend on, as far as they are known before a part is built. Code is read, not run."""
+"""Files that the results for parts depend on, as far as they are known before a part is built.
+
+This module reads code without running it.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +22,9 @@ if TYPE_CHECKING:
 class PartInputs(FrozenStruct):
     """Files and folders that parts depend on.
 
-    `files` are absolute paths, whether they exist or not: the code of parts and the modules that it imports in the workspace, the places
-    where such a module would be found first, and the lock. `folders` are the folders whose files a part may read when it is built.
+    `files` contains absolute paths, including paths that do not exist: the code of parts with the modules of the workspace that it imports,
+    the places where Python would search for these modules first, and the lock. `folders` contains the folders whose files a part may read
+    when it is built.
     """
 
     files: frozenset[str]
@@ -30,7 +34,7 @@ class PartInputs(FrozenStruct):
 def part_inputs(references: Iterable[str], workspace: Workspace, store: Store | None) -> PartInputs:
     """Return the inputs of the parts `module:Class` of a workspace.
 
-    Without a store the workspace is untrusted: files outside of it are not read.
+    Without a store, the workspace is untrusted: files outside of the workspace are not read.
     """
     code = PartCode(workspace, store)
     files = {os.path.join(workspace.root, LOCK_FILE)}

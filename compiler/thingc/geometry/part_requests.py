@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 Likely = Callable[[], Mapping[str, Collection[LikelySlicing]]] | None
-"""Returns the likely slicings of parts, by definition text. Called when a part has to be built."""
+"""Returns the likely slicings of parts, by definition text. The function is called when a part has to be built."""
 
 
 class PartRequest(FrozenStruct):
@@ -36,8 +36,8 @@ class PartRequest(FrozenStruct):
 class PartRequests:
     """Requests for the parts of one workspace, each with a time limit of `timeout` [s].
 
-    `schemas` are the schemas of classes that have been described, by reference. `slicings` are the expected slicings of their parts, by
-    reference: a part is sliced right after it is built.
+    `schemas` contains the schemas of classes that have been described, by reference. `slicings` contains the expected slicings of their
+    parts, by reference. A worker slices a part right after building it.
     """
 
     def __init__(self, workspace: Workspace, store: Store, timeout: float, parts: PartCode, results: Results) -> None:
@@ -46,11 +46,14 @@ class PartRequests:
         self.slicings: dict[str, set[LikelySlicing]] = {}
 
     def around(self, code: CodeIngredients | None) -> dict[str, Any]:
-        """Return the fields that every request has: the code, the store, and the limits of time and memory."""
+        """Return the fields of every request: the code, the store, and the limits of time and memory."""
         return {**self._parts.around(code), "store": self._store.root, "timeout": self._timeout, "memory": self._workspace.part_memory}
 
     def given(self, definition: PartDefinition) -> dict[str, Value]:
-        """Return the parameters of a definition that differ from their defaults, or all of them if the class has not been described."""
+        """Return the parameters of a definition that differ from their defaults.
+
+        If the class has not been described, return all parameters.
+        """
         schema = self.schemas.get(definition.reference)
         own = {parameter.name: parameter.default for parameter in schema.parameters} if schema is not None else {}
         return {name: value for name, value in definition.parameters if repr(value) != repr(own.get(name))}
@@ -62,7 +65,7 @@ class PartRequests:
             self.slicings[definition.reference].update(wanted.get(definition.text, ()))
 
     def suppose(self, definitions: Sequence[PartDefinition], likely: Likely) -> None:
-        """Store the likely slicings of parts of classes that have none yet."""
+        """Store the likely slicings of parts, but only for classes without slicings."""
         if likely is not None and (fresh := [one for one in definitions if one.reference not in self.slicings]):
             self.expect_slicings(fresh, likely())
 
@@ -72,7 +75,7 @@ class PartRequests:
         return {**prepared.request, "slicings": [[asdict(one), own_up] for one, own_up in slicings]}
 
     def prepared(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> PartRequest | PartFailure:
-        """Return the request for a definition with the parameters in `given` (None: from the method `given`), or the failure."""
+        """Return the request for a definition with the parameters in `given` (None: the result of the method `given`), or the failure."""
         code: CodeIngredients | None = None
         extra: dict[str, str] = {}
         package = definition.reference

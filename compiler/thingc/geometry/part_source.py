@@ -1,4 +1,4 @@
-"""The interface through which passes get parts, from the geometry service or from a lock alone."""
+"""The interface through which passes get parts, either from the geometry service or only from a lock."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SHOWN = 8
 class PartSource(Protocol):
     """A source of part schemas and part records.
 
-    `unknown` are the labels of definitions without a record or with an inexact one; `broken` are faults found in the lock.
+    `unknown` contains the labels of definitions without a record or with an inexact record. `broken` contains errors in the lock.
     """
 
     workspace: Workspace
@@ -33,14 +33,14 @@ class PartSource(Protocol):
 
     @property
     def decisions(self) -> Mapping[str, BuildReason]:
-        """Why each record was built or found, by definition text."""
+        """The reason why each record was built or reused, by definition text."""
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Absolute paths of everything that the answers depend on, whether it exists or not."""
+        """Absolute paths that the answers depend on, including paths that do not exist."""
 
     def anticipate(self) -> bool:
-        """Prepare to build parts if that is likely to be necessary. Return True if it is; the kernel is then being loaded."""
+        """If parts probably have to be built, begin to load the kernel and return True."""
 
     def close(self) -> None:
         """End all processes that were started."""
@@ -49,12 +49,12 @@ class PartSource(Protocol):
         """Return the schema or failure of each `module:Class`, by reference."""
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """Return the modules that `module:Class` depends on and that hide others of their name."""
+        """Return the modules that `module:Class` depends on and that hide other modules of the same name."""
 
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None,
     ) -> Mapping[str, PartRecord | PartFailure]:
-        """Return the record or failure of each definition, by text; a definition whose record cannot be obtained has no entry.
+        """Return the record or failure of each definition, by text. A definition without an available record has no entry.
 
         `likely` returns the expected slicings, for parts that are built.
         """
@@ -65,14 +65,15 @@ class PartSource(Protocol):
     ) -> Mapping[str, PartRecord | PartFailure]:
         """Return the `records` of `definitions` with the slices that are `wanted`, by text.
 
-        A record whose slices cannot be obtained is not `exact`.
+        A record without available slices is not `exact`.
         """
 
 
 def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None]], report: Report) -> None:
     """Report a warning for each module of a part that hides another file of its name.
 
-    The warning is shown where the first part with that module is referenced, or at the module itself if that place is None.
+    The location of the warning is the first reference to a part with this module. If this location is None, the location is the module
+    itself.
     """
     said: set[str] = set()
     for reference, where in references:
@@ -88,7 +89,7 @@ def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None
 
 
 def report_gaps(parts: PartSource, report: Report, *, severity: Severity = Severity.ERROR) -> None:
-    """Report the faults found in the lock, and the number of definitions that could not be checked because they have no record."""
+    """Report the errors in the lock, and the number of definitions that could not be checked because they have no record."""
     file = lock_path(parts.workspace)
     for fault in parts.broken[:SHOWN]:
         report_bad(file, fault, report, severity=severity)

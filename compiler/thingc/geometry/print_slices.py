@@ -1,4 +1,4 @@
-"""Print settings of a part, and the integrals that result from slicing it. Plain frozen data in SI units.
+"""Print settings of a part, and the integrals that result from slicing the part. Plain frozen data in SI units.
 
 The integrals do not depend on the infill: the mass at any percentage is a sum of three terms (`SliceResult.printed`).
 """
@@ -13,7 +13,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Vector, added
 
 UPRIGHT: Vector = (0.0, 0.0, 1.0)
-"""Default orientation of a part on the printer: as it is modelled."""
+"""Default print direction of a part: the z axis of the part is up."""
 
 OVERLAP = 0.25
 """Default overlap of infill and walls, as a fraction of the line width: PrusaSlicer's `infill_overlap`."""
@@ -23,7 +23,7 @@ BRIDGE_FLOW = 1.0
 
 
 class Slicing(FrozenStruct):
-    """Settings for cutting a part into layers and filling them.
+    """Settings for slicing a part into layers and filling the layers.
 
     `up` is the direction away from the bed, a unit vector in the part's frame. `layer` is the height of a layer and `line_width` the width
     of a line [m]. `walls` is the number of lines in a wall, `top` and `bottom` the number of solid layers. `overlap` is a fraction of the
@@ -41,13 +41,13 @@ class Slicing(FrozenStruct):
 
 
 LikelySlicing = tuple[Slicing, bool]
-"""The expected slicing of a part that is not built yet, and whether the part's own `up` takes precedence over the slicing's."""
+"""The expected slicing of a part that is not built yet, and whether the part's own `up` takes precedence over the `up` of the slicing."""
 
 
 class Moments(OneLineRepr, FrozenStruct):
     """Moments of a body about the origin of the part's frame.
 
-    `volume` [m^3]; `first` are the integrals of x, y, z [m^4]; `second` are the integrals of their products [m^5].
+    `volume` is in [m^3]. `first` contains the integrals of x, y, z [m^4], and `second` the integrals of their products [m^5].
     """
 
     volume: float = 0.0
@@ -56,7 +56,7 @@ class Moments(OneLineRepr, FrozenStruct):
 
     @classmethod
     def of(cls, numbers: Sequence[float]) -> Moments:
-        """Return the moments with these ten numbers, the inverse of `numbers`."""
+        """Return the moments with these ten numbers. This is the inverse of `numbers`."""
         volume, x, y, z, xx, yy, zz, xy, xz, yz = numbers
         return cls(volume=volume, first=(x, y, z), second=((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
 
@@ -67,7 +67,7 @@ class Moments(OneLineRepr, FrozenStruct):
         return [self.volume, *self.first, s[0][0], s[1][1], s[2][2], s[0][1], s[0][2], s[1][2]]
 
     def plus(self, other: Moments, share: float = 1.0) -> Moments:
-        """Return the sum of these moments and a `share` of another body's."""
+        """Return the sum of these moments and the moments of another body times `share`."""
         return Moments(
             volume=self.volume + share * other.volume,
             first=added(self.first, other.first, share),
@@ -79,7 +79,7 @@ class Moments(OneLineRepr, FrozenStruct):
 
     @property
     def properties(self) -> MassProperties:
-        """Mass properties at density 1: the volume [m^3] as the mass, the centre [m], and the inertia [m^5] about it."""
+        """Mass properties at density 1: the volume [m^3] as the mass, the centre [m], and the inertia about the centre [m^5]."""
         if self.volume <= 0.0:
             return MassProperties(mass=0.0)
         v = self.volume
@@ -93,8 +93,8 @@ class Moments(OneLineRepr, FrozenStruct):
 class SliceResult(OneLineRepr, FrozenStruct, tag=True):
     """The material of a part.
 
-    `solid` does not depend on the infill. `joins` are the pieces along the walls that connect infill lines; they exist with any infill.
-    `sparse` are the infill lines, as if the infill were 100 %.
+    `solid` does not depend on the infill. `joins` contains the pieces along the walls that connect infill lines. They do not depend on the
+    infill either. `sparse` contains the infill lines at an infill of 100 %.
     """
 
     solid: Moments
@@ -112,6 +112,6 @@ class SliceResult(OneLineRepr, FrozenStruct, tag=True):
 
 
 class SliceFailure(FrozenStruct, tag=True):
-    """The reason why a part cannot be sliced, as text that follows its name."""
+    """The reason why a part cannot be sliced. In messages, the reason comes after the part's name."""
 
     reason: str

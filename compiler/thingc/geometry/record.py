@@ -21,7 +21,7 @@ from thingc.base.units import ANGLE, LENGTH, MASS, NUMBER, Dimension, Quantity
 from thingc.geometry.print_slices import SliceFailure, SliceResult, Slicing
 
 Value = float | int | bool | str
-"""A canonical parameter value: a float in SI units for a quantity, an int for a whole number, a text or a bool."""
+"""A canonical parameter value: a float in SI units for a quantity, an int for a whole number, a string or a bool."""
 
 WHOLE = frozenset({"count", "integer"})
 """Kinds of parameters that are whole numbers."""
@@ -29,17 +29,17 @@ WHOLE = frozenset({"count", "integer"})
 DIMENSIONS: Mapping[str, Dimension] = {
     "length": LENGTH, "angle": ANGLE, "mass": MASS, "ratio": NUMBER, "number": NUMBER, **dict.fromkeys(WHOLE, NUMBER),
 }
-"""Dimensions of the numeric kinds of parameters."""
+"""Physical dimensions of the numeric kinds of parameters."""
 
 SchemaKind = Literal["thing", "shape", "function"]
 """How a part is defined: by a Thing, a shape class or a function."""
 
 ParameterKind = Literal["length", "angle", "mass", "ratio", "number", "count", "integer", "flag", "text", "choice"]
-"""Kinds of parameters. Quantities are floats in SI units; `count` and `integer` are whole numbers; `choice` is one of several texts."""
+"""Kinds of parameters. Quantities are floats in SI units; `count` and `integer` are whole numbers; `choice` is one of several strings."""
 
 
 def written(kind: str, value: Value, digits: int = 12) -> str:
-    """Return a canonical value of a parameter of this kind as text for a document, with at most `digits` digits.
+    """Format a canonical value of a parameter of this kind as in a document, with at most `digits` digits.
 
     For example `100 mm`, `30 deg`, `82 g`, `15 %`, `true`, `M3`.
     """
@@ -55,7 +55,7 @@ def written(kind: str, value: Value, digits: int = 12) -> str:
 class ParameterSchema(OneLineRepr, FrozenStruct, array_like=True):
     """One argument of a part's `__init__`.
 
-    A parameter of the kind `choice` has `choices`. `default` is None if it is `required`.
+    A parameter of the kind `choice` has `choices`. `default` is None if the parameter is `required`.
     """
 
     name: str
@@ -68,7 +68,7 @@ class ParameterSchema(OneLineRepr, FrozenStruct, array_like=True):
     doc: str = ""
 
     def shown(self, value: Value) -> str:
-        """Return a value of this parameter as text for a document."""
+        """Format a value of this parameter as in a document."""
         return written(self.kind, value)
 
 
@@ -98,7 +98,7 @@ class PartSchema(OneLineRepr, FrozenStruct):
 
     @property
     def defaults(self) -> dict[str, Value]:
-        """The default values of all parameters that have one."""
+        """The default values of all parameters with a default."""
         return {parameter.name: parameter.default for parameter in self.parameters if parameter.default is not None}
 
     def definition(self, values: Mapping[str, Value]) -> PartDefinition:
@@ -119,13 +119,14 @@ FILE_UNIT = "mm"
 class PartDefinition(OneLineRepr, FrozenStruct):
     """A part class with values for all its parameters. Equal definitions are one node of the HAG.
 
-    `reference` is `module:Class`, or the path in the workspace for a part of `kind` `file`. `parameters` has every parameter, sorted by
-    name; for a file it has its `faces`, and its `unit` unless that is `FILE_UNIT`. `text` identifies the definition and contains the exact
-    values that differ from their defaults (`arm:RotorBrace(length=0.1)`). `label` is the form for people (`arm:RotorBrace(length=100 mm)`);
-    two definitions with almost equal values may have the same label. `words` are the values of all parameters as shown to people.
+    `reference` is `module:Class`, or the path in the workspace for a part of `kind` `file`. `parameters` contains every parameter, sorted
+    by name. For a file, it contains the `faces`, and the `unit` unless the unit is `FILE_UNIT`. `text` identifies the definition and
+    contains the exact values that differ from their defaults (`arm:RotorBrace(length=0.1)`). `label` is the display form
+    (`arm:RotorBrace(length=100 mm)`). Two definitions with almost equal values may have the same label. `words` contains the display values
+    of all parameters.
 
     A mirror image is a separate definition (`arm:RotorBrace(length=0.1, mirror=y)`): `mirror` is the axis of the part's frame along which
-    it is mirrored, `plain` is the definition of the part that it mirrors.
+    the part is mirrored, and `plain` is the definition of the original part.
     """
 
     reference: str
@@ -146,7 +147,7 @@ class PartDefinition(OneLineRepr, FrozenStruct):
     def stem(self) -> str:
         """The stem of file names: `arm.RotorBrace`, with 8 hex digits of the SHA-256 of `text` if any parameter differs from its default.
 
-        For a mirror image, `-mirror_y` follows the stem of the mirrored definition.
+        For a mirror image, the stem is the stem of the original definition with the suffix `-mirror_y`.
         """
         if self.plain is not None:
             return f"{self.plain.stem}-mirror_{self.mirror}"
@@ -161,12 +162,12 @@ LABEL_DIGITS = 6
 
 
 def definition_text(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -> str:
-    """Return `arm:RotorBrace(length=0.1)`, with the parameters that differ from their defaults, sorted, in SI units, as `repr`."""
+    """Format a definition: `arm:RotorBrace(length=0.1)`. Sorted parameters that differ from their defaults are in SI units, as `repr`."""
     return _printed(reference, {name: repr(parameters[name]) for name in _differing(parameters, defaults)})
 
 
 def definition_label(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value], words: Mapping[str, str]) -> str:
-    """Return the label `arm:RotorBrace(length=100 mm)`. `words` are the values as in documents; a text is quoted."""
+    """Return the label `arm:RotorBrace(length=100 mm)`. `words` contains the values as in documents. Strings are quoted."""
     return _printed(reference, {
         name: repr(value) if isinstance(value := parameters[name], str) else words[name] for name in _differing(parameters, defaults)
     })
@@ -177,12 +178,15 @@ def _differing(parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -
 
 
 def with_mirror(printed: str, axis: str) -> str:
-    """Add the mirror axis to the text or label of a definition. Parameter values are quoted if they are texts, so there is no ambiguity."""
+    """Add the mirror axis to the text or label of a definition.
+
+    The result is unambiguous, because parameter values that are strings are quoted.
+    """
     return f"{printed[:-1]}, mirror={axis})" if printed.endswith(")") else f"{printed}(mirror={axis})"
 
 
 def _printed(reference: str, arguments: Mapping[str, str]) -> str:
-    """Return the reference, with its arguments in parentheses if there are any."""
+    """Return the reference, with the arguments (if any) in parentheses."""
     return f"{reference}({', '.join(f'{name}={value}' for name, value in arguments.items())})" if arguments else reference
 
 
@@ -195,7 +199,10 @@ class MountRecord(OneLineRepr, FrozenStruct):
 
 
 class MountExpectation(OneLineRepr, FrozenStruct, array_like=True):
-    """An expected part: `mount` was cut for the part `text` (a definition text; `label` is for people), mated at its `child_mount`."""
+    """An expected part. The geometry at `mount` was cut for the part with the definition text `text`, mated at its `child_mount`.
+
+    `label` is the display form of `text`.
+    """
 
     mount: str
     text: str
@@ -236,7 +243,7 @@ class ActuatorRecord(OneLineRepr, FrozenStruct):
 
 
 class Mesh(OneLineRepr, FrozenStruct, array_like=True, tag=True):
-    """A mesh file in the store by content. Simulators can use it as a solid if it is `closed` and not `flat`."""
+    """A mesh file in the content-addressed store. Simulators can use the mesh as a solid if it is `closed` and not `flat`."""
 
     sha256: str
     size: int
@@ -247,7 +254,10 @@ class Mesh(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
 
 class ImpureInputs(str, Enum):
-    """Inputs of a part that are not in its key: the part is not rebuilt when they change. `left` means that it left processes running."""
+    """Inputs of a part that are not in its key. The part is not rebuilt when these inputs change.
+
+    `left` means that the part left processes running.
+    """
 
     ENVIRONMENT = "environment"
     CLOCK = "clock"
@@ -258,7 +268,7 @@ class ImpureInputs(str, Enum):
 
 
 class PartWarning(OneLineRepr, FrozenStruct, array_like=True):
-    """A warning for the author of a part, with the line of the part file if known.
+    """A warning for the author of a part, with the line in the part file if known.
 
     `asked` is the impure input that the part used, or None for any other warning.
     """
@@ -273,20 +283,20 @@ class PartRecord(OneLineRepr, FrozenStruct):
     """All data about a part that the passes use. Lengths are in metres, in the part's own frame.
 
     `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals over the B-rep. For a
-    Thing without geometry they are zero, and `box` is None.
+    Thing without geometry, these values are zero, and `box` is None.
 
-    `meshes` is empty without geometry. Otherwise it has `visual`, `hull` and `mesh` (OBJ, metres), `print` (binary STL, millimetres), and
-    `simulation` (OBJ, metres) if the definition limits the triangles for simulators. `fits` are the smallest primitives that enclose the
-    part, by shape. `pieces` are the solids of the Thing's own `collision()`: primitives if a solid is exactly one, else OBJ files. `convex`
-    are the OBJ files of the convex decomposition, if requested.
+    `meshes` is empty without geometry. Otherwise it contains `visual`, `hull` and `mesh` (OBJ, metres), `print` (binary STL, millimetres),
+    and `simulation` (OBJ, metres) if the definition limits the triangles for simulators. `fits` contains the smallest primitives that
+    enclose the part, by shape. `pieces` contains the solids of the Thing's own `collision()`: a primitive if the solid is exactly a
+    primitive, otherwise an OBJ file. `convex` contains the OBJ files of the convex decomposition, if requested.
 
-    `up` is the Thing's preferred direction away from the print bed (a unit vector). `slices` are the requested results of slicing. `apart`
-    are the volumes [m^3] of the bodies of a part that should be one solid, the largest first; it is empty if they are connected or if
-    several bodies are intended. `own_image` is True for a mirror image that equals its original in the solid and in the place and z axis
-    of each mount. `brep` is the digest of the B-rep in the store. `code` is `(file, line)` of the class.
+    `up` is the Thing's preferred direction away from the print bed (a unit vector). `slices` contains the requested results of slicing.
+    `apart` contains the volumes [m^3] of the bodies of a part that should be one solid, the largest volume first. It is empty if the bodies
+    are connected or if several bodies are intended. `own_image` is True for a mirror image that equals its original in the solid and in the
+    place and z axis of each mount. `brep` is the digest of the B-rep in the store. `code` is `(file, line)` of the class.
 
-    A record that is not `exact` is a placeholder for a part that may not be built now: only the names of its mounts, its material and
-    whether it has an actuator are valid.
+    A record that is not `exact` is a placeholder for a part that must not be built in this run: only the names of its mounts, its material
+    and whether it has an actuator are valid.
     """
 
     text: str
@@ -321,7 +331,7 @@ class PartRecord(OneLineRepr, FrozenStruct):
 
     @property
     def simulated(self) -> Mesh | None:
-        """The mesh that simulators use for collisions, whole or in convex pieces; None without geometry."""
+        """The mesh that simulators use for collisions, as a whole or in convex pieces. None without geometry."""
         return self.meshes.get("simulation") or self.meshes.get("mesh")
 
 
@@ -329,14 +339,14 @@ FailureKind = Literal[
     "refused", "missing", "raised", "trespassed", "hung", "crashed", "swarmed", "starved", "empty", "invalid", "unbounded",
     "resultless", "stale", "unlocked", "absent",
 ]
-"""Ways in which describing or building a part fails. `absent` means that it is not in the store and there are no workers."""
+"""Ways in which describing or building a part fails. `absent` means that the part is not in the store and there are no workers."""
 
 
 class PartFailure(OneLineRepr, FrozenStruct):
     """The reason why a part could not be described or built.
 
-    `message` is the text of the exception; `file`, `line` are the place in the part file; `candidates` of a `missing` part are similar
-    modules, references or files; `detail` is the traceback, which only `--debug` shows.
+    `message` is the message of the exception. `file` and `line` are the place in the part file. For a `missing` part, `candidates` contains
+    similar modules, references or files. `detail` is the traceback, which only `--debug` shows.
     """
 
     subject: str
@@ -363,7 +373,7 @@ class Placed(OneLineRepr, FrozenStruct):
 
 
 class StoredFile(OneLineRepr, FrozenStruct):
-    """A file in the store by content, such as the result of `assemble`."""
+    """A file in the content-addressed store, such as the result of `assemble`."""
 
     sha256: str
     size: int

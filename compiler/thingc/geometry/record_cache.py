@@ -1,4 +1,4 @@
-"""Part records in the store, found by the part's key, or by its outline and the functions that ran when it was built."""
+"""Part records in the store. A lookup uses the part's key, or its outline and the functions that ran when the part was built."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def outlined(code: CodeIngredients) -> CodeIngredients:
 
 
 def executed_functions(code: CodeIngredients, ran: Mapping[str, Sequence[int] | None]) -> dict[str, Any] | None:
-    """Return the functions that ran, in the form that is cached: their numbers by module, and their digest.
+    """Return the functions that ran in the format of the cache: their numbers by module, and their digest.
 
     Return None if a file or a function is not in the code.
     """
@@ -44,7 +44,7 @@ def executed_functions(code: CodeIngredients, ran: Mapping[str, Sequence[int] | 
 
 
 def is_unchanged(code: CodeIngredients, kept: Mapping[str, Any]) -> bool:
-    """Return whether all functions that ran are the same in this code."""
+    """Return whether all functions that ran are unchanged in this code."""
     digest: str = kept["digest"]
     return _digest(code, kept["ran"]) == digest
 
@@ -67,11 +67,11 @@ class KeptRecords:
         self._workspace, self._store, self._parts, self._results = workspace, store, parts, results
 
     def under(self, key: str) -> CachedResult | None:
-        """Return the record, or failure, under a part's key, or None."""
+        """Return the record or failure under a part's key, or None if there is no result."""
         return self._results.find("record", key, self._whole)
 
     def find(self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None) -> CachedResult | None:
-        """Return the record under the part's key, else a record with the same outline and unchanged executed functions, or None."""
+        """Return the record under the part's key, otherwise a record with the same outline and unchanged executed functions, or None."""
         kept = self.under(build_key.key)
         if kept is not None or code is None or not code.sources:
             return kept
@@ -79,8 +79,8 @@ class KeptRecords:
             if not is_unchanged(code, one):
                 continue
             kept = self.under(one["record"])
-            if kept is not None and [list(read) for read in kept.reads] == one["reads"]:  # with other reads, other functions may run
-                with contextlib.suppress(StoreUnusable):  # this entry only saves time
+            if kept is not None and [list(read) for read in kept.reads] == one["reads"]:  # other reads may run other functions
+                with contextlib.suppress(StoreUnusable):  # this entry is only an optimisation
                     self._results.keep("record", build_key, kept.value, list(kept.reads), kept.reason)
                 return kept
         return None

@@ -16,7 +16,7 @@ from thingc.geometry.record import ImpureInputs, PartFailure, PartRecord, PartSc
 
 
 def shortened(file: str | None, root: str) -> str | None:
-    """Return the path relative to the workspace, with `/`; a path outside of it is unchanged."""
+    """Return the path relative to the workspace, with `/`. A path outside of the workspace is unchanged."""
     if file is None:
         return None
     inside = os.path.join(root, "")
@@ -24,7 +24,7 @@ def shortened(file: str | None, root: str) -> str | None:
 
 
 def full(file: str | None, root: str) -> str | None:
-    """Return the absolute path, the inverse of `shortened`."""
+    """Return the absolute path of a shortened path."""
     return None if file is None else os.path.normpath(os.path.join(root, file))
 
 
@@ -35,7 +35,7 @@ Answer = TypeVar("Answer", PartSchema, PartFailure)
 
 
 def to_json(answer: PartSchema | PartFailure, root: str) -> Any:
-    """Return the JSON value of a schema or failure, the inverse of `from_json`."""
+    """Return the JSON value of a schema or failure. This is the inverse of `from_json`."""
     return {**to_builtins(answer), "file": shortened(answer.file, root)}
 
 
@@ -47,7 +47,7 @@ def from_json(value: Any, root: str, kind: type[Answer]) -> Answer:
 def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]:
     """Return a worker's answer with a warning for each process that the part left running.
 
-    `commands` are their command lines; an empty one is a copy of the part's own process.
+    `commands` contains the command lines of these processes. An empty command line means a copy of the part's own process.
     """
     if "record" not in answer:
         return answer
@@ -60,9 +60,10 @@ def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]
 
 
 def record_to_json(record: PartRecord, root: str) -> Any:
-    """Return the JSON value of a record, the inverse of `record_from_json`.
+    """Return the JSON value of a record. This is the inverse of `record_from_json`.
 
-    `convex` and `slices` are omitted, because they are cached separately. `mount_order` is added, because the store sorts keys.
+    The JSON does not contain `convex` and `slices`, which are cached separately. It also contains `mount_order`, because the store sorts
+    keys.
     """
     code = None if record.code is None else (shortened(record.code[0], root) or "", record.code[1])
     warnings = tuple(replace(warning, file=shortened(warning.file, root)) for warning in record.warnings)
@@ -78,7 +79,7 @@ def record_from_json(value: Any, root: str) -> PartRecord:
 
 
 def blobs_of(value: Any) -> list[tuple[str, int | None]]:
-    """Return the blobs that a record's JSON refers to: `(sha256, size)`, with size None if it is unknown."""
+    """Return the blobs that a record's JSON refers to as `(sha256, size)`. The size is None if unknown."""
     meshes = [*value["meshes"].values(), *(piece for piece in value["pieces"] if piece[0] == "Mesh")]
     blobs: list[tuple[str, int | None]] = [(sha256, size) for _, sha256, size, *_ in meshes]
     return blobs if value["brep"] is None else [*blobs, (value["brep"], None)]

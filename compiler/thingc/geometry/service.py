@@ -1,6 +1,6 @@
-"""The geometry service, from which the passes get parts: cached in the store if possible, else built by workers.
+"""The geometry service, which provides parts to the passes: from the store if possible, otherwise by building them in workers.
 
-If nothing has to be built, no process is started and nothing heavy is imported.
+If no part has to be built, the service does not start a process and does not import large packages.
 """
 
 from __future__ import annotations
@@ -36,7 +36,10 @@ if TYPE_CHECKING:
     from thingc.geometry.client import Workers
 
 PATIENCE = 150.0
-"""Time [s] in addition to a part's timeout to wait for another process that builds it; its worker may have to load the kernel first."""
+"""Additional time [s], after a part's timeout, to wait for another process that builds the part.
+
+Its worker may have to load the kernel first.
+"""
 
 Progress = Callable[[str, int, int], None]
 Printed = Callable[[str, Sequence[str]], None]
@@ -55,17 +58,19 @@ class GeometryService:
     """Part schemas, part records and STEP files of one workspace. A context manager that ends its workers on exit.
 
     At most `jobs` parts are built at once, each in at most `timeout` [s]. `on_progress(what, done, total)` is called for each part, and
-    `on_printed(part, lines)` with the lines that it printed.
+    `on_printed(part, lines)` with the lines that a part printed.
 
-    After `realize`, `modelled` and `reused` are the definition texts of parts that were built or found, `decisions` are the reasons, and
-    `wanted` are the requested definitions. `inputs` are the absolute paths of all files and folders that the answers depend on, whether
-    they exist or not. `reads` are the states of the files that an answer depends on, by subject and path; answers from a lock have none.
+    After `realize`, `modelled` and `reused` contain the definition texts of parts that were built or reused, `decisions` the reasons, and
+    `wanted` the requested definitions. `inputs` contains the absolute paths of all files and folders that the answers depend on, including
+    paths that do not exist. `reads` contains the states of the files that an answer depends on, by subject and path. Answers from a lock do
+    not have reads.
 
-    Pass `workers` to share the workers of a long-lived process; they are not ended here. `lock` reads the workspace's lock when it is first
-    needed, for callers that do not use meshes. The lock is used for parts that are not in the store; its faults are in `broken`. `seed` is
-    the Python hash seed of its own workers. Use a separate store for each seed, because it is not part of any key.
+    Pass `workers` to share the workers of a long-lived process. The service does not end shared workers. `lock` reads the workspace's lock
+    when it is first needed, for callers that do not use meshes. The lock provides parts that are not in the store, and `broken` contains
+    its errors. `seed` is the Python hash seed of the service's own workers. Use a separate store for each seed, because keys do not contain
+    the seed.
 
-    Raises `StoreUnusable` if something has to be written and the store is not writable.
+    Raises `StoreUnusable` if the service has to write to the store and the store is not writable.
     """
 
     def __init__(
@@ -119,15 +124,16 @@ class GeometryService:
         return frozenset(self._parts.probed | self._results.consulted | self._locked.consulted)
 
     def warm(self) -> None:
-        """Start the worker without waiting, so that it loads the kernel while the caller does something else."""
+        """Start the worker without waiting, so that it loads the kernel while the caller continues."""
         self._worker_pool().warm()
 
     def anticipate(self) -> bool:
-        """Call `warm` if a file that parts depend on has changed since the last run in this workspace, or if there was none.
+        """Call `warm` if there was no previous run in this workspace, or if a file that parts depend on has changed since then.
 
-        Return whether it did.
+        Return whether the method called `warm`.
 
-        Call it before reading documents, because loading the kernel takes longest. With a lock, the kernel is probably not needed.
+        Call this method before reading documents, because loading the kernel takes longest. With a lock, the method does not call `warm`,
+        because the kernel is probably not needed.
         """
         if needed := not self._locked.there and self._results.files_changed():
             self.warm()
@@ -136,8 +142,8 @@ class GeometryService:
     def expect(self, last: GeometryService, saved: Collection[str] = ()) -> None:
         """Begin to build parts that will probably be requested: the parts of the `last` service whose code has changed.
 
-        `saved` are the files that changed (absolute paths). The classes are described in the meantime. `realize` uses the result if the
-        part's parameters are the same as for `last`, with the current defaults.
+        `saved` contains the absolute paths of changed files. Workers build these parts while the classes are described. `realize` uses the
+        results if the parameters of the part are the same as in `last`, with the current defaults.
         """
         begun = 0
         self._worker_pool().prepare([path for path in saved if path.endswith(".py")])
@@ -176,7 +182,7 @@ class GeometryService:
         return code if isinstance(code, CodeIngredients) else None
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """Return the modules that `module:Class` depends on and that hide others of their name."""
+        """Return the modules that `module:Class` depends on and that hide other modules of the same name."""
         return self._parts.hiding(reference)
 
     def in_part_folders(self, reference: str) -> bool:
@@ -196,7 +202,10 @@ class GeometryService:
     # --- describe ------------------------------------------------------------------------------------------------
 
     def describe(self, references: Sequence[str], meanwhile: Callable[[], object] | None = None) -> dict[str, PartSchema | PartFailure]:
-        """Return the schema or failure of each `module:Class`, by reference. `meanwhile` is called after the workers have been asked."""
+        """Return the schema or failure of each `module:Class`, by reference.
+
+        `meanwhile` is called after the requests have been sent to the workers.
+        """
         answers: dict[str, PartSchema | PartFailure] = {}
         tasks: dict[str, list[_Task]] = {}
         for reference in dict.fromkeys(references):
@@ -216,7 +225,7 @@ class GeometryService:
                 continue
             request = {"op": "describe", "references": [reference], **self._requests.around(code)}
             tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, build_key=build_key, request=request))
-        groups = list(tasks.values())  # one child per module: code that the classes of a file share is loaded once
+        groups = list(tasks.values())  # one child process per module, so that shared code of the classes in a file is loaded once
         if meanwhile is not None:
             self._worker_pool().begin(self._describing(groups))
             meanwhile()
@@ -236,7 +245,7 @@ class GeometryService:
         for request, answer in self._run(list(self._describing(groups))):
             group = groups[request["group"]]
             if "failed" in answer:
-                if len(group) > 1:  # one class ended the process: describe each in its own process
+                if len(group) > 1:  # a class ended the process: describe each class in its own process
                     alone.extend([task] for task in group)
                 else:
                     self._printed(group[0].subject, answer)
@@ -244,11 +253,11 @@ class GeometryService:
                 continue
             given = answer["answer"]
             failed = [task.subject for task in group if "failure" in given["answers"][task.subject]]
-            if failed:  # the output of the others is shown when they are built
+            if failed:  # the output of other classes is shown when their parts are built
                 self._printed(failed[0], answer)
             for task in group:
                 value = given["answers"][task.subject]
-                # classes of a module are described together, so files read for one of them count for all
+                # the classes of a module are described together, so files that one class reads count for all classes
                 self._results.keep("schema", task.build_key, value, given["reads"])
                 self.reads[task.subject] = dict(given["reads"])
                 described[task.subject] = self._schema(task.subject, value, self._parts.code(task.subject))
@@ -295,7 +304,7 @@ class GeometryService:
             elif locked and (held := self._locked.record(definition)) is not None:
                 self._decide(text, True, f"{LOCK_FILE} contains it")
                 answers[text] = held
-                del build_keys[text]  # nothing was built; `thingc why` reports the last build
+                del build_keys[text]  # no part was built; `thingc why` reports the last build
             else:
                 unmade.append((definition, prepared))
         tasks = self._tasks(unmade, likely)
@@ -316,7 +325,10 @@ class GeometryService:
         return {text: answers[text] for text in unique}
 
     def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[_Task]:
-        """Return the tasks. Parts that will be sliced come first because they take longest; shorter tasks fill the gaps at the end."""
+        """Return the tasks. Parts that will be sliced come first because they take longest.
+
+        Shorter tasks then fill idle workers at the end.
+        """
         self._requests.suppose([definition for definition, _ in parts], likely)
         tasks = [
             _Task(
@@ -330,7 +342,7 @@ class GeometryService:
     def _model(
         self, tasks: Sequence[_Task], definitions: Mapping[str, PartDefinition], answers: dict[str, PartRecord | PartFailure],
     ) -> None:
-        """Add the answers of these tasks to `answers`. Each part is built here or by the process that has locked it."""
+        """Add the answers of these tasks to `answers`. If another process has locked a part, that process builds the part."""
         by_text = {task.subject: task for task in tasks}
         elsewhere: list[_Task] = []
 
@@ -346,7 +358,7 @@ class GeometryService:
 
         def own() -> Iterator[dict[str, Any]]:
             for task in tasks:
-                if self._workers is not None and not self._workers.there:  # it will not be built, so do not wait for other processes
+                if self._workers is not None and not self._workers.there:  # there are no workers, so do not wait for other processes
                     yield task.request
                 elif not self._build_locks.take(task.build_key.key):
                     elsewhere.append(task)
@@ -367,7 +379,7 @@ class GeometryService:
                     take_in(self._run([task.request]))
 
     def _modelled(self, task: _Task, definition: PartDefinition, answer: dict[str, Any]) -> PartRecord | PartFailure:
-        """Return the record or failure that a worker made, after storing it."""
+        """Store the record or failure that a worker created, and return it."""
         self._decide(task.subject, False, task.reason)
         self._printed(definition.label, answer)
         if "failed" in answer:
@@ -405,7 +417,7 @@ class GeometryService:
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
         """Return the `records` of `definitions` with the slices that are `wanted`, by text."""
-        modelled = [definition for definition in definitions if definition.text in lacking(records, wanted)]  # only the lock has them
+        modelled = [definition for definition in definitions if definition.text in lacking(records, wanted)]  # records from the lock
         if modelled:
             decisions = self.decisions
             records = {**records, **self.realize(modelled, locked=False)}
@@ -418,7 +430,7 @@ class GeometryService:
     def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
         """Return the STEP file of an assembly, cached by all placements and colours.
 
-        Raises `AssemblyFailed` if the kernel cannot write it.
+        Raises `AssemblyFailed` if the kernel cannot write the file.
         """
         listed = to_builtins(instances)
         key = repr([name, sorted(self._parts.versions(None).items()), listed])
@@ -489,7 +501,7 @@ class GeometryService:
             self._on_printed(part, answer["printed"])
 
     def _broken(self, subject: str, answer: dict[str, Any]) -> PartFailure:
-        """Return the failure of a part that ended its worker. It is not cached, so that the next run tries again."""
+        """Return the failure of a part that ended its worker. The failure is not cached, so that the next run builds the part again."""
         from thingc.geometry.client import failure_of
 
         return failure_of(subject, answer, self.timeout, self.workspace)

@@ -1,1 +1,1 @@
-"""Dependencies of a part's result (code, files that it read, versions), and the cache of results that is keyed by them."""
+"""Dependencies of a part's result (code, files that the part read, versions), and the cache with these dependencies as keys."""

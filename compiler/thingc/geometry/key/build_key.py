@@ -1,4 +1,7 @@
-"""The labelled ingredients of a result. Their digest is its key; comparing two sets of ingredients gives the reason for a rebuild."""
+"""The labelled ingredients of a result. The digest of the ingredients is the build key.
+
+A comparison of ingredients shows the reason for a rebuild.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +29,12 @@ class BuildKey(FrozenStruct):
 
 
 def schema_key(reference: str, code: CodeIngredients | None, versions: Mapping[str, str]) -> BuildKey:
-    """Return the key of a part schema, from its code with docstrings and from versions. `code` is None for installed packages."""
+    """Compute the key of a part schema from its code with docstrings and from versions. `code` is None for installed packages."""
     return BuildKey(ingredients={"part": reference, **versions, **(code.documented if code is not None else {})})
 
 
 def record_key(definition: PartDefinition, code: CodeIngredients | None, versions: Mapping[str, str], workspace: Workspace) -> BuildKey:
-    """Return the key of a part record. The only settings of the workspace in it are the tessellations."""
+    """Return the key of a part record. The key contains the tessellation settings of the workspace, but no other settings."""
     mesh, simulation = workspace.mesh, workspace.simulation
     parameters = {f"parameter {name}": f"{type(value).__name__} {value!r}" for name, value in definition.parameters}
     return BuildKey(
@@ -48,7 +51,7 @@ def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
     """Describe what changed between two sets of ingredients of a part: at most three changes, modules first."""
     changed = [label for label in {**old, **new} if old.get(label) != new.get(label)]
     if any(label.startswith("module ") and label in old and label in new for label in changed):
-        # the edit of a module is the reason; modules that it newly imports or no longer imports follow from it
+        # the edit of a module is the reason; the edit also explains added and removed imports of other modules
         changed = [label for label in changed if label in old and label in new]
     changed.sort(key=lambda label: (not label.startswith("module "), label))
     phrases = list(dict.fromkeys(_phrase(label, old, new) for label in changed))

@@ -15,8 +15,8 @@ from thingc.geometry.record import PartFailure
 def classes_in_reach(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
     """Return `module:Class` of every public class in the part folders and in the allowed packages that are tracked by content, sorted.
 
-    Only `describe` can decide which of them are Things. Packages that are merely installed (bd_warehouse) are not listed, because they have
-    hundreds of classes (see `installed_modules`).
+    Only `describe` can decide which of these classes are Things. Packages that are only installed (bd_warehouse) are not listed, because
+    they have hundreds of classes (see `installed_modules`).
     """
     references: list[str] = []
     for module in _modules(sources, packages):
@@ -28,7 +28,7 @@ def classes_in_reach(sources: ModuleSources, packages: Sequence[str]) -> list[st
 
 
 def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[str, str]:
-    """Return the files of the public modules directly in the allowed packages that are merely installed, by module.
+    """Return the files of the public modules at the top level of the allowed installed packages, by module.
 
     A module is for example `bd_warehouse.fastener`.
     """
@@ -45,7 +45,7 @@ def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[s
 
 
 def classes_installed(module: str, file: str) -> list[str]:
-    """Return `module:Class` of every public class in the file of an installed module, in order; empty if it is not valid Python."""
+    """Return `module:Class` of every public class in the file of an installed module, in order. The result is empty for invalid Python."""
     try:
         with open(file, "rb") as stream:
             body = parse_python(stream.read()).body

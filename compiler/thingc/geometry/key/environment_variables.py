@@ -1,4 +1,4 @@
-"""The environment of workers: each variable has either a fixed value, or a value that is in the key of every part."""
+"""The environment of workers. Each variable has either a fixed value, or a value that is part of every part's key."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import os
 from collections.abc import Mapping
 
 PASSED = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
-"""Variables that Python or the kernel may need to start. They are passed on, and their values are in every key."""
+"""Variables that Python or the kernel may need to start. Workers inherit these variables, and every key contains their values."""
 
 FIXED: Mapping[str, str] = {
     "PATH": os.defpath, "LC_ALL": "C.UTF-8", "PYTHONUTF8": "1", "TZ": "UTC",
     "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
-    # reuse freed memory: a child lives for about a second and spent a tenth of it on fresh pages
+    # reuse freed memory: a child runs for about a second and would spend a tenth of this time on new memory pages
     "GLIBC_TUNABLES": ":".join(f"glibc.malloc.{name}={number}" for name, number in (
         ("mmap_threshold", 1 << 25), ("top_pad", 1 << 24), ("trim_threshold", 1 << 30), ("tcache_count", 64),
     )),
@@ -30,7 +30,7 @@ def passed() -> dict[str, str]:
 def environment(seed: int = 0) -> dict[str, str]:
     """Return the environment of a worker, with the hash seed `seed`.
 
-    The variables in `TEMPORARY` are for the worker process; each part gets its own temporary folder.
+    The variables in `TEMPORARY` apply to the worker process. Each part gets its own temporary folder.
     """
     variables = {name: os.environ[name] for name in TEMPORARY if name in os.environ}
     variables.update(passed())

@@ -1,4 +1,4 @@
-"""The state of a file as a short text, by which results of parts are cached:
+"""The state of a file as a short string. Cached results of parts depend on these states:
 
     file:<sha256>     its content
     folder:<sha256>   the names in a folder that was listed
@@ -15,7 +15,10 @@ from thingc.base.filesystem import opened
 
 
 def state_of(path: str, *, listed: bool = False) -> str:
-    """Return the state of `path` in the form described above. With `listed`, the state of a folder is the digest of its names."""
+    """Return the state of `path` in the form described above.
+
+    With `listed`, the state of a folder is the digest of the names in the folder.
+    """
     try:
         with opened(path) as stream:
             return "file:" + hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,9 +1,9 @@
-"""The code that a part depends on: its module and all modules that this one imports, found by reading source files.
+"""The code that a part depends on: its module and all modules that it imports, directly or indirectly, found by reading source files.
 
-Import statements are followed wherever they are, also in functions. They are followed into part folders and packages that are tracked by
-content; the packages that contain a module are included. Comments, layout and docstrings do not count, unless some code may read
-docstrings: then the text of every file counts. A module that is imported in another way is detected when the part runs, and counts as a
-file that the part read.
+The search evaluates all import statements, also in functions. It includes modules in part folders and in packages that are tracked by
+content, and the packages that contain these modules. Comments, layout and docstrings do not count, unless some code may read docstrings:
+then the text of every file counts. A module that is imported in another way is detected when the part runs, and counts as a file that the
+part read.
 """
 
 from __future__ import annotations
@@ -19,24 +19,27 @@ from thingc.geometry.key.modules import Finder, Module
 from thingc.geometry.store.local import Store
 
 VERSION = 4
-"""Version of `ModuleFacts`. Raise it when their meaning changes, since they are cached by the content of a file."""
+"""Version of `ModuleFacts`.
+
+Increase this number when the meaning of the facts changes, because facts are cached by the content of files.
+"""
 
 MAX_UNTRUSTED = 1_000_000
 """Maximum number of bytes of source read from an untrusted workspace. A syntax tree needs a hundred times as much memory."""
 
 MAX_STEPS = 20
-"""Maximum number of modules through which a name is followed to its definition, for messages."""
+"""Maximum number of modules that the search for the definition of a name visits, for messages."""
 
 
 class ModuleFacts(FrozenStruct):
     """Facts about a source file, made by `source_reader` and cached as JSON.
 
-    `syntax` is the digest of its syntax tree without positions and docstrings, `documented` with docstrings, `outline` without the parts of
-    functions that only matter when they are called; `bodies` are the digests of these parts, one for each function. `imports` are the
-    modules and names that it imports (`pkg.leg`, `pkg.leg:foot`, `.shapes:*`). `names` are the names that it binds at top level: kind
-    (`class | function | import | value`), line, and the origin of an imported name. `telling`: it may read docstrings or line numbers.
-    `looking`: it may inspect functions without calling them. `more`: it may have names that reading does not find. `broken`: it is not
-    valid Python; its digests are computed from its bytes.
+    `syntax` is the digest of its syntax tree without positions and docstrings, `documented` with docstrings, and `outline` without the
+    parts of functions that only matter when they are called. `bodies` contains the digests of these parts, one for each function. `imports`
+    contains the imported modules and names (`pkg.leg`, `pkg.leg:foot`, `.shapes:*`). `names` contains the names that the file binds at top
+    level: kind (`class | function | import | value`), line, and the origin of an imported name. `telling` means that the code may read
+    docstrings or line numbers, `looking` that it may inspect functions without calling them, and `more` that it may define names that this
+    analysis does not find. `broken` means that the file is not valid Python; the digests are then computed from its bytes.
     """
 
     syntax: str
@@ -54,8 +57,8 @@ class ModuleFacts(FrozenStruct):
 class ModuleSource(FrozenStruct, kw_only=False):
     """A module's source code and the path of its file.
 
-    `path` is relative to the workspace, because code looks for files beside itself. For a file outside of the workspace, it is only the
-    file name, which is the same on every machine.
+    `path` is relative to the workspace, because code may search for files in its own folder. For a file outside of the workspace, `path` is
+    only the file name, which is the same on every machine.
     """
 
     module: Module
@@ -73,10 +76,10 @@ class ModuleSource(FrozenStruct, kw_only=False):
 class CodeIngredients:
     """The code of a part and everything that determines it.
 
-    `ingredients` are digests and paths by module (`module arm`), `documented` the same with docstrings. `installed` are the modules of
-    installed packages that it imports. `files` are the files that it is loaded from, with their SHA-256. `plain` are its packages without
-    `__init__.py`. `hiding` are its modules that hide others of the same name. `place` is `(file, line)` of the class. `sources` are the
-    modules by file; it is empty if some code may inspect itself, because then all code counts, whichever parts run.
+    `ingredients` contains digests and paths by module (`module arm`), `documented` the same with docstrings. `installed` contains the
+    imported modules of installed packages. `files` contains the source files with their SHA-256. `plain` contains the packages without
+    `__init__.py`. `hiding` contains the modules that hide other modules of the same name. `place` is `(file, line)` of the class. `sources`
+    contains the modules by file. It is empty if some code may inspect itself, because then all code counts, even code that does not run.
     """
 
     ingredients: dict[str, str] = field(default_factory=dict)
@@ -90,10 +93,11 @@ class CodeIngredients:
 
 
 class ModuleSources:
-    """Reads the source files of content-tracked modules, each once. Their facts are cached in the store by content.
+    """Reads the source file of each content-tracked module once. The store caches the facts by the content of the file.
 
-    `root` is the folder of the workspace. Pass `within` for an untrusted workspace: only files of part folders for which it returns True
-    are read, and at most `MAX_UNTRUSTED` bytes in all. A file that is not read has no source, so keys that depend on it differ.
+    `root` is the folder of the workspace. Pass `within` for an untrusted workspace: `ModuleSources` then reads only files of part folders
+    for which `within` returns True, and at most `MAX_UNTRUSTED` bytes in total. A file that is not read has no source, so keys that depend
+    on the file differ.
     """
 
     def __init__(self, finder: Finder, root: str, store: Store | None = None, within: Callable[[str], bool] | None = None) -> None:
@@ -105,7 +109,7 @@ class ModuleSources:
         self._read: dict[str, ModuleSource | None] = {}
 
     def source(self, name: str) -> ModuleSource | None:
-        """Return the source of the content-tracked module `name`, or None if it has no source or is of another kind."""
+        """Return the source of the content-tracked module `name`. Return None for a module without a source or of another kind."""
         if name not in self._read:
             module = self.finder.find(name)
             data = self._bytes(module)
@@ -188,12 +192,12 @@ def reached_from(module: str, sources: ModuleSources) -> list[str]:
 
 
 def may_have(module: str, name: str, sources: ModuleSources) -> bool:
-    """Return whether `module` may have a `name`, by itself or through star imports. True if reading cannot decide."""
+    """Return whether `module` may define `name` or get it through star imports. Return True if this is unknown."""
     return any(source is None or source.facts.more or name in source.facts.names for source in _namespaces(module, sources))
 
 
 def defined_in(module: str, sources: ModuleSources) -> tuple[str, ...]:
-    """Return the public classes and functions that `module` defines or gets through star imports, sorted."""
+    """Return the sorted names of public classes and functions that `module` defines or gets through star imports."""
     return tuple(sorted({
         name for source in _namespaces(module, sources) if source is not None for name, (kind, _, _) in source.facts.names.items()
         if kind in ("class", "function") and name[0] != "_"
@@ -201,7 +205,7 @@ def defined_in(module: str, sources: ModuleSources) -> tuple[str, ...]:
 
 
 def _namespaces(module: str, sources: ModuleSources) -> list[ModuleSource | None]:
-    """Return the module and all modules that it star-imports, directly or indirectly; None in place of a module that cannot be read."""
+    """Return the module and all modules that it star-imports, directly or indirectly. Unreadable modules are None."""
     met = [module]
     namespaces: list[ModuleSource | None] = []
     for name in met:
@@ -214,7 +218,7 @@ def _namespaces(module: str, sources: ModuleSources) -> list[ModuleSource | None
 
 
 def _definition_line(module: str, name: str, sources: ModuleSources) -> tuple[str, int] | None:
-    """Return `(file, line)` of the definition of a name, followed through imports, or None."""
+    """Search for the definition of a name through imports, and return its `(file, line)`, or None."""
     for _ in range(MAX_STEPS):
         source = next((one for one in _namespaces(module, sources) if one is not None and name in one.facts.names), None)
         if source is None or source.module.file is None:
@@ -227,9 +231,9 @@ def _definition_line(module: str, name: str, sources: ModuleSources) -> tuple[st
 
 
 def _absolute(source: ModuleSource, origin: str) -> tuple[str, str]:
-    """Return the module that an import in `source` names, and the name taken from it ("" for the module itself).
+    """Return the module that an import in `source` names, and the imported name ("" for the module itself).
 
-    The module is "" if a relative import leads out of its package.
+    The module is "" for a relative import beyond the top-level package.
     """
     written, _, inner = origin.partition(":")
     target = written.lstrip(".")

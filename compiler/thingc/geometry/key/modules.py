@@ -1,4 +1,4 @@
-"""Find modules by name: in a part folder of the workspace, in a package tracked by content, elsewhere in the environment, or not at all.
+"""Find modules by name in the part folders of the workspace, in packages tracked by content, and in the rest of the environment.
 
 The client reads part files without importing them, and the worker imports them. Both use this module, so that a name refers to the same
 file for both.
@@ -25,7 +25,7 @@ CONTENT_TRACKED = frozenset({"thingc_stock"})
 """Packages tracked by content wherever they are installed."""
 
 OWN = frozenset({"thingc"})
-"""Packages whose files are part of the compiler's own state, which is in every key."""
+"""Packages whose files are part of the state of the compiler. Every key contains this state."""
 
 SELDOM_USED = frozenset({
     "IPython", "ezdxf", "fontTools", "lib3mf", "ocp_gordon", "ocpsvg", "requests", "scipy", "sklearn", "svgpathtools",
@@ -37,7 +37,7 @@ PROTECTED = frozenset(sys.stdlib_module_names) | SELDOM_USED | {
     "OCP", "anytree", "bd_materials", "bd_warehouse", "build123d", "coacd", "manifold3d", "numpy", "thingc", "typing_extensions",
     "webcolors",
 }
-"""Names that a module in a part folder cannot have: the standard library, and the packages that the geometry worker uses."""
+"""Forbidden names of modules in part folders: names of the standard library and of packages that the geometry worker uses."""
 
 
 MAX_NAME = 500
@@ -47,10 +47,10 @@ MAX_NAME = 500
 class Module(FrozenStruct):
     """A module found by name, without importing it.
 
-    `kind` is `content` (its code is read, its imports are followed, and it is in the key), `installed` (found by Python itself: it counts
-    by its version, or by its files as they were loaded) or `absent`. `file` is its source, or the binary of an extension; None for a folder
-    without `__init__.py` and for built-in modules. `folders` contain its submodules; empty for a plain module. `hides` are other files in
-    the part folders that have the same module name but lower precedence.
+    `kind` is `content` (the code and the imported modules are part of the key), `installed` (found by Python itself: the key contains the
+    version, or the loaded files) or `absent`. `file` is the source, or the binary of an extension. It is None for a folder without
+    `__init__.py` and for built-in modules. `folders` contains the folders of submodules, and is empty for a plain module. `hides` contains
+    other files in the part folders that have the same module name but lower precedence.
     """
 
     name: str
@@ -74,10 +74,10 @@ def own_roots() -> tuple[str, ...]:
 
 @cache
 def installed_roots() -> tuple[str, ...]:
-    """Return the folders of installed packages, whose contents count by version.
+    """Return the folders of installed packages. Keys contain the versions of these packages instead of their content.
 
-    They include the interpreter's own folders, and other folders of the import path into which packages were installed (for example by a
-    `.pth` file).
+    The folders include the interpreter's own folders, and other folders of the import path with installed packages (for example by a `.pth`
+    file).
     """
     others = [folder for folder in import_path() if any(name.endswith(".dist-info") for name in listing(folder))]
     return tuple(dict.fromkeys((*own_roots(), *_in_both_forms(others))))
@@ -95,9 +95,9 @@ def is_installed(file: str) -> bool:
 class Finder:
     """Finds modules by name for one workspace.
 
-    `parts` are its absolute part folders in order of precedence, `packages` the packages that it allows. Imports of these packages are
-    followed as code unless they are installed; other imports are not followed. `probed` collects the absolute paths that were tested in
-    folders tracked by content, whether they exist or not.
+    `parts` contains the absolute part folders of the workspace in order of precedence, `packages` the packages that the workspace allows.
+    Unless an allowed package is installed, its code is tracked by content. `probed` collects the absolute paths that were tested in folders
+    tracked by content, including paths that do not exist.
     """
 
     def __init__(self, parts: Sequence[str], packages: Iterable[str] = ()) -> None:
@@ -137,7 +137,7 @@ class Finder:
         return module or Module(name=name, kind="absent")
 
     def hidden(self, name: str) -> str | None:
-        """Return the file in a part folder that would be the top-level module `name` if that were not in `PROTECTED`, or None."""
+        """Return the file in a part folder that would be the top-level module `name` if `PROTECTED` did not contain this name, or None."""
         module = self._in_folders(name, name, self.parts, True, plain_folders=False) if name in PROTECTED else None
         return module.file if module is not None else None
 
@@ -183,7 +183,7 @@ class Finder:
 
 
 def _on_path(name: str, followed: Collection[str]) -> Module | None:
-    """Return a top-level module of the environment, or None. The finders of editable packages are also used."""
+    """Return a top-level module of the environment, or None. The search also uses the finders of editable packages."""
     specification = specification_of(name)
     if specification is None:
         return None

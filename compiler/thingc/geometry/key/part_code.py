@@ -1,4 +1,4 @@
-"""Decide, before anything is imported, whether a part may be loaded, where its code is, and what that code depends on."""
+"""Decide, before importing any code, whether a part may be loaded, where its code is, and what its code depends on."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ FILES = (".step", ".stp", ".brep", ".brp", ".stl", ".3mf", ".obj")
 
 
 class PartCode:
-    """The code of the parts of one workspace, each read once.
+    """The code of the parts of one workspace. The code of each part is read once.
 
-    `sources` reads the files. Without a store the workspace is untrusted: part folders outside of it are not read.
+    `sources` reads the files. Without a store, the workspace is untrusted: part folders outside of the workspace are not read.
     """
 
     def __init__(self, workspace: Workspace, store: Store | None) -> None:
@@ -39,11 +39,14 @@ class PartCode:
 
     @property
     def probed(self) -> set[str]:
-        """Absolute paths that decided which file a module is, whether they exist or not."""
+        """Absolute paths that determined the files of modules, including paths that do not exist."""
         return self.sources.finder.probed
 
     def code(self, reference: str) -> CodeIngredients | None | PartFailure:
-        """Return the code of `module:Class`, None for a part of an installed package, or the failure if it may not or cannot be loaded."""
+        """Return the code of `module:Class`, or None for a part of an installed package.
+
+        If the class must not or cannot be loaded, return the failure.
+        """
         if reference not in self._codes:
             code = self._read_code(reference)
             self._codes[reference] = self.with_namesakes(code) if isinstance(code, PartFailure) else code
@@ -60,9 +63,9 @@ class PartCode:
         return replace(failure, candidates=(*failure.candidates, *namesakes))
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """Return the modules that `module:Class` depends on and that hide others of their name.
+        """Return the modules that `module:Class` depends on and that hide other modules of the same name.
 
-        If there is no such class, check its module only.
+        If the class does not exist, check only its module.
         """
         code = self.code(reference)
         if isinstance(code, PartFailure) and code.file is not None:
@@ -127,8 +130,8 @@ class PartCode:
     def around(self, code: CodeIngredients | None) -> dict[str, Any]:
         """Return the part of a worker request that describes the code.
 
-        It has the folders and packages of the workspace, the SHA-256 of files that are in the key, part packages without `__init__.py`,
-        and installed packages to load before the fork.
+        The result contains the folders and packages of the workspace, the SHA-256 of files that the key contains, part packages without
+        `__init__.py`, and installed packages to load before the fork.
         """
         code = code or CodeIngredients()
         return {

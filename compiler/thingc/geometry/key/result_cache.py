@@ -1,6 +1,7 @@
 """Results cached in the store, by build key and then by the files that were read.
 
-A build key can have several results, each with its reads. A lookup returns the result whose reads all still have the same states.
+A build key can have several results. Each result has its reads, the states of the files that it depends on. A lookup returns the result
+whose reads are all unchanged.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from thingc.geometry.key.file_states import state_of
 from thingc.geometry.store.local import Store
 
 CANDIDATES = 8
-"""Number of results that are stored under one build key; the oldest is dropped first."""
+"""Number of results that are stored under one build key. The oldest result is dropped first."""
 
 
 class CachedResult(FrozenStruct):
-    """A result from the store, the reads that it depends on, and why it was made."""
+    """A result from the store, the reads that it depends on, and the reason why the part was built."""
 
     value: Any
     reads: tuple[tuple[str, str], ...]
@@ -28,9 +29,9 @@ class CachedResult(FrozenStruct):
 
 
 class Results:
-    """The results for one workspace (`root`). A file is read once: its first state is used for the lifetime of this object.
+    """The results for one workspace (`root`). Each file is read once: this object always uses the first state of a file.
 
-    `consulted` are the absolute paths that were read; `met` are the reads of the results that were returned, with their states.
+    `consulted` contains the absolute paths that were read. `met` contains the reads, with their states, of the results that were returned.
     """
 
     def __init__(self, store: Store, root: str) -> None:
@@ -43,7 +44,7 @@ class Results:
     def state(self, path: str, like: str) -> str:
         """Return the state of `path` (relative to the workspace, or absolute).
 
-        `like` is an earlier state. If it is the state of a listed folder, the folder is listed again.
+        `like` is an earlier state. If `like` is the state of a listed folder, the result is also the state of the listed folder.
         """
         self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
         return self._seen(path, like)
@@ -57,7 +58,7 @@ class Results:
         return self._states[absolute, listed]
 
     def find(self, kind: str, key: str, usable: Callable[[Any], bool] = lambda _: True) -> CachedResult | None:
-        """Return the result under a key whose reads match and that is `usable`, or None."""
+        """Return a `usable` result under a key with unchanged reads, or None."""
         for candidate in self._candidates(kind, key):
             if all(self.state(path, state) == state for path, state in candidate["reads"]) and usable(candidate["value"]):
                 self.met.update((path, state) for path, state in candidate["reads"])
@@ -66,7 +67,7 @@ class Results:
         return None
 
     def keep(self, kind: str, build_key: BuildKey, value: Any, reads: list[Any], reason: str = "") -> None:
-        """Store a result as the first one under its build key."""
+        """Store a result as the first result under its build key."""
         plain = [list(read) for read in reads]
         self.met.update((path, state) for path, state in plain)
         for path, _ in plain:
@@ -79,12 +80,12 @@ class Results:
         return candidates if isinstance(candidates, list) else []
 
     def note_files(self, files: Mapping[str, str]) -> None:
-        """Store the states of the files that parts depend on, by path (in the workspace, or absolute)."""
+        """Store the states of the files that parts depend on. Paths are relative to the workspace, or absolute."""
         if self.store.get_json("files", self.root) != dict(files):
             self.store.note_json("files", self.root, dict(files))
 
     def files_changed(self) -> bool:
-        """Return whether a file that parts depended on in the last run has changed. Also True if there was no last run."""
+        """Return whether a file that parts depended on in the last run has changed. Return True if there was no last run."""
         files = self.store.get_json("files", self.root)
         return not isinstance(files, dict) or any(self._seen(path, state) != state for path, state in files.items())
 
@@ -101,7 +102,7 @@ class Results:
         return self.store.get_json("met", self._of(reference)) is not None
 
     def remember(self, realized: Iterable[tuple[str, str, BuildKey]]) -> None:
-        """Store the last builds as (reference, definition text, build key). Nothing is written if they are the same as before."""
+        """Store the last builds as (reference, definition text, build key). Do not write unchanged data."""
         for reference, text, build_key in realized:
             if self.store.get_json("last", self._of(text)) == build_key.key:
                 continue
@@ -115,7 +116,7 @@ class Results:
         return f"{self.root}\n{name}"
 
     def changed_read(self, key: str) -> str | None:
-        """Describe which reads of the newest result under a build key have changed; None if none have changed."""
+        """Describe which reads of the newest result under a build key have changed. Return None if no reads have changed."""
         for candidate in self._candidates("record", key)[:1]:
             changed = [(path, state, now) for path, state in candidate["reads"] if (now := self.state(path, state)) != state]
             if changed:

@@ -20,20 +20,20 @@ TELLING = frozenset({
 BINDING = frozenset({
     "exec", "eval", "globals", "locals", "vars", "setattr", "modules", "f_globals", "__dict__", "__getattr__", "__builtins__",
 })
-"""Names that a module can use to define names without a statement that binds them. `global` in a function has the same effect."""
+"""Names with which a module can define other names without a binding statement. `global` in a function has the same effect."""
 
 LOOKING = re.compile(
     rb"\b(?:__code__|__defaults__|__kwdefaults__|__globals__|co_code|settrace|setprofile|gc|dis|marshal|dill|cloudpickle"
     rb"|n?jit|numba|cython|FunctionType|LambdaType|CodeType)\b"
 )
-"""Names that code uses to inspect functions without calling them, or to run them in another way."""
+"""Names that code uses to inspect functions without a call, or to run functions in another way."""
 
 _IMPLIED = ("ctx", "kind")
 """Fields of nodes that carry no information: the position of a name shows its use, and `u"x"` equals `"x"`."""
 _END, _LEFT = object(), object()
 
 PLAIN = frozenset({"classmethod", "property", "staticmethod"})
-"""Decorators that do not run a function: it still runs only when it is called."""
+"""Decorators that do not run the decorated function. The function still runs only when it is called."""
 
 
 def read_source(source: bytes) -> dict[str, Any]:
@@ -51,7 +51,7 @@ def read_source(source: bytes) -> dict[str, Any]:
 
 
 def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
-    """Return the functions and methods of a module that run only when they are called, in the order of the text.
+    """Return the functions and methods of a module that run only when they are called, in source order.
 
     Functions with decorators other than `PLAIN` are excluded, because other code may have inspected them before. Generators and coroutines
     are excluded, because a call does not run their body.
@@ -81,7 +81,10 @@ def _is_value(node: ast.expr) -> bool:
 
 
 def _facts(tree: ast.Module, source: bytes) -> dict[str, Any]:
-    """Return the facts of a module. One walk in source order, without recursion: long sums nest deeper than Python's stack."""
+    """Return the facts of a module.
+
+    The traversal does not use recursion, because long sums are nested more deeply than Python's stack allows.
+    """
     syntax: list[str] = []
     outline: list[str] = []
     called = functions(tree, source)
@@ -101,7 +104,7 @@ def _facts(tree: ast.Module, source: bytes) -> dict[str, Any]:
         elif node is _LEFT:
             part = outline
             continue
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):  # a constant as a statement does nothing: a docstring
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):  # a constant as a statement: a docstring
             docstrings.append(f"{len(syntax)} {node.value.value!r}")
             continue
         if isinstance(node, (ast.Import, ast.ImportFrom)):
@@ -155,7 +158,7 @@ def _imported(statement: ast.Import | ast.ImportFrom) -> list[tuple[str, str]]:
 
 
 def _names(tree: ast.Module) -> dict[str, tuple[str, int, str]]:
-    """Return the names that the module's own statements bind, also conditionally: kind, line, and the origin of an imported name."""
+    """Return the names that the module's own statements may bind: kind, line, and the origin of an imported name."""
     names: dict[str, tuple[str, int, str]] = {}
     waiting: list[ast.AST] = list(tree.body)
     for node in waiting:
@@ -168,7 +171,7 @@ def _names(tree: ast.Module) -> dict[str, tuple[str, int, str]]:
             names.update({name: ("import", line, origin) for name, origin in _imported(node)})
         else:
             bound = node.id if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) else None
-            for name in (bound, getattr(node, "name", None), getattr(node, "rest", None)):  # also of `except` and `match`
+            for name in (bound, getattr(node, "name", None), getattr(node, "rest", None)):  # including names that `except` and `match` bind
                 if isinstance(name, str):
                     names[name] = ("value", line, "")
             waiting += ast.iter_child_nodes(node)

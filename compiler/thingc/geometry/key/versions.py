@@ -51,7 +51,7 @@ def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], stor
 
 
 def _file_version(file: str | None) -> str:
-    """Return the value used as the version of a module that belongs to no distribution."""
+    """Return the version for a module that does not belong to a distribution."""
     return "unknown" if file is None else state_of(file)
 
 
@@ -66,9 +66,9 @@ def platform_versions() -> dict[str, str]:
 
 @cache
 def compiler_version() -> dict[str, str]:
-    """Return the state of thingc's own code that makes records: its version (for people) and a digest of its files.
+    """Return the state of the code in thingc that creates records: its version (for people) and a digest of its files.
 
-    `base` is included, because its structs define the form of records.
+    The digest includes `base`, because its structs define the format of records.
     """
     import thingc
 

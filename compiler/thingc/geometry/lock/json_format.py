@@ -1,6 +1,6 @@
 """Conversion of part schemas and records to and from the JSON values of `parts.lock.json`.
 
-A lock that is read may come from an untrusted source: every value is checked before it is used.
+A lock may come from an untrusted source, so the reader checks every value before it is used.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from thingc.geometry.record import (
 )
 
 UNITS = {"length": "m", "angle": "rad", "mass": "kg", "ratio": "1", "number": "1"}
-"""The units that the lock shows for readers; values are in SI units."""
+"""The units that the lock shows to human readers. All values are in SI units."""
 
 KINDS: frozenset[ParameterKind] = frozenset(get_args(ParameterKind))
 SOURCES = frozenset({"measured", "vendor", "estimated", "stated"})
@@ -46,7 +46,7 @@ _POSE = 12
 
 
 class BadLock(Exception):
-    """An invalid value in the lock. `path` is its place (`things.arm:Pen.parameters.length`), the message is the reason."""
+    """An invalid value in the lock. `path` is the place of the value (`things.arm:Pen.parameters.length`), the message is the reason."""
 
     def __init__(self, path: str, message: str) -> None:
         super().__init__(message)
@@ -86,7 +86,7 @@ def _parameter_values(parameter: ParameterSchema) -> dict[str, Any]:
 def record_values(record: PartRecord) -> dict[str, Any]:
     """Return the JSON values of a record, the inverse of `read_record`.
 
-    They are the values that checks of assemblies need. Meshes and places in files are omitted.
+    The JSON contains the values that checks of assemblies need. Meshes and places in files are omitted.
     """
     values: dict[str, Any] = {
         "material": record.material, "color": record.color, "volume": _rounded(record.volume), "area": _rounded(record.area),
@@ -110,7 +110,7 @@ def record_values(record: PartRecord) -> dict[str, Any]:
 
 
 def _rounded(value: float) -> float:
-    """Round to twelve digits, so that differences between two builds of the CAD kernel do not show as differences of locks."""
+    """Round to twelve digits, so that locks from two builds of the CAD kernel are equal."""
     return 0.0 if abs(value) < _NOTHING else float(f"{value:.12g}")
 
 
@@ -333,22 +333,22 @@ def _of_type(kind: type[_T], value: Any, path: str, words: str) -> _T:
 
 
 def mapping(value: Any, path: str) -> Mapping[str, Any]:
-    """Return the value as a mapping. Raises `BadLock` if it is not one."""
+    """Return the value as a mapping. Raises `BadLock` for other values."""
     return _of_type(dict, value, path, "a mapping")
 
 
 def sequence(value: Any, path: str) -> list[Any]:
-    """Return the value as a list. Raises `BadLock` if it is not one."""
+    """Return the value as a list. Raises `BadLock` for other values."""
     return _of_type(list, value, path, "a list")
 
 
 def text_at(table: Mapping[str, Any], key: str, path: str) -> str:
-    """Return the text at a key. Raises `BadLock` if there is none."""
+    """Return the string at a key. Raises `BadLock` if the key is missing or its value is not a string."""
     return _of_type(str, table.get(key), f"{path}.{key}", "a text")
 
 
 def number(value: Any, path: str) -> float:
-    """Return the value as a float. Raises `BadLock` unless it is a finite number."""
+    """Return the value as a float. Raises `BadLock` unless the value is a finite number."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         try:
             as_float = float(value)
@@ -360,7 +360,7 @@ def number(value: Any, path: str) -> float:
 
 
 def numbers(value: Any, count: int, path: str) -> tuple[float, ...]:
-    """Return the value as a tuple of `count` floats. Raises `BadLock` unless it is a list of as many finite numbers."""
+    """Return the value as a tuple of `count` floats. Raises `BadLock` unless the value is a list of `count` finite numbers."""
     entries = sequence(value, path)
     if len(entries) != count:
         raise BadLock(path, f"expected {count} numbers")

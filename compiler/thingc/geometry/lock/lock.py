@@ -1,7 +1,7 @@
 """`parts.lock.json`: the schemas and records of the parts of a workspace, so that documents can be checked without running code.
 
-It is in the root of the workspace, is written by `thingc lock` and committed with the documents. Reading it is safe for an untrusted
-workspace: its size, its structure and every number in it are checked, and nothing in it is run.
+The lock is a file in the root of the workspace. `thingc lock` writes it, and users commit it with the documents. Reading a lock is safe for
+an untrusted workspace: the reader checks the size, the structure and every number, and does not run any code.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ REMAKE = "run `thingc lock` on a machine that may run part code, and commit the 
 class LockedThing(FrozenStruct):
     """The entry of one Thing in the lock.
 
-    `code` is the hash of its code, `reads` are the files that it read (states by path in the workspace), `values` its schema as parsed
-    JSON, `records` the records of its definitions by text.
+    `code` is the hash of the Thing's code, `reads` contains the files that the Thing read (states by path in the workspace), `values` is
+    the schema as parsed JSON, and `records` contains the records of its definitions by text.
     """
 
     code: str
@@ -45,8 +45,9 @@ class LockedThing(FrozenStruct):
 class Lock(FrozenStruct):
     """A parsed lock.
 
-    `things` are by `module:Class`. `files` are the parts that are files, by path in the workspace: the state of the content, and the
-    record. `others` are classes in reach that are not Things. Records and schemas are validated when they are requested.
+    `things` is keyed by `module:Class`. `files` contains the parts that are files, keyed by path in the workspace: the state of the
+    content, and the record. `others` contains classes that the workspace can use but that are not Things. Records and schemas are validated
+    when they are requested.
     """
 
     file: str
@@ -57,7 +58,7 @@ class Lock(FrozenStruct):
     _schemas: dict[str, PartSchema] = {}
 
     def schema(self, reference: str) -> PartSchema | None:
-        """Return the part schema of `module:Class` (without its place), or None if the lock has none. Raises `BadLock`."""
+        """Return the part schema of `module:Class` (without its place), or None if the lock does not contain it. Raises `BadLock`."""
         thing = self.things.get(reference)
         if thing is None:
             return None
@@ -66,7 +67,7 @@ class Lock(FrozenStruct):
         return self._schemas[reference]
 
     def record(self, definition: PartDefinition, code: tuple[str, int] | None = None) -> PartRecord | None:
-        """Return the record of a definition, or None if the lock has none. Raises `BadLock`."""
+        """Return the record of a definition, or None if the lock does not contain it. Raises `BadLock`."""
         if definition.kind == "file":
             held = self.files.get(definition.text)
             return None if held is None else read_record(definition.text, held[1], f"files.{definition.text}.record", None)
@@ -91,19 +92,19 @@ def lock_path(workspace: Workspace) -> str:
 def code_hash(code: CodeIngredients | None, version: str = "") -> str:
     """Return the hash of everything in a part's code that can change the part. Comments, layout and docstrings do not count.
 
-    If `code` is None (a part of an installed package), it is the hash of the package's `version`.
+    If `code` is None (a part of an installed package), return the hash of the package's `version`.
     """
     ingredients = [["version", version]] if code is None else sorted(code.ingredients.items())
     return hashlib.sha256(json.dumps(ingredients, separators=(",", ":")).encode()).hexdigest()
 
 
 def top_of(file: str) -> Span:
-    """Return the first line of the lock, where faults of the whole lock are shown."""
+    """Return the span of the first line of the lock. Errors of the whole lock refer to this line."""
     return line_of(file)
 
 
 def read_lock(workspace: Workspace, report: Report) -> Lock | None:
-    """Read the lock of a workspace. Return None if there is none, or if it is invalid, which is reported."""
+    """Read the lock of a workspace. Return None if there is no lock. Report an invalid lock and return None."""
     path = lock_path(workspace)
     if not os.path.lexists(path):
         return None
@@ -127,7 +128,7 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
 
 
 def report_missing(workspace: Workspace, report: Report) -> None:
-    """Report that there is no lock. If the file exists, `read_lock` has reported it as broken."""
+    """Report a missing lock. If the file exists, `read_lock` has already reported that it is invalid."""
     if not os.path.lexists(lock_path(workspace)):
         report.add(
             Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the workspace folder: without it, thingc cannot check parts unless "

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from thingc.geometry.build_reasons import BuildReason
 
 MAX_READ = 200_000_000
-"""Limit of bytes of files (parts that are files, and files that parts read) that are compared with the lock."""
+"""Maximum number of bytes of files (parts that are files, and files that parts read) that are compared with the lock."""
 
 _CONTINUOUS = frozenset({"length", "angle", "mass", "ratio", "number"})
 _SOME = 1e-6
@@ -33,7 +33,7 @@ _T = TypeVar("_T")
 
 
 class LockAnswers:
-    """Looks up answers in a lock, for the current code and files. `consulted` are the absolute paths that were read."""
+    """Looks up answers in a lock for the current code and files. `consulted` contains the absolute paths that were read."""
 
     def __init__(self, lock: Lock, workspace: Workspace, parts: PartCode) -> None:
         self.lock = lock
@@ -45,7 +45,7 @@ class LockAnswers:
         self._current: dict[str, bool] = {}
 
     def current(self, reference: str) -> bool:
-        """Return whether the lock matches the current code of `module:Class` and the files that it read."""
+        """Return whether the lock matches the current code of `module:Class` and the current state of the files that this code read."""
         if reference not in self._current:
             thing = self.lock.things.get(reference)
             code = self._parts.code(reference)
@@ -75,7 +75,9 @@ class LockAnswers:
         return state_of(path, listed=folder)
 
     def schema(self, reference: str) -> PartSchema | None:
-        """Return the part schema of `module:Class`, with the place of its class, or None if the lock is out of date or has none.
+        """Return the part schema of `module:Class`, with the place of its class.
+
+        Return None if the lock is out of date or does not contain the schema.
 
         Raises `BadLock`.
         """
@@ -86,7 +88,7 @@ class LockAnswers:
         return replace(schema, file=place[0], line=place[1]) if schema is not None and place is not None else schema
 
     def record(self, definition: PartDefinition) -> PartRecord | None:
-        """Return the record of a definition, or None if the lock is out of date or has none. Raises `BadLock`."""
+        """Return the record of a definition, or None if the lock is out of date or does not contain the record. Raises `BadLock`."""
         if definition.kind == "file":
             held = self.lock.files.get(definition.text)
             if held is None or self.state(definition.reference, "file:") != held[0]:
@@ -98,8 +100,8 @@ class LockAnswers:
     def relative(self, definition: PartDefinition) -> PartRecord | None:
         """Return a placeholder for a definition that is not in the lock, or None if the lock does not have its class. Raises `BadLock`.
 
-        It has the mounts that the class has with other parameters. It has no mounts if counts, flags, choices or texts that differ from
-        their defaults may affect the names of mounts.
+        The placeholder has the mounts that the class has with other parameters. It has no mounts if counts, flags, choices or strings that
+        differ from their defaults may affect the names of mounts.
         """
         schema = self.lock.schema(definition.reference)
         if schema is None:
@@ -123,7 +125,7 @@ class LockAnswers:
 
 
 class LockFallback:
-    """A lock for parts that are not in the store. It is read when it is first needed; its faults are collected in `broken`."""
+    """A lock for parts that are not in the store. The lock is read when it is first needed. `broken` collects its errors."""
 
     def __init__(self, lock: Callable[[], Lock | None] | None, workspace: Workspace, parts: PartCode) -> None:
         self.broken: list[BadLock] = []
@@ -143,11 +145,11 @@ class LockFallback:
         return self._answers.consulted if self._answers is not None else set()
 
     def schema(self, reference: str) -> PartSchema | None:
-        """Return the part schema of `module:Class`, or None if the lock has none that is up to date."""
+        """Return the part schema of `module:Class`, or None if the lock does not contain an up-to-date schema."""
         return self._asked(lambda answers: answers.schema(reference))
 
     def record(self, definition: PartDefinition) -> PartRecord | None:
-        """Return the record of a definition, or None if the lock has none that is up to date."""
+        """Return the record of a definition, or None if the lock does not contain an up-to-date record."""
         return self._asked(lambda answers: answers.record(definition))
 
     def _asked(self, ask: Callable[[LockAnswers], _T | None]) -> _T | None:
@@ -171,10 +173,10 @@ def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> st
 
 
 class LockOnlyGeometry:
-    """A replacement for `GeometryService` that uses only a lock: no code of the workspace is imported, no process started, no store used.
+    """A replacement for `GeometryService` that uses only a lock. It does not import code of the workspace, start processes or use a store.
 
-    `unknown` are the labels of definitions that are not in the lock; `broken` are the faults of the lock. Without a lock, which the caller
-    reports, the only answers are failures of parts that may not or cannot be loaded.
+    `unknown` contains the labels of definitions that are not in the lock, `broken` the errors of the lock. If there is no lock, which the
+    caller reports, the only answers are failures of parts that must not or cannot be loaded.
     """
 
     def __init__(self, workspace: Workspace, lock: Lock | None) -> None:
@@ -191,7 +193,7 @@ class LockOnlyGeometry:
         return frozenset(self._parts.probed | (self._answers.consulted if self._answers is not None else set()))
 
     def anticipate(self) -> bool:
-        """Do nothing, since nothing will be built, and return False."""
+        """Do nothing and return False, because parts are never built."""
         return False
 
     def close(self) -> None:
@@ -228,7 +230,7 @@ class LockOnlyGeometry:
         )
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """Return the modules that `module:Class` depends on and that hide others of their name."""
+        """Return the modules that `module:Class` depends on and that hide other modules of the same name."""
         return self._parts.hiding(reference)
 
     def realize(
@@ -236,7 +238,8 @@ class LockOnlyGeometry:
     ) -> dict[str, PartRecord | PartFailure]:
         """Return the record or failure of each definition, by text.
 
-        A definition that is not in the lock has a placeholder with the names of its mounts if they are known, else no entry.
+        For a definition that is not in the lock, the record is a placeholder with the names of its mounts. If the names are not known, the
+        definition has no entry.
         """
         records: dict[str, PartRecord | PartFailure] = {}
         answers = self._answers

@@ -1,4 +1,7 @@
-"""Make `parts.lock.json`: ask the geometry service for every Thing in reach and for every definition that documents use."""
+"""Create `parts.lock.json`.
+
+The geometry service provides every Thing that the workspace can use and every definition that documents use.
+"""
 
 from __future__ import annotations
 
@@ -31,10 +34,10 @@ def locked(
     geometry: GeometryService, references: Sequence[str], definitions: Sequence[PartDefinition],
     slicings: Mapping[str, Collection[Slicing]],
 ) -> LockResult:
-    """Make the lock of a workspace whose documents use `references` (`module:Class`), `definitions` and `slicings` (by definition text).
+    """Create the lock of a workspace whose documents use `references` (`module:Class`), `definitions` and `slicings` (by definition text).
 
-    It contains all Things of the part folders, and the Things of packages that are used. A Thing that cannot be built with its defaults has
-    no record for them, unless a document uses it with its defaults.
+    The lock contains all Things of the part folders, and the Things of packages that documents use. If a Thing cannot be built with its
+    defaults, the lock does not have a record for the defaults, unless a document uses the Thing with its defaults.
     """
     in_folders = [reference for reference in geometry.catalogue() if geometry.in_part_folders(reference)]
     schemas = geometry.describe(sorted({*references, *in_folders}))
@@ -88,7 +91,7 @@ def _thing(
 def lock_text(values: Mapping[str, Any]) -> str:
     """Return the text of the file, indented by two spaces. Lists of numbers are on one line, so that a changed number changes one line.
 
-    The text has no invisible characters, so that a reviewer sees every change.
+    The file does not contain invisible characters, so that a reviewer sees every change.
     """
     return json_text(_format_json(values, "\n")) + "\n"
 
@@ -108,7 +111,7 @@ def _long(value: Any) -> bool:
 
 
 def differences(held: Mapping[str, Any], made: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the differences between a lock (`held`) and one that was made now (`made`): `(key, description)`, in the order of the lock."""
+    """Return the differences between an existing lock (`held`) and a new lock (`made`): `(key, description)`, in the order of the lock."""
     differing: list[tuple[str, str]] = []
     for section, what in (("things", "part"), ("files", "file")):
         old, new = held.get(section, {}), made.get(section, {})
@@ -152,7 +155,10 @@ _CLOSE = 1e-9
 
 
 def _first_difference(old: Any, new: Any, path: str) -> str | None:
-    """Return the path of the first value that differs, or None. Numbers may differ as they do between two builds of the CAD kernel."""
+    """Return the path of the first value that differs, or None.
+
+    Small differences of numbers between two builds of the CAD kernel are ignored.
+    """
     if isinstance(old, Mapping) and isinstance(new, Mapping):
         if list(old) != list(new):
             return next((f"{path}.{key}".lstrip(".") for key in (*old, *new) if key not in old or key not in new), path or "order")

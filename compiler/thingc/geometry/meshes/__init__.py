@@ -1,1 +1,1 @@
-"""Mesh files that links list: their properties, read by trimesh and cached by content. They are never passed to the CAD kernel."""
+"""Mesh files that links list. trimesh reads the files, and results are cached by content. The CAD kernel never reads these files."""

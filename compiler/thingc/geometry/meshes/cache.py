@@ -17,16 +17,16 @@ from thingc.geometry.meshes.files import MeshFile, MeshRecord
 from thingc.geometry.store.local import Store
 
 KIND = "mesh-files"
-"""Kind of the documents in the store."""
+"""Kind of the store's documents with these records."""
 
 VERSION = 3
-"""Version of the records. Raise it when they change, so that every file is read again."""
+"""Version of the records. Increase this number when the records change, so that cached records are not used."""
 
 
 def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | None:
     """Return the record of a file, from the store or by reading the file. Raises `BadMesh`.
 
-    With `read` False, return None unless the record is in the store.
+    If `read` is False, return None unless the record is in the store.
     """
     key = json.dumps([VERSION, *file.content])
     known = store.get_json(KIND, key)
@@ -37,7 +37,7 @@ def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | No
     from thingc.geometry.meshes.mesh_reader import read_mesh
 
     record = read_mesh(file, store)
-    gc.collect(1)  # trimesh's meshes are large and refer to themselves: collect them now, not when the command ends
+    gc.collect(1)  # the meshes of trimesh are large and contain reference cycles: free their memory now, not at the end of the command
     store.put_json(KIND, key, _as_json(record))
     return record
 
@@ -45,8 +45,8 @@ def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | No
 def mesh_records(listed: Mapping[MeshFile, tuple[Origin, bool]], store: Store, report: Report, memo: Memo) -> dict[MeshFile, MeshRecord]:
     """Return the records of mesh files.
 
-    `listed` has for each file the place where it is listed and whether to read it if it is not cached; without that, an uncached file has
-    no record. A file that is not a mesh is reported as an error at its place.
+    `listed` maps each file to its place in the document and whether to read the file if it is not cached. An uncached file that is not read
+    does not have a record. Report an error at the place of each file that is not a mesh.
     """
     records: dict[MeshFile, MeshRecord] = {}
     for file, (origin, read) in listed.items():

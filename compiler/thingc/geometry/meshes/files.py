@@ -1,4 +1,4 @@
-"""Mesh files that documents list, before they are read: the digests of their contents, and the scale."""
+"""Mesh files that documents list, with the digests of their contents and their scale. This module does not read meshes."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from thingc.geometry.store.file_digests import digest_of
 class MeshFile(OneLineRepr, FrozenStruct):
     """A mesh file of the workspace.
 
-    `path` is its path in the workspace, `folder` its absolute folder, `sha256` the digest of its content. `beside` are the names and
-    digests of the files that define its colours. `scale` are the factors to metres along x, y and z; some are negative if the mesh is
-    mirrored.
+    `path` is the path of the file in the workspace, `folder` its absolute folder, and `sha256` the digest of its content. `beside` contains
+    the names and digests of the files that define its colours. `scale` contains the factors to metres along x, y and z. Some factors are
+    negative if the mesh is mirrored.
     """
 
     path: str
@@ -38,7 +38,7 @@ class MeshFile(OneLineRepr, FrozenStruct):
     def name(self) -> str:
         """The file name in the build output: `meshes.trunk.stl`.
 
-        If the unit is not metres, 8 hex digits of the SHA-256 of the scale are added.
+        If the unit is not metres, the name also contains 8 hex digits of the SHA-256 of the scale.
         """
         stem, suffix = os.path.splitext(self.path.replace("/", "."))
         if self.scale == (1.0, 1.0, 1.0):
@@ -47,7 +47,7 @@ class MeshFile(OneLineRepr, FrozenStruct):
 
     @property
     def content(self) -> tuple[object, ...]:
-        """All values on which the record of the file depends."""
+        """All values that the record of the file depends on."""
         return self.suffix, self.sha256, self.beside, self.scale
 
 
@@ -72,11 +72,11 @@ class MeshPiece(OneLineRepr, FrozenStruct, array_like=True):
 
 
 class MeshRecord(OneLineRepr, FrozenStruct):
-    """The contents of a mesh file [m], mirrored and rotated as its scale, unit and up axis specify.
+    """The contents of a mesh file [m] after the scale, the unit and the up axis of the file are applied.
 
-    `mesh` is the whole mesh, in the store as OBJ; `pieces` are the visual meshes, one for each colour. `matter` is the solid at density 1:
-    volume [m^3], centre, inertia [m^5]; None for an open surface. `box` are two corners. `own` is the digest and the size of the file
-    itself in the store, if MuJoCo can read it unchanged.
+    `mesh` is the whole mesh, which the store contains as OBJ. `pieces` contains the visual meshes, one for each colour. `matter` is the
+    solid at density 1 (volume [m^3], centre, inertia [m^5]), or None for an open surface. `box` contains two corners. `own` is the digest
+    and the size of the original file in the store, if MuJoCo can read this file unchanged.
     """
 
     mesh: Mesh

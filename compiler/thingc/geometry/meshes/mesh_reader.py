@@ -1,4 +1,4 @@
-"""Mesh files, read by trimesh: welded triangles in metres, by colour."""
+"""Read mesh files with trimesh: merged vertices and triangles in metres, by colour."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LEAST_SCALE = 1e-4
 """Smallest scale factor with which MuJoCo still finds a volume in a mesh of a few units in size."""
 
 FLAT = 1e-9
-"""Thickness relative to its size up to which a mesh counts as flat, because coordinates have single precision."""
+"""Largest thickness of a flat mesh, relative to its size. Coordinates have single precision."""
 
 _AXES = re.compile(rb"<up_axis>\s*([XYZ])_UP")
 _COLLADA = re.compile(rb"<(\w+:)?COLLADA\s[^>]*xmlns")
@@ -38,19 +38,19 @@ _METER = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)")
 _TEXTURE = re.compile(rb"<texture\b[^>]*?(?:/>|>.*?</texture>)", re.DOTALL)
 _PARAMETER = re.compile(rb"<newparam\b.*?</newparam>", re.DOTALL)
 _MATERIALS = re.compile(rb"<bind_material\b.*?</bind_material>", re.DOTALL)
-"""Patterns for COLLADA effects: a colour that is an image, the parameters of images, and the materials of a geometry."""
+"""Patterns for COLLADA files: a colour that is an image, the parameters of images, and the materials of a geometry."""
 _FACE, _NEXT = (re.compile(rb"^[ \t]*%s[ \t]" % word, re.MULTILINE) for word in (b"f", b"[og]"))
 """Patterns for OBJ files: the line of a face, and the line that begins an object or a group."""
 
 
 class _Beside(trimesh.resolvers.Resolver):
-    """Resolves the files that a mesh file references. Only files of its colours, whose digests are known, are allowed."""
+    """Resolves the files that a mesh file references. The mesh file can only use files that define its colours and have a known digest."""
 
     def __init__(self, file: MeshFile) -> None:
         self._file = file
 
     def get(self, name: str) -> bytes:
-        """Return the content of a file beside the mesh. Raises `KeyError` for any other name, `BadMesh` if the file has changed."""
+        """Return the content of a file in `beside`. Raises `KeyError` for any other name, `BadMesh` if the file has changed."""
         content = dict(self._file.beside)[name.strip()]
         with open(os.path.join(self._file.folder, name.strip()), "rb") as stream:
             data = stream.read(LARGEST)
@@ -69,7 +69,7 @@ class _Beside(trimesh.resolvers.Resolver):
 
 
 def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
-    """Write the triangles of a file to the store, and its bytes if MuJoCo reads them. Return its record. Raises `BadMesh`."""
+    """Write the triangles of a file to the store, and also its bytes if MuJoCo can read them. Return the record. Raises `BadMesh`."""
     data = read_bounded(os.path.join(file.folder, os.path.basename(file.path)), file.suffix)
     if hashlib.sha256(data).hexdigest() != file.sha256:
         raise BadMesh("changed while it was read")
@@ -140,8 +140,8 @@ def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
 def _scene(file: MeshFile, data: bytes) -> Any:
     """Return the file as a scene of trimesh.
 
-    From a COLLADA file, trimesh silently drops each geometry with a material whose references are missing. Such a file is read without
-    images, which are not needed, or else without materials.
+    If a COLLADA material has missing references, trimesh silently drops every geometry with this material. This function reads such a file
+    without images, which are not needed, or otherwise without materials.
     """
 
     def loaded(text: bytes, **options: Any) -> Any:
@@ -158,14 +158,17 @@ def _scene(file: MeshFile, data: bytes) -> Any:
 
 
 def _readings(dae: bytes) -> Iterator[bytes]:
-    """Yield a COLLADA file unchanged, then with white in place of images, then without materials."""
+    """Yield three variants of a COLLADA file: the original, a variant with white in place of images, and a variant without materials."""
     yield dae
     yield _PARAMETER.sub(b"", _TEXTURE.sub(b"<color>1 1 1 1</color>", dae))
     yield _MATERIALS.sub(b"", dae)
 
 
 def _color(geometry: Any, file: MeshFile) -> str | None:
-    """Return the colour of a geometry, or None. Without a material library, the colours of an OBJ file are defaults of trimesh."""
+    """Return the colour of a geometry, or None.
+
+    The default colours that trimesh sets for an OBJ file without a material library do not count.
+    """
     visual = geometry.visual
     if not visual.defined or file.suffix in (".stl", ".obj") and not file.beside:
         return None
@@ -177,7 +180,7 @@ def _color(geometry: Any, file: MeshFile) -> str | None:
 
 
 def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the corners in metres with z up: glTF has y up, COLLADA specifies the axis.
+    """Convert the corners to metres with z up. In glTF, y is up. COLLADA files specify the up axis.
 
     Faces are flipped if an odd number of axes is mirrored.
     """
@@ -203,7 +206,7 @@ def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArra
 def _kept(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassProperties | None, bool]:
     """Store triangles as one mesh.
 
-    Return the mesh, its mass properties (None if it is open or flat), and whether its faces were flipped because they pointed inwards.
+    Return the mesh, its mass properties (None for an open or flat mesh), and whether its faces were flipped because they pointed inwards.
     """
     points = np.ascontiguousarray(corners.reshape(-1, 3))
     first, inverse = _equal_rows(points)
@@ -232,7 +235,8 @@ def _kept(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassPropert
 def _equal_rows(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the index of the first row of each set of equal rows, and the number of the set of each row.
 
-    Rows are compared by a hash of their bits, which is three times as fast. If rows with the same hash differ, they are compared directly.
+    The function compares hashes of the bits of rows, which is three times as fast as a direct comparison. It compares rows directly if
+    different rows have the same hash.
     """
     bits = points.view(np.uint64)
     with np.errstate(over="ignore"):
@@ -245,7 +249,7 @@ def _equal_rows(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray
 
 
 def _is_closed(faces: NDArray[np.int64], count: int) -> bool:
-    """Return whether every edge is used once in each direction."""
+    """Return whether each edge occurs once in each direction."""
     a, b = faces.ravel(), faces[:, (1, 2, 0)].ravel()
     return bool(np.array_equal(np.sort(a * count + b), np.sort(b * count + a)))
 
@@ -259,7 +263,8 @@ def _is_flat(vertices: NDArray[np.float64]) -> bool:
 def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
     """Return whether MuJoCo can read a file unchanged.
 
-    It reads binary STL files up to a size, and OBJ files with one object. The scale must leave the mesh a volume.
+    MuJoCo reads binary STL files up to a maximum size, and OBJ files with one object. The scale must not be too small for MuJoCo to find a
+    volume.
     """
     if min(map(abs, file.scale)) < LEAST_SCALE:
         return False
@@ -269,6 +274,6 @@ def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
 
 
 def _has_one_object(obj: bytes) -> bool:
-    """Return whether no object or group begins after the first face of an OBJ file: MuJoCo would read its vertices, but not its faces."""
+    """Return False if an object or group begins after the first face of an OBJ file. MuJoCo would read its vertices, but not its faces."""
     face = _FACE.search(obj)
     return face is None or _NEXT.search(obj, face.end()) is None

@@ -1,8 +1,8 @@
 """Build locks ensure that a part is built only once if several processes with the same store need it.
 
-A build lock is a lock on one byte of the store's file `build_locks`, at an offset computed from the build key. The system releases it when
-its process ends for any reason. A process never waits for a lock while it holds another one, so there is no deadlock. If locks do not work
-(some network file systems, Windows), every lock is granted; a part may then be built twice, with the same result.
+A build lock is a lock on one byte of the store's file `build_locks`, at an offset computed from the build key. The system releases the lock
+when its process ends for any reason. A process never waits for a lock while it holds another lock, so deadlocks are impossible. If locks do
+not work (some network file systems, Windows), every lock is granted; a part may then be built twice, with the same result.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SHORTEST, LONGEST = 0.002, 0.05
 
 
 class BuildLocks:
-    """The build locks of one process on one store. `close` releases all of them."""
+    """The build locks of one process on one store. `close` releases all locks."""
 
     def __init__(self, store: Store) -> None:
         self._path = os.path.join(store.root, FILE)
@@ -35,7 +35,7 @@ class BuildLocks:
         self._idle = fcntl is None
 
     def take(self, key: str) -> bool:
-        """Lock a build key (hexadecimal). Return False if another process has it; True if locks do not work."""
+        """Lock a build key (hexadecimal). Return False if another process has locked the key, and True if locks do not work."""
         descriptor = self._file()
         if descriptor is None or fcntl is None:
             return True
@@ -48,7 +48,7 @@ class BuildLocks:
         return True
 
     def wait(self, key: str, limit: float) -> bool:
-        """Wait until the key is released and lock it. Return False after `limit` [s]."""
+        """Wait until the key is unlocked, and lock it. Return False after `limit` [s]."""
         end, pause = time.monotonic() + limit, SHORTEST
         while not self.take(key):
             if time.monotonic() >= end:
@@ -82,11 +82,14 @@ class BuildLocks:
             try:
                 os.makedirs(os.path.dirname(self._path), exist_ok=True)
                 self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
-            except OSError:  # missing or read-only: then no results can be stored there either
+            except OSError:  # the store is missing or read-only, so results cannot be stored either
                 self._idle = True
         return None if self._idle else self._descriptor
 
 
 def _lock_offset(key: str) -> int:
-    """Return the offset for a key. Two keys rarely share one of 2^60 offsets; if they do, they only wait for each other."""
+    """Return the offset for a key. Two keys rarely share one of 2^60 offsets.
+
+    If two keys share an offset, their parts are only not built at the same time.
+    """
     return int(key[:15], 16)

@@ -1,4 +1,4 @@
-"""Digests of files, cached as long as the file system reports no change of the files."""
+"""Digests of files. A digest is cached until the file system reports a change of the file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LARGE = 1 << 20
 """Size [bytes] from which a digest is worth caching."""
 
 SETTLED = 2_000_000_000
-"""Age [ns] of the last change from which a digest is cached. Shortly after a change, another one may have the same file times."""
+"""Minimum age [ns] of the last change for caching a digest. Two changes in quick succession may have the same file times."""
 
 
 FileSignature = tuple[int, int, int, int, int]
@@ -27,8 +27,8 @@ Digests = dict[FileSignature, str]
 def digest_of(path: str, store: Store | None = None, known: Digests | None = None) -> str:
     """Return the SHA-256 of a file's content in hexadecimal. Raises `OSError`.
 
-    Digests of large files are cached in `store` by path and signature, which includes the change time, because programs cannot set it.
-    `known` caches all digests, for callers that read the same files again.
+    Digests of large files are cached in `store` by path and signature. The signature includes the change time, which programs cannot set.
+    `known` caches all digests, for callers that read the same files several times.
     """
     known = {} if known is None else known
     with opened(path) as stream:
@@ -39,7 +39,7 @@ def digest_of(path: str, store: Store | None = None, known: Digests | None = Non
 
 
 def _kept(stream: BufferedReader, before: FileSignature, store: Store, path: str) -> str:
-    """Return the digest from the store, or compute it and store it unless the file has just changed."""
+    """Return the digest from the store. Otherwise compute the digest, and store it unless the file has just changed."""
     key = os.path.abspath(path)
     kept = store.get_json("digest", key)
     if isinstance(kept, list) and kept[:-1] == [*before]:

@@ -1,7 +1,7 @@
 """The content-addressed store: geometry by the SHA-256 of its content, small JSON documents by kind and key.
 
 Every file is written under a temporary name and renamed, so a file is either absent or complete. Any number of processes can share a store,
-and they can be killed at any time. Files are checked when they are read; a damaged file counts as absent. Nothing is pickled.
+and can be killed at any time. Every read checks the file. A damaged file counts as absent. The store does not use pickle.
 
     <root>/blobs/ab/cdef...     the bytes whose SHA-256 is abcdef...
     <root>/<kind>/ab/cdef...    the JSON document whose key has that SHA-256, after a line with its checksum
@@ -26,7 +26,7 @@ from thingc.base.filesystem import hash_name
 SEALED = 946_684_800
 """Modification time [s] of every complete blob (2000-01-01).
 
-A blob that was modified later has another time, and is hashed before use.
+A blob that was modified later has a different time, and is hashed before use.
 """
 
 
@@ -80,12 +80,12 @@ class Store:
     # --- blobs ---------------------------------------------------------------------------------------------------
 
     def path(self, sha256: str) -> str:
-        """Return the path of a blob, whether it exists or not. Raises `BadPath`, an `OSError`, if the hash is not valid."""
+        """Return the path of a blob, whether it exists or not. Raises `BadPath`, a subclass of `OSError`, if the hash is not valid."""
         hash_name(sha256)
         return os.path.join(self.root, "blobs", sha256[:2], sha256[2:])
 
     def put(self, data: bytes) -> str:
-        """Store `data` and return its SHA-256 in hexadecimal. Nothing is written if a valid copy exists."""
+        """Store `data`, unless a valid copy exists. Return the SHA-256 in hexadecimal."""
         sha256 = hashlib.sha256(data).hexdigest()
         if not self.has(sha256, len(data)):
             self._write(self.path(sha256), data, seal=True)
@@ -94,7 +94,7 @@ class Store:
     def has(self, sha256: str, size: int | None = None) -> bool:
         """Return whether a valid blob is in the store (of `size` bytes, if given).
 
-        A sealed blob is trusted. A blob with another time is hashed, and then sealed again or removed.
+        A sealed blob is trusted. A blob with a different time is hashed. A valid blob is then sealed, an invalid blob is removed.
         """
         try:
             path = self.path(sha256)
@@ -137,7 +137,7 @@ class Store:
     # --- JSON documents ------------------------------------------------------------------------------------------
 
     def get_json(self, kind: str, key: str) -> Any | None:
-        """Return the value stored under `kind` (a word, which names a folder) and `key` (any text), or None."""
+        """Return the value stored under `kind` (the name of a folder) and `key` (any string), or None."""
         path = self._document(kind, key)
         data = self._noted.get(path) if self._noted else None
         if data is None:
@@ -159,7 +159,7 @@ class Store:
         self._write(self._document(kind, key), _sealed(kind, key, value))
 
     def note_json(self, kind: str, key: str, value: Any) -> None:
-        """Store a JSON value that is only an optimisation. No error is raised if it cannot be written."""
+        """Store a JSON value that is only an optimisation. Write errors are ignored."""
         path, data = self._document(kind, key), _sealed(kind, key, value)
         if self._noted is not None:
             self._noted[path] = data
@@ -168,7 +168,7 @@ class Store:
 
     @contextlib.contextmanager
     def hurried(self) -> Iterator[None]:
-        """Delay the writes of `note_json` until exit, so that the result of a command is complete first."""
+        """Delay the writes of `note_json` until exit, so that a command completes its result first."""
         noted: dict[str, bytes] = {}
         self._noted = noted
         try:
@@ -242,8 +242,8 @@ def _checksum(kind: str, name: str, payload: bytes) -> bytes:
 class Outbox(Store):
     """A store for a process that must not write to it.
 
-    It reads from `root`. Blobs that are put are held in memory and appended to one file in `folder` (one file for each would be slower). A
-    process with write access moves them to the store with `deliver`. JSON documents are not supported.
+    The outbox reads from the store `root`. `put` keeps blobs in memory and appends them to one file in `folder`, because one file per blob
+    would be slower. A process with write access moves the blobs to the store with `deliver`. JSON documents are not supported.
     """
 
     __slots__ = ("_held", "_path")
@@ -254,7 +254,7 @@ class Outbox(Store):
         self._held: dict[str, bytes] = {}
 
     def put(self, data: bytes) -> str:
-        """Write `data` to the outbox unless the store has it. Return its SHA-256 in hexadecimal."""
+        """Write `data` to the outbox unless the store contains it. Return the SHA-256 in hexadecimal."""
         sha256 = hashlib.sha256(data).hexdigest()
         if sha256 not in self._held and not self.has(sha256, len(data)):
             try:
@@ -270,7 +270,7 @@ class Outbox(Store):
         return self._held[sha256] if sha256 in self._held else super().read(sha256)
 
     def deliver(self) -> None:
-        """Move all blobs from the outbox to the store, by the hash of their content: no existing blob can be replaced.
+        """Move all blobs from the outbox to the store under the hashes of their contents. Existing blobs cannot be replaced.
 
         The process that wrote the outbox must have ended. Raises `StoreUnusable`.
         """

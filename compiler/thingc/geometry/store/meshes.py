@@ -1,4 +1,4 @@
-"""Meshes for simulators as written by the worker: Wavefront OBJ files with only vertices and triangles, in this order."""
+"""Meshes for simulators that the worker writes: Wavefront OBJ files that contain only vertices, then triangles."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def vertices(store: Store, mesh: Mesh) -> tuple[Vector, ...]:
-    """Return the vertices [m] of a mesh in the store, sorted. In plain Python, so that numpy is not imported. Raises `BlobMissing`."""
+    """Return the sorted vertices [m] of a mesh in the store. The code does not import numpy, which is slow. Raises `BlobMissing`."""
     numbers = (line.split() for line in store.read(mesh.sha256).splitlines() if line.startswith(b"v"))
     return tuple(sorted((float(x), float(y), float(z)) for _, x, y, z in numbers))
 

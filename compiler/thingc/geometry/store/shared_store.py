@@ -1,8 +1,8 @@
-"""A store shared by machines: a local folder in front of a URL that fsspec supports.
+"""A store that machines share: a local folder as a cache of a URL that fsspec supports.
 
 Files that are not in the folder are fetched from the URL, and new results are uploaded: first the files, then the entry that refers to
-them. An entry is therefore never found without its files. Both have checksums, so an incomplete or damaged file counts as absent. Only
-results for parts are shared; values that concern one machine stay in its folder.
+them. Readers therefore never find an entry without its files. Entries and files have checksums, so an incomplete or damaged file counts as
+absent. Machines share only results for parts. Values that concern one machine remain in its local folder.
 """
 
 from __future__ import annotations
@@ -17,18 +17,21 @@ from typing import Any
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable, cache_root
 
 CONVEX = "convex-meshes"
-"""Kind of the documents of convex pieces. Their key contains no version of thingc: rename the kind when the fields of `Mesh` change."""
+"""Kind of the documents of convex pieces.
+
+Their keys do not contain the version of thingc: rename the kind when the fields of `Mesh` change.
+"""
 SHARED = frozenset(("record", "schema", CONVEX, "slices", "step"))
-"""Kinds of JSON documents that are shared: their values mean the same on every machine and are worth the transfer."""
+"""Kinds of JSON documents that machines share. Their values are valid on every machine and worth the transfer."""
 
 WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oss", "memory"))
-"""Protocols with atomic uploads. With others a file is written under a temporary name and renamed."""
+"""Protocols with atomic uploads. For other protocols, a file is written under a temporary name and renamed."""
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def opened(name: str | None) -> Store:
-    """Open the store with a name, which is a folder or a URL (None: `$THINGC_STORE`, else the user's cache).
+    """Open a store. The name is a folder or a URL (None: `$THINGC_STORE`, otherwise the user's cache).
 
     Raises `StoreUnusable` for a URL that cannot be used.
     """
@@ -39,14 +42,14 @@ def opened(name: str | None) -> Store:
 class SharedStore(Store):
     """The store at a URL (`s3://bucket/parts`, `sftp://host/srv/parts`, ...), with a folder in the user's cache as a local copy.
 
-    `root` is that folder. Reading also raises `StoreUnusable` if the server does not answer, because it would be worse to rebuild
-    everything silently.
+    `root` is the local folder. Reading also raises `StoreUnusable` if the server does not answer, because the alternative would be to
+    silently rebuild all parts.
     """
 
     __slots__ = ("_base", "_damaged", "_made", "_sent", "_system", "url")
 
     def __init__(self, url: str, root: str | None = None) -> None:
-        self.url = re.sub(r"://[^/@]*@", "://", url)  # the URL in messages has no password
+        self.url = re.sub(r"://[^/@]*@", "://", url)  # remove the password from the URL in messages
         super().__init__(root or os.path.join(cache_root(), "shared", hashlib.sha256(url.encode()).hexdigest()[:12]))
         try:
             import fsspec
@@ -66,7 +69,7 @@ class SharedStore(Store):
         return super().has(sha256, size) or (self._fetched(sha256) and super().has(sha256, size))
 
     def read(self, sha256: str) -> bytes:
-        """Return the bytes from the folder or the URL. Raises `BlobMissing` if neither has a valid copy."""
+        """Return the bytes from the folder or the URL. Raises `BlobMissing` if there is no valid copy."""
         try:
             return super().read(sha256)
         except BlobMissing:
@@ -81,7 +84,7 @@ class SharedStore(Store):
         return super().size(sha256)
 
     def get_json(self, kind: str, key: str) -> Any | None:
-        """Return the value in the folder, else at the URL, or None."""
+        """Return the value in the folder, otherwise the value at the URL, or None."""
         value = super().get_json(kind, key)
         if value is None and kind in SHARED:
             path = self._document(kind, key)
@@ -111,7 +114,7 @@ class SharedStore(Store):
     # --- writing ---------------------------------------------------------------------------------------------------
 
     def put(self, data: bytes) -> str:
-        """Store `data` in the folder. It is uploaded when an entry refers to it."""
+        """Store `data` in the folder. `put_json` uploads the data when it stores an entry that refers to the data."""
         return Store(self.root).put(data)
 
     def put_json(self, kind: str, key: str, value: Any) -> None:
@@ -163,7 +166,7 @@ class SharedStore(Store):
                 self._system.mv(aside, there)
 
     def _make(self, folder: str) -> None:
-        """Create a folder and its parents one by one: another process may create any of them at the same time."""
+        """Create a folder and its parents one by one, because another process may create the same folders at the same time."""
         if not folder or folder in self._made:
             return
         if not self._system.isdir(folder):
@@ -185,7 +188,7 @@ class SharedStore(Store):
 
     @contextlib.contextmanager
     def _words(self) -> Iterator[None]:
-        """Raise `StoreUnusable` in place of any exception of the protocol libraries."""
+        """Replace any exception of the protocol libraries by `StoreUnusable`."""
         try:
             yield
         except StoreUnusable:

@@ -1,4 +1,4 @@
-"""The slices of printed parts, by mesh and slicing: from the store if possible, else from workers."""
+"""The slices of printed parts, by mesh and slicing. They are from the store if possible, otherwise from workers."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Run = Callable[[list[dict[str, Any]], str], Iterable[tuple[dict[str, Any], dict[
 
 
 class SliceCache:
-    """Slices by mesh, cached in a store by everything that they depend on.
+    """Slices by mesh. The keys in the store contain everything that the slices depend on.
 
-    A change of print settings does not rebuild a part, and an equal mesh is not sliced again. `versions` returns the versions of the
+    A change of print settings does not rebuild a part, and equal meshes are sliced only once. `versions` returns the versions of the
     software that slices meshes.
     """
 
@@ -73,7 +73,7 @@ class SliceCache:
             self._keep(key, answer["answer"])
 
     def keep(self, record: PartRecord | PartFailure, slices: Iterable[tuple[Mapping[str, Any], Any]]) -> None:
-        """Store the slices that a worker computed when it built the part; slicings and results are JSON values."""
+        """Store the slices that a worker computed when it built the part. Slicings and results are JSON values."""
         for slicing, value in slices:
             self._keep((_mesh(record), convert(slicing, Slicing)), value)
 
@@ -100,7 +100,7 @@ class SliceCache:
         self._known[key] = convert(value, SliceResult | SliceFailure)
 
     def _with(self, text: str, record: PartRecord, slicings: frozenset[Slicing]) -> PartRecord:
-        """Return the record with these slices. If nothing changed, it is the same object as last time."""
+        """Return the record with these slices. For unchanged slices, return the same object as in the last call."""
         last = self._made.get(text)
         if last is None or last[0] is not record or last[1] != slicings:
             slices = {slicing: answer for slicing in slicings if (answer := self._kept(_mesh(record), slicing)) is not None}
@@ -109,7 +109,7 @@ class SliceCache:
 
 
 def lacking(records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]]) -> list[str]:
-    """Return the texts of records that lack `wanted` slices and have no mesh to compute them from."""
+    """Return the texts of records that lack `wanted` slices, and whose mesh is not available for slicing."""
     return [text for text, slicings in wanted.items() if _lacks(records.get(text), slicings) and not _mesh(records[text])]
 
 
