@@ -36,10 +36,7 @@ if TYPE_CHECKING:
     from thingc.geometry.client import Workers
 
 PATIENCE = 150.0
-"""Additional time [s], after a part's timeout, to wait for another process that builds the part.
-
-Its worker may have to load the kernel first.
-"""
+"""Time [s] in addition to a part's timeout to wait for another process to load the kernel and build the part."""
 
 Progress = Callable[[str, int, int], None]
 Printed = Callable[[str, Sequence[str]], None]
@@ -130,10 +127,8 @@ class GeometryService:
     def anticipate(self) -> bool:
         """Call `warm` if there was no previous run in this workspace, or if a file that parts depend on has changed since then.
 
-        Return whether the method called `warm`.
-
-        Call this method before reading documents, because loading the kernel takes longest. With a lock, the method does not call `warm`,
-        because the kernel is probably not needed.
+        Return whether the method called `warm`. Call this method before reading documents, because loading the kernel takes longest. With a
+        lock, `warm` is not called.
         """
         if needed := not self._locked.there and self._results.files_changed():
             self.warm()
@@ -202,10 +197,7 @@ class GeometryService:
     # --- describe ------------------------------------------------------------------------------------------------
 
     def describe(self, references: Sequence[str], meanwhile: Callable[[], object] | None = None) -> dict[str, PartSchema | PartFailure]:
-        """Return the schema or failure of each `module:Class`, by reference.
-
-        `meanwhile` is called after the requests have been sent to the workers.
-        """
+        """Send the requests, call `meanwhile`, and return the schema or failure of each `module:Class`, by reference."""
         answers: dict[str, PartSchema | PartFailure] = {}
         tasks: dict[str, list[_Task]] = {}
         for reference in dict.fromkeys(references):
@@ -325,10 +317,7 @@ class GeometryService:
         return {text: answers[text] for text in unique}
 
     def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[_Task]:
-        """Return the tasks. Parts that will be sliced come first because they take longest.
-
-        Shorter tasks then fill idle workers at the end.
-        """
+        """Return the tasks. Parts that will be sliced come first, because they take longest."""
         self._requests.suppose([definition for definition, _ in parts], likely)
         tasks = [
             _Task(

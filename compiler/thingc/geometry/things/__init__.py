@@ -1,3 +1,3 @@
-"""The API for part authors: Things, mounts, parameters with units. Does not import any other part of the compiler."""
+"""The API for part authors: Things, mounts, parameters with units. This package does not import other packages of the compiler."""
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 Stated: TypeAlias = "float | tuple[float, str] | None"
 SOURCES = ("measured", "vendor", "estimated", "stated")
-"""Valid sources of a number; `stated` is used for a number without a given source."""
+"""Valid sources of a number. A number without a source has the source `stated`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, init=False)
@@ -21,9 +21,9 @@ class Actuator:
     `gear_ratio` in motor turns per output turn. `rotor_inertia` [kg m^2] is before the gear. The gains are `kp` [N m/rad] and `kv`
     [N m s/rad].
 
-    Each number may be given as `(value, source)` with source `measured`, `vendor` or `estimated`; the attribute `sources` has the sources
-    by name. Raises `ValueError` for an unknown kind or source and for a number that is not finite or not positive (`rotor_inertia`, `kp`
-    and `kv` may be 0).
+    Each number may be a pair `(value, source)` with the source `measured`, `vendor` or `estimated`. The attribute `sources` contains the
+    sources by name. Raises `ValueError` for an unknown kind or source and for a number that is not finite or not positive (`rotor_inertia`,
+    `kp` and `kv` may be 0).
     """
 
     kind: Literal["position", "velocity", "motor"]
@@ -55,12 +55,12 @@ class Actuator:
 
     @property
     def armature(self) -> float | None:
-        """Rotor inertia at the output [kg m^2]: rotor inertia times the square of the gear ratio; None if unknown."""
+        """Rotor inertia at the output [kg m^2]: rotor inertia times the square of the gear ratio. None if unknown."""
         return None if self.rotor_inertia is None else self.rotor_inertia * self.gear_ratio * self.gear_ratio
 
 
 def sourced(what: str, pair: tuple[object, ...]) -> tuple[float, str]:
-    """Return a `(value, source)` pair after checking it. Raises `ValueError` if it is not one."""
+    """Check and return a `(value, source)` pair. Raises `ValueError` for other values."""
     if len(pair) != 2 or not isinstance(pair[1], str):
         raise ValueError(f"{what} must be a number or (number, source), found {pair!r}")
     value, source = pair

@@ -1,4 +1,4 @@
-"""Change parameters of a Thing, including those that a subclass sets."""
+"""Change parameters of a Thing, including parameters of a parent class that a subclass sets."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Change = tuple[str, object]
 def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
     """Return the Thing of the same class with changed parameters.
 
-    A name is looked up in the class's own parameters, then in those of its parents, nearest first. A parent's `__init__` then gets the
-    changed value instead of the value that the subclass passes, now and in later adjustments. `__add` and `__mul` start from the value
-    that the subclass passes after its own changes.
+    The lookup of a name starts with the class's own parameters, and continues with the parameters of its parents, nearest first. A parent's
+    `__init__` then gets the changed value instead of the value that the subclass passes, in this and in later adjustments. `__add` and
+    `__mul` start from the value that the subclass passes after its own changes.
     """
     cls, construction = type(thing), thing._construction
     signature = family_signature(cls)
@@ -77,12 +77,12 @@ def _target(thing: Thing, signature: Signature, key: str) -> tuple[type, Paramet
 
 
 def _parents(thing: Thing) -> list[InitCall]:
-    """Return the calls of `__init__` of parent classes, above the one with the class's own parameters."""
+    """Return the calls of `__init__` of parent classes, without the call with the class's own parameters."""
     return thing._construction.calls[1:]
 
 
 def _applied(parameter: Parameter, change: Change, current: Value, owner: str) -> Value:
-    """Return the changed value, canonical. Raises `ParameterError` if the parameter does not accept it."""
+    """Return the changed value in canonical form. Raises `ParameterError` if the parameter does not accept the value."""
     operation, value = change
     if operation == "set":
         return parameter.canonical(value, owner)

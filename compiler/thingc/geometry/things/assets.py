@@ -1,4 +1,4 @@
-"""Data files of a part: searched beside its module and in the workspace, and recorded as read."""
+"""Data files of a part. The search uses the folder of the part's module and the workspace, and records the files as read."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _roots: tuple[str, ...] = ()
 
 
 def install(record: Callable[[str], None] | None, roots: Sequence[str] = ()) -> None:
-    """Call `record` with every absolute path that `asset` tries, found or not, and let `asset` search the folders `roots`.
+    """Make `asset` search the folders `roots`, and call `record` with every absolute path that it tries, whether the file exists or not.
 
-    The geometry worker calls it before it loads part modules. `install(None)` undoes it.
+    The geometry worker calls this function before it loads part modules. `install(None)` restores the initial state.
     """
     global _record, _roots
     _record = record
@@ -25,9 +25,9 @@ def install(record: Callable[[str], None] | None, roots: Sequence[str] = ()) -> 
 def asset(path: str, beside: str | None = None) -> Path:
     """Return the path of the data file `path`: `import_step(asset("motor.step"))`, `asset("curve.json").read_text()`.
 
-    The file is searched beside the file `beside` (write `__file__`), else beside the module of the part whose `__init__` is running, then
-    in the workspace (outside of a build: in the working folder). The part is rebuilt when the file changes. Raises `ValueError` for an
-    absolute path or one that leaves those folders, `FileNotFoundError` if there is no such file.
+    The search starts in the folder of the file `beside` (pass `__file__`), by default in the folder of the module of the part whose
+    `__init__` is running. Then it continues in the workspace (outside of a build: in the working folder). The part is rebuilt when the file
+    changes. Raises `ValueError` for an absolute path or a path outside of these folders, `FileNotFoundError` if the file does not exist.
     """
     if os.path.isabs(path):
         raise ValueError(f"asset() expects a path relative to the part's module or to the workspace, found `{path}`")

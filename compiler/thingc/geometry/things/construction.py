@@ -1,7 +1,8 @@
 """Construction of Things: arguments are checked, equal parameters give the same object, and the object is immutable after `__init__`.
 
-`__init__` runs once and in isolation. The metaclass intercepts the call before the object exists, for memoisation by value and for checks
-before geometry is made. It also wraps each `__init__` of a family, so that the parameters of parent classes are recorded.
+`__init__` runs once and in isolation. The metaclass intercepts the call before the object exists, in order to look up an existing object
+with equal parameters and to check arguments before geometry is created. It also wraps each `__init__` of a family, so that the parameters
+of parent classes are recorded.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ _files: list[str] = []
 
 @dataclass(slots=True, kw_only=True)
 class InitCall:
-    """One call of `__init__`: the arguments with which `family` was called, and the `values` after adjustments, with which it ran."""
+    """One call of `__init__`: the arguments of the call of `family`, and the `values` after adjustments, which `__init__` received."""
 
     family: type[Any]
     given: dict[str, Value]
@@ -44,8 +45,8 @@ class InitCall:
 class Construction:
     """The state of a Thing's construction.
 
-    `calls` are the calls of `__init__`, the class's own first; `running` are the calls that have not returned, innermost last. `finished`
-    is set when the Thing becomes immutable. `mounts` are by exported name and are filled in last.
+    `calls` contains the calls of `__init__`, the class's own call first. `running` contains the calls that have not returned, the innermost
+    call last. `finished` is set when the Thing becomes immutable. `mounts` is keyed by exported name, and is filled last.
     """
 
     parameters: dict[str, Value]
@@ -69,8 +70,8 @@ class Construction:
 class Parameters:
     """Access to the parameters of a Thing: `self.p.length`, canonical, in author units.
 
-    A parameter of a parent class that a subclass sets is included. While an `__init__` runs, its own arguments take precedence; afterwards
-    the class's own parameters do. Raises `AttributeError` for a name that is not a parameter.
+    The parameters include parameters of a parent class that a subclass sets. While an `__init__` runs, its own arguments take precedence.
+    Afterwards, the class's own parameters take precedence. Raises `AttributeError` for a name that is not a parameter.
     """
 
     __slots__ = ("_construction", "_owner")
@@ -106,15 +107,15 @@ class ThingType(ABCMeta):
     if not TYPE_CHECKING:  # type checkers take the signature from `__init__`
 
         def __call__(cls, *args: object, **kwargs: object) -> Thing:
-            """Return the Thing with these parameters. It is made once, and later calls return the same object."""
+            """Return the Thing with these parameters. The first call creates the Thing, and later calls return the same object."""
             return make(cls, family_signature(cls).bind(args, kwargs), {})
 
 
 def make(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments) -> Thing:
-    """Return the only Thing of class `cls` with these canonical `parameters` and `adjustments`; make it if necessary.
+    """Return the only Thing of class `cls` with these canonical `parameters` and `adjustments`. Create the Thing if necessary.
 
-    Exceptions of `__init__` are passed on, and nothing is cached. Geometry made inside is not added to a build123d builder that is active
-    at the call, because a Thing depends only on its parameters.
+    If `__init__` raises an exception, the function raises the same exception and does not cache a Thing. Geometry that `__init__` creates
+    is not added to a build123d builder that is active at the call, because a Thing depends only on its parameters.
     """
     pinned = tuple((family, name, value) for family in cls.__mro__ for name, value in sorted(adjustments.get(family, {}).items()))
     key = (cls, tuple((name, type(value), value) for name, value in parameters.items()), pinned)
@@ -147,7 +148,7 @@ def _constructed(cls: type[Any], parameters: dict[str, Value], adjustments: Adju
 
 
 def wrapped(cls: type[Any], parameters: dict[str, Value], **attributes: object) -> Thing:
-    """Return a finished Thing of class `cls` with these attributes, made without `__init__` and not memoised."""
+    """Return a finished Thing of class `cls` with these attributes. The Thing is not cached, and `__init__` does not run."""
     thing: Thing = cls.__new__(cls)  # type: ignore[call-overload]
     object.__setattr__(thing, "_construction", Construction(parameters=parameters, adjustments={}, finished=True))
     for name, value in attributes.items():
@@ -171,7 +172,7 @@ def family_signature(cls: type[Any]) -> Signature:
 
 
 def _recorded(cls: type[Any], init: Callable[..., None]) -> Callable[..., None]:
-    """Wrap `init` of the class `cls` to check and record its arguments, and to run it with the adjusted values."""
+    """Wrap `init` of the class `cls`. The wrapper checks and records the arguments, and calls `init` with the adjusted values."""
 
     @functools.wraps(init)
     def construct(self: Thing, *args: object, **kwargs: object) -> None:
@@ -193,7 +194,7 @@ def _recorded(cls: type[Any], init: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def _reading_beside(init: Callable[..., None]) -> Iterator[None]:
-    """Make `running_file` return the file that `init` is written in."""
+    """Make `running_file` return the source file of `init`."""
     _files.append(getattr(getattr(inspect.unwrap(init), "__code__", None), "co_filename", ""))
     try:
         yield
@@ -207,5 +208,5 @@ def running_file() -> str | None:
 
 
 def shown(cls: type, parameters: Mapping[str, Value]) -> str:
-    """Return `PenDummy(length=100.0, diameter=15.0)`."""
+    """Format a Thing, for example as `PenDummy(length=100.0, diameter=15.0)`."""
     return f"{cls.__name__}({', '.join(f'{name}={value!r}' for name, value in parameters.items())})"

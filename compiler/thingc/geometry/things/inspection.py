@@ -1,7 +1,7 @@
-"""Inspection of a part for the geometry worker: its parameters, one member of its family, and the data of that member.
+"""Inspection of a part for the geometry worker: its parameters, one member of its family, and the data of this member.
 
 All values are in author units: lengths in mm, angles in degrees, masses in kg. The worker gets geometry from the Thing itself:
-`thing.result()`, `.collision()`, `.visual()` and `.envelope()` return a build123d Shape, several, or None.
+`thing.result()`, `.collision()`, `.visual()` and `.envelope()` return a build123d Shape, several Shapes, or None.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedPart:
-    """A part that a mount was cut for: `mount` expects a member of `family` with `parameters` (complete, author units), at `child_mount`.
+    """The part for which `mount` was designed: a member of `family` with `parameters` (complete, author units), mated at its `child_mount`.
 
     Changes by `adjust` of parameters that `family` sets itself are omitted, because documents cannot express them.
     """
@@ -55,7 +55,7 @@ class Statement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statements:
-    """Mass [kg], centre [mm], matrix [kg m^2, about the centre, Thing axes] and density [kg/m^3]; None if not declared."""
+    """Mass [kg], centre [mm], inertia matrix [kg m^2, about the centre, Thing axes] and density [kg/m^3]. Undeclared values are None."""
 
     mass: Statement | None
     centre: Statement | None
@@ -64,10 +64,10 @@ class Statements:
 
 
 def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
-    """Return the kind of part that an object is, or None if it is not a part. The object is not called.
+    """Return the kind of a part, or None for an object that is not a part. The function does not call the object.
 
     Parts are Thing subclasses, build123d Shape classes, and Python functions that return a shape. A return annotation of a function must
-    name a shape class; without annotation, `build` checks the result. Abstract classes and `Thing` itself are not parts.
+    name a shape class. Without annotation, `build` checks the return value. Abstract classes and `Thing` itself are not parts.
     """
     if isinstance(candidate, type):
         if inspect.isabstract(candidate) or candidate is Thing:
@@ -89,14 +89,14 @@ def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingMember:
-    """A missing member of a class, as text that follows the class's name, and the file and line where to add it."""
+    """A message about a missing member of a class, which comes after the class's name, and the file and line where to add the member."""
 
     words: str
     place: tuple[str, int] | None
 
 
 def lacking_result(part: PartLike) -> MissingMember | None:
-    """Return why a Thing class has no geometry, or None if it has.
+    """Return why a Thing class has no geometry. Return None for a class with geometry.
 
     Possible reasons are that the class has no `result()` of its own, or that its `result()` has no `return`. A part without geometry must
     have `return None`. The answer is also None if `part` is not a Thing class.
@@ -114,9 +114,9 @@ def lacking_result(part: PartLike) -> MissingMember | None:
 
 
 def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFunctionDef | None:
-    """Return the syntax tree of a function from its file, or None if there is no such file.
+    """Return the syntax tree of a function from its source file. Return None if the file does not exist.
 
-    Each file is parsed once; `inspect` would parse it for each of its functions and classes.
+    Each file is parsed once, whereas `inspect` would parse the file for each of its functions and classes.
     """
     code = getattr(inspect.unwrap(function), "__code__", None)
     if not isinstance(code, types.CodeType):
@@ -127,7 +127,7 @@ def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFuncti
 
 @functools.lru_cache(maxsize=8)
 def _functions_in(text: str) -> Mapping[int, ast.FunctionDef | ast.AsyncFunctionDef]:
-    """Return the functions in a source text, by the line of their `def` or of their first decorator."""
+    """Return the functions in source code, by the line of their `def` or of their first decorator."""
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError):
@@ -149,8 +149,8 @@ def _code_location(code: Any) -> tuple[str, int] | None:
 def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
     """Return the parameters in the order of the signature, with canonical defaults, in author units.
 
-    Arguments of a shape class or a function that cannot be parameters are omitted and keep their default. Raises `SignatureError` (a
-    `TypeError`) if an argument of a Thing, or one without default, cannot be a parameter.
+    Arguments of a shape class or a function that cannot be parameters are omitted and always have their default. Raises `SignatureError` (a
+    `TypeError`) if an argument of a Thing, or an argument without default, cannot be a parameter.
     """
     return _signature(part).parameters
 
@@ -158,8 +158,8 @@ def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
 def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
     """Return the Thing with these parameters [author units]. For a shape class or function, its `result` is the shape.
 
-    Raises `ParameterError` before anything is made, `TypeError` if a function does not return a shape, and exceptions of the part's own
-    code.
+    Raises `ParameterError` before any geometry is created, `TypeError` if a function does not return a shape, and exceptions of the part's
+    own code.
     """
     if isinstance(part, type) and issubclass(part, Thing):
         return make(part, family_signature(part).bind((), parameters), {})
@@ -195,7 +195,7 @@ def references_of(thing: Thing) -> tuple[str, ...]:
 
 
 def expectations_of(thing: Thing) -> tuple[ExpectedPart, ...]:
-    """Return the parts that the Thing's mounts were cut for, in order of the mounts and of the calls of `align`."""
+    """Return the parts for which the Thing's mounts were designed, in order of the mounts and of the calls of `align`."""
     return tuple(
         ExpectedPart(mount=name, family=type(other), parameters=dict(other._construction.parameters), child_mount=child)
         for name, mount in thing._construction.mounts.items()
@@ -206,7 +206,7 @@ def expectations_of(thing: Thing) -> tuple[ExpectedPart, ...]:
 def statements_of(thing: Thing) -> Statements:
     """Return the values of the Thing's own `mass()`, `centre()`, `matrix_of_inertia()` and `density()`.
 
-    Each method may return a value or `(value, source)`. Raises `ValueError` for a value with the wrong shape or that is not finite, a mass
+    Each method may return a value or `(value, source)`. Raises `ValueError` for a value that is not finite or has the wrong shape, a mass
     or density that is not positive, an inertia that is not symmetric, or an unknown source.
     """
     return Statements(
@@ -233,7 +233,7 @@ def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
 
 
 def is_one_solid(geometry: Geometry) -> bool:
-    """Return whether a value of `result()` is meant to be one solid: a single shape, not a list or a `Compound` of several.
+    """Return whether the return value of `result()` should be one solid: a single shape, not a list or a `Compound` of several shapes.
 
     The result of a boolean operation is also a Compound, but it stores the operation and counts as one solid.
     """
@@ -261,7 +261,7 @@ def color_of(thing: Thing) -> str | None:
 
 
 def bom_of(thing: Thing) -> dict[str, str]:
-    """Return the entries of the part for the bill of materials. Raises `TypeError` if they are not a mapping of texts."""
+    """Return the entries of the part for the bill of materials. Raises `TypeError` if the entries are not a mapping of strings."""
     bom = thing.bom
     if not isinstance(bom, Mapping) or not all(isinstance(word, str) for pair in bom.items() for word in pair):
         raise TypeError(f"`bom` of `{type(thing).__name__}` must map strings to strings, found {bom!r}")
@@ -287,7 +287,7 @@ def up_of(thing: Thing) -> Vector | None:
 
 
 def actuator_of(part: Thing | PartLike) -> Actuator | None:
-    """Return the actuator of a Thing, or the one that its class declares, or None. Raises `TypeError` if it is not an Actuator."""
+    """Return the actuator that a Thing or its class declares, or None. Raises `TypeError` for a value that is not an Actuator."""
     actuator: object = getattr(part, "actuator", None) if isinstance(part, (Thing, type(Thing))) else None
     if actuator is None or isinstance(actuator, Actuator):
         return actuator
@@ -295,7 +295,7 @@ def actuator_of(part: Thing | PartLike) -> Actuator | None:
 
 
 class _ShapePart(Thing):
-    """A part that is a plain shape, as `build` returns it."""
+    """A part that `build` creates from a plain shape."""
 
     _family: str
     _shape: Shape[Any]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 MATE = Location(Plane(origin=(0, 0, 0), x_dir=(0, -1, 0), z_dir=(0, 0, -1)))
 """The mate M: z axes opposed, x and y swapped and negated, exactly [[0, -1, 0], [-1, 0, 0], [0, 0, -1]].
 
-It is its own inverse (build123d's `Location((0,0,0),(180,0,90))`).
+The mate is its own inverse. In build123d, it is `Location((0,0,0),(180,0,90))`.
 """
 
 RESERVED = frozenset({"origin", "root", "world"})
@@ -30,12 +30,12 @@ class MountPoint(Framed):
     `location` is the frame in the Thing's own frame [mm]; it may be a `Plane` or another mount. `interface` is the name of the mating
     interface (`"x430-horn"`, `"m2.5-clearance"`). `tolerance` [mm] is the largest error of the real frame.
 
-    `facing` or `mate_x` turn the frame about its z; both are directions in the Thing's frame. `facing` is the direction of the mount's x
-    axis. `mate_x` is the direction of the x axis of a mount that is mated with this one. Use `mate_x` for seats, and `facing` for the
-    mounts of parts that sit on them.
+    `facing` or `mate_x` turn the frame about its z axis. Both are directions in the Thing's frame. `facing` is the direction of the mount's
+    x axis. `mate_x` is the direction of the x axis of a mount that is mated with this one. Use `mate_x` for seats, and `facing` for the
+    mounts of parts that are placed on seats.
 
-    A mount gets its name (`hip_0`, `hip_left`) from the attribute of the Thing that it is assigned to, alone or in a list or dict. Raises
-    `TypeError` if `location` is not a frame, `ValueError` for a negative tolerance and for a direction along z.
+    A mount gets its name (`hip_0`, `hip_left`) from the attribute of the Thing that contains the mount, directly or in a list or dict.
+    Raises `TypeError` if `location` is not a frame, `ValueError` for a negative tolerance and for a direction along z.
     """
 
     __slots__ = ("_expected", "_interface", "_local", "_name", "_owner", "_tolerance", "_view")
@@ -64,7 +64,7 @@ class MountPoint(Framed):
 
     @property
     def location(self) -> Location:
-        """The frame [mm] in the frame of the Thing that it was read from (in a moved view: the local frame)."""
+        """The frame [mm] in the frame of the Thing, or in the local frame for a moved view."""
         return self._view * self._local
 
     @property
@@ -79,12 +79,15 @@ class MountPoint(Framed):
 
     @property
     def name(self) -> str | None:
-        """The name of this mount on its Thing (`hip_0`); None before it is assigned."""
+        """The name of this mount on its Thing (`hip_0`). None before the mount is assigned to an attribute."""
         return self._name
 
     @property
     def expected(self) -> tuple[tuple[Thing, str], ...]:
-        """Mounts that were aligned to this one while its Thing was made, each as the other Thing and the name of its mount."""
+        """Mounts that were aligned to this mount during the construction of its Thing.
+
+        Each item is the other Thing and the name of its mount.
+        """
         return tuple(self._expected)
 
     def align(self, other: MountPoint) -> Any:
@@ -93,8 +96,8 @@ class MountPoint(Framed):
         If A is this mount and B the other mount on its Thing, the Thing is at A M inv(B), with M = `MATE`. (For a type checker the result
         is `Any`: write `cap: PenCap = self.cap_seat.align(PenCap().seat)` to check its use.)
 
-        If this mount belongs to the Thing that is being made, the other Thing is stored as an expectation of this mount, even before this
-        mount is assigned. Raises `TypeError` or `ValueError` if `other` is not a mount of a finished Thing.
+        During the construction of the Thing that this mount belongs to, the other Thing is stored as an expectation of this mount, even
+        before this mount is assigned to an attribute. Raises `TypeError` or `ValueError` if `other` is not a mount of a finished Thing.
         """
         if not isinstance(other, MountPoint):
             raise TypeError(f"align() expects a mount of another Thing, such as `PenCap().seat`, found {other!r}")
@@ -114,7 +117,7 @@ class MountPoint(Framed):
         return f"<MountPoint {whose} at ({position})>"
 
     def _seen(self, view: Location) -> MountPoint:
-        """Return this mount as seen through a view; it still belongs to the same Thing."""
+        """Return this mount in the frame of a view. The result still belongs to the same Thing."""
         moved = MountPoint(self._local, self._interface, self._tolerance)
         moved._view = view * self._view
         moved._owner, moved._name = self._owner, self._name
@@ -122,7 +125,7 @@ class MountPoint(Framed):
 
 
 def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike | None) -> Location:
-    """Turn `location` about its z so that its x axis (`facing`), or the x axis of a mated mount (`mate_x`), is along a direction."""
+    """Turn `location` about its z axis so that its x axis (`facing`), or the x axis of a mated mount (`mate_x`), is along a direction."""
     z, wanted = Plane(location).z_dir, Vector(facing if facing is not None else mate_x)
     along = wanted - z * wanted.dot(z)
     if (facing is not None and mate_x is not None) or along.length < 1e-6:
@@ -138,10 +141,10 @@ def origin_of(thing: Thing) -> MountPoint:
 
 
 def adopt(thing: Thing, name: str, value: Any) -> Any:
-    """Return `value` for the attribute `name` of `thing`, which is being made. Mounts in it then belong to the Thing.
+    """Return `value` for the attribute `name` of `thing` during its construction. Mounts in the value then belong to the Thing.
 
-    A mount of another Thing is copied at its place; otherwise the same object is returned. Raises `ValueError` for a name that a mount
-    cannot have.
+    A mount of another Thing is copied at its place. Otherwise the function returns the same object. Raises `ValueError` for a forbidden
+    name of a mount.
     """
     return _mapped(name, value, lambda own_name, mount: _owned(thing, own_name, mount))
 
@@ -149,8 +152,8 @@ def adopt(thing: Thing, name: str, value: Any) -> Any:
 def settle(thing: Thing, name: str, value: Any, mounts: dict[str, MountPoint]) -> Any:
     """Call `adopt` for the last time: give every mount its final name and add it to `mounts`.
 
-    A mount that already has a name in `mounts` is copied without its expectations. Raises `ValueError` for a name that is already used or
-    that a mount cannot have.
+    A mount that already has a name in `mounts` is copied without its expectations. Raises `ValueError` for a duplicate or forbidden name of
+    a mount.
     """
 
     def named(own_name: str, mount: MountPoint) -> MountPoint:
@@ -168,7 +171,7 @@ def settle(thing: Thing, name: str, value: Any, mounts: dict[str, MountPoint]) -
 
 
 def _mapped(name: str, value: Any, change: Callable[[str, MountPoint], MountPoint]) -> Any:
-    """Return `value` with each mount replaced by `change(name, mount)`; the same object if nothing changes."""
+    """Return `value` with each mount replaced by `change(name, mount)`. If no mount changes, return the same object."""
     if isinstance(value, MountPoint):
         return change(name, value)
     if type(value) in (list, tuple):

@@ -1,6 +1,6 @@
 """Parameters of a part: annotations for units, bounds, and validation of values.
 
-Author units are used: millimetres, degrees, kilograms. The CAD kernel is not needed.
+Values are in author units: millimetres, degrees, kilograms. This module does not import the CAD kernel.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
 Value: TypeAlias = "float | int | bool | str"
-"""A canonical parameter value: equal parameters have equal values of the same type."""
+"""A canonical parameter value. Equal parameters have equal values of the same type."""
 
 WHOLE = frozenset({"count", "integer"})
 NUMERIC = frozenset({"length", "angle", "mass", "ratio", "number", *WHOLE})
@@ -25,7 +25,7 @@ NOUNS = {
 
 
 class ParameterError(ValueError):
-    """A value with which a part cannot be made. It is raised before any geometry is made.
+    """A part cannot be built with this value. The exception is raised before any geometry is created.
 
     `parameter` is the name of the parameter, `owner` the name of the class or function.
     """
@@ -37,7 +37,7 @@ class ParameterError(ValueError):
 
 
 class CallError(ParameterError, TypeError):
-    """A call with an unknown parameter, or without a required one (a `TypeError`, as in plain Python)."""
+    """A call with an unknown parameter, or without a required parameter (a `TypeError`, as in plain Python)."""
 
 
 class SignatureError(TypeError):
@@ -46,7 +46,7 @@ class SignatureError(TypeError):
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """The marker in `Length`, `Angle`, ...: one of the kinds of `Parameter`."""
+    """The annotation marker in `Length`, `Angle`, ...: one of the kinds of `Parameter`."""
 
     kind: str
 
@@ -55,7 +55,7 @@ class Kind:
 class Range:
     """Inclusive bounds of a parameter in author units: `Annotated[Length, Range(10, 200)]`, `Range(minimum=0)`.
 
-    Raises `SignatureError` if a bound is not a number or the minimum is above the maximum.
+    Raises `SignatureError` if a bound is not a number, or if the minimum is above the maximum.
     """
 
     minimum: float | None = None
@@ -76,17 +76,18 @@ Angle: TypeAlias = Annotated[float, Kind("angle")]
 Mass: TypeAlias = Annotated[float, Kind("mass"), Range(minimum=0)]
 """A mass in kilograms, not negative."""
 Count: TypeAlias = Annotated[int, Kind("count"), Range(minimum=0)]
-"""A whole number of things, not negative (a plain `int` may be negative)."""
+"""A number of items, not negative (a plain `int` may be negative)."""
 Ratio: TypeAlias = Annotated[float, Kind("ratio")]
-"""A number without dimension; a document writes 15 % for 0.15."""
+"""A dimensionless number. Documents can contain 15 % for 0.15."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
     """One argument of a part.
 
-    `kind` is `length` [mm], `angle` [deg], `mass` [kg], `ratio` or `number` (floats), `count` or `integer` (ints), `flag` (bool), `text` or
-    `choice` (one of `choices`). `default` is None if `required`. `minimum` and `maximum` are inclusive, in the same unit.
+    `kind` is `length` [mm], `angle` [deg], `mass` [kg], `ratio` or `number` (floats), `count` or `integer` (ints), `flag` (bool), `text` (a
+    string) or `choice` (one of `choices`). `default` is None if the parameter is `required`. `minimum` and `maximum` are inclusive, in the
+    unit of the value.
     """
 
     name: str
@@ -100,7 +101,7 @@ class Parameter:
 
     @property
     def noun(self) -> str:
-        """The type of a value as text: `a length in mm`."""
+        """The type of a value for messages: `a length in mm`."""
         if self.kind == "choice":
             return "one of " + ", ".join(repr(choice) for choice in self.choices)
         return NOUNS[self.kind]
@@ -108,8 +109,8 @@ class Parameter:
     def canonical(self, value: object, owner: str) -> Value:
         """Return the canonical value: a float for a quantity (60 is 60.0, -0.0 is 0.0), an int, bool or str for the other kinds.
 
-        Raises `ParameterError` for a wrong type, a number that is not finite or out of bounds, or an unknown choice; `owner` names the part
-        in the message.
+        Raises `ParameterError` for a wrong type, a number that is not finite or out of bounds, or an unknown choice. `owner` is the name of
+        the part for the message.
         """
         typed = self._typed(value)
         if typed is None:
@@ -128,7 +129,7 @@ class Parameter:
         return ParameterError(f"`{self.name}` of `{owner}` {problem}", owner=owner, parameter=self.name)
 
     def _typed(self, value: object) -> Value | None:
-        """Return the value converted to the type of this kind, or None if it has another type."""
+        """Convert the value to the type of this kind. Return None for a value of another type."""
         if self.kind == "choice":
             return next((choice for choice in self.choices if _same(choice, value)), None)
         if self.kind == "flag":
@@ -148,13 +149,13 @@ class Parameter:
             return math.inf
 
     def _shown(self, value: float) -> str:
-        """Return a number with its unit as text for people."""
+        """Format a number with its unit for display."""
         text = repr(value)
         return text.removesuffix(".0") + UNITS.get(self.kind, "")
 
 
 def suggestion(name: str, candidates: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name: `; did you mean ...?`, else the list of candidates, or "" if there are none."""
+    """Return the end of a message about an unknown name: `; did you mean ...?`, or the list of candidates, or "" without candidates."""
     known = list(candidates)
     close = difflib.get_close_matches(name, known, n=1)
     if close:
@@ -163,5 +164,5 @@ def suggestion(name: str, candidates: Iterable[str]) -> str:
 
 
 def _same(choice: Value, value: object) -> bool:
-    """Return whether a value equals this choice: 3.0 equals 3, but True does not equal 1."""
+    """Return whether a value equals this choice. 3.0 equals 3, but True does not equal 1."""
     return isinstance(value, bool) is isinstance(choice, bool) and choice == value

@@ -1,4 +1,4 @@
-"""Soft-moved views: a Thing seen from another frame, with its values transformed to that frame."""
+"""Soft-moved views: a Thing in another frame, with its values transformed to this frame."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ class Framed(ABC):
 
     @abstractmethod
     def _seen(self, view: Location) -> Any:
-        """Return this object as seen from a frame in which its own frame is at `view` [mm]."""
+        """Return this object in a frame in which its own frame is at `view` [mm]."""
 
 
 class TransformResolver(Framed):
     """A moved view of a Thing, which returns every attribute in the local frame, at any depth and through calls.
 
-    `thing.move(location)` and `mount.align(other)` return `TransformResolver(thing, location)`, with `thing`'s frame at `location` [mm].
-    A view is only for construction and adds nothing to an assembly. Values are transformed by `placed`; a method runs in the Thing's own
-    frame and its result is transformed. Read-only.
+    `thing.move(location)` and `mount.align(other)` return `TransformResolver(thing, location)`, with `thing`'s frame at `location` [mm]. A
+    view is only for construction, and does not add components to an assembly. `placed` transforms the values. A method runs in the Thing's
+    own frame, and `placed` transforms its return value. A view is read-only.
     """
 
     __slots__ = ("__location", "__target")
@@ -42,7 +42,7 @@ class TransformResolver(Framed):
         object.__setattr__(self, "_TransformResolver__location", Location(_location(location).wrapped))
 
     def move(self, location: Location) -> TransformResolver:
-        """Return the view moved again by `location` in the local frame (as build123d's `Shape.moved`)."""
+        """Move the view by `location` in the local frame (as build123d's `Shape.moved`), and return the new view."""
         return TransformResolver(self.__target, _location(location) * self.__location)
 
     def __getattr__(self, name: str) -> Any:
@@ -70,11 +70,11 @@ class TransformResolver(Framed):
 def placed(value: Any, location: Location) -> Any:
     """Transform `value` from a frame at `location` to the frame outside [mm].
 
-    Shapes (also sketches, edges and vertices), planes and axes are moved; locations are composed; vectors are transformed as points. A
-    mount is moved and still belongs to its Thing. A bounding box becomes the axis-aligned box around the moved one. Things, moved views,
-    builders, dataclasses and namespaces become moved views. Every item of a list, tuple or dict is placed, and so is the result of a
-    callable. Any other value (numbers, texts, colours, ...) is returned unchanged. Raises `TypeError` for a matrix, an oriented bounding
-    box or a joint.
+    Shapes (also sketches, edges and vertices), planes and axes are moved. Locations are composed. Vectors are transformed as points. A
+    mount is moved and still belongs to its Thing. A bounding box becomes the axis-aligned box around the moved box. Things, moved views,
+    builders, dataclasses and namespaces become moved views. The function also transforms every item of a list, tuple or dict, and the
+    return value of a callable. Any other value (number, string, colour, ...) is returned unchanged. Raises `TypeError` for a matrix, an
+    oriented bounding box or a joint.
     """
     if isinstance(value, Shape):
         return _moved(value, location)
@@ -117,7 +117,7 @@ def placed(value: Any, location: Location) -> Any:
 
 
 def _calling(function: Callable[..., Any], location: Location) -> Callable[..., Any]:
-    """Wrap `function` so that it is called in its own frame and its result is placed."""
+    """Wrap `function`: the call runs in the frame of the Thing, and `placed` transforms the return value."""
 
     @functools.wraps(function, updated=())
     def call(*args: Any, **kwargs: Any) -> Any:
@@ -127,7 +127,7 @@ def _calling(function: Callable[..., Any], location: Location) -> Callable[..., 
 
 
 def _location(location: object) -> Location:
-    """Return a location, or the location of a plane. Raises `TypeError` for anything else."""
+    """Return a location, or the location of a plane. Raises `TypeError` for other values."""
     if isinstance(location, Plane):
         location = location.location
     if not isinstance(location, Location):
@@ -138,8 +138,8 @@ def _location(location: object) -> Location:
 def _moved(shape: Shape[Any], location: Location) -> Shape[Any]:
     """Return a moved shape that shares its geometry with `shape`. Only the location is copied.
 
-    build123d's `moved` copies the whole topology, which takes some milliseconds for a servo; it is only used for shapes in an assembly
-    tree.
+    build123d's `moved` copies the whole topology, which takes some milliseconds for a servo. This function calls `moved` only for shapes in
+    an assembly tree.
     """
     if shape.parent is not None or shape.children or getattr(shape, "joints", None):
         return shape.moved(location)

@@ -19,7 +19,7 @@ _REST = re.compile(r":param\s+(?:[^:]*\s)?(\w+)\s*:\s*(.*)$")
 
 
 def argument_docs(docstring: str | None) -> dict[str, str]:
-    """Return the description of each argument as one line, by name; empty if the docstring has no such section."""
+    """Return the description of each argument as one line, by name. The result is empty if the docstring does not describe arguments."""
     if not docstring:
         return {}
     lines = inspect.cleandoc(docstring).split("\n")
@@ -34,7 +34,10 @@ def argument_docs(docstring: str | None) -> dict[str, str]:
 
 
 def _indented(lines: list[str], texts: dict[str, list[str]]) -> None:
-    """Read a Google section: entries at one indent, continued at a deeper one. It ends with the indent."""
+    """Read a Google section: entries have the same indent, and their continuation lines a deeper indent.
+
+    The section ends with the indent.
+    """
     indent: int | None = None
     entry: list[str] | None = None
     for line in lines:
@@ -54,7 +57,7 @@ def _indented(lines: list[str], texts: dict[str, list[str]]) -> None:
 
 
 def _numpy(lines: list[str], texts: dict[str, list[str]]) -> None:
-    """Read a numpy section: names at the margin, their text indented. It ends at the next underlined heading."""
+    """Read a numpy section: names at the margin, with indented descriptions. The section ends at the next underlined heading."""
     entries: list[list[str]] = []
     for number, line in enumerate(lines):
         if not line.strip():
@@ -71,7 +74,7 @@ def _numpy(lines: list[str], texts: dict[str, list[str]]) -> None:
 
 
 def _fields(lines: list[str], texts: dict[str, list[str]]) -> None:
-    """Read reST fields: `:param x: text`, continued by indented lines."""
+    """Read reST fields: `:param x: text` with indented continuation lines."""
     entry: list[str] | None = None
     for line in lines:
         match = _REST.match(line.strip())
@@ -102,13 +105,13 @@ class Signature:
         return tuple(parameter.name for parameter in self.parameters)
 
     def get(self, name: str) -> Parameter | None:
-        """Return the parameter of that name, or None."""
+        """Return the parameter with this name, or None."""
         return next((parameter for parameter in self.parameters if parameter.name == name), None)
 
     def bind(self, args: Sequence[object], kwargs: Mapping[str, object]) -> dict[str, Value]:
         """Return the canonical values of all parameters for a call, in the order of the signature.
 
-        Raises `CallError` for too many, unknown, repeated or missing arguments, `ParameterError` for an invalid value.
+        Raises `CallError` for too many, unknown, repeated or missing arguments, and `ParameterError` for an invalid value.
         """
         if len(args) > self.positional:
             raise self._error(
@@ -140,17 +143,20 @@ _look: Callable[[Callable[..., Any]], None] | None = None
 
 
 def install(look: Callable[[Callable[..., Any]], None]) -> None:
-    """Call `look` with every function whose parameters are read. The geometry worker calls it before it loads part modules."""
+    """Make `signature_of` call `look` with every function whose parameters it reads.
+
+    The geometry worker calls `install` before it loads part modules.
+    """
     global _look
     _look = look
 
 
 def signature_of(function: Callable[..., Any], owner: str, *, method: bool, strict: bool, docs: Sequence[str | None] = ()) -> Signature:
-    """Return the parameters of `function`. With `method`, its first argument is skipped.
+    """Return the parameters of `function`. If `method` is set, the first argument is skipped.
 
-    If `strict` (for a Thing), `SignatureError` is raised unless every argument can be a parameter. Otherwise (for a build123d class or a
-    plain function), `*args`, `**kwargs`, and arguments with a default that cannot be parameters are omitted. `docs` are docstrings that may
-    describe the arguments; later ones take precedence.
+    If `strict` (for a Thing), the function raises `SignatureError` unless every argument can be a parameter. Otherwise (for a build123d
+    class or a plain function), the result omits `*args`, `**kwargs`, and arguments with a default that cannot be parameters. `docs`
+    contains docstrings that may describe the arguments. Later docstrings take precedence.
     """
     if _look is not None:
         _look(function)
@@ -173,7 +179,7 @@ def signature_of(function: Callable[..., Any], owner: str, *, method: bool, stri
 
 
 def _parameter(function: Callable[..., Any], argument: inspect.Parameter, owner: str, doc: str) -> Parameter:
-    """Return an argument as a parameter, after checking its default. Raises `SignatureError` if it cannot be one."""
+    """Check the default of an argument and return the argument as a parameter. Raises `SignatureError` if it cannot be a parameter."""
     where = f"`{argument.name}` of `{owner}`"
     if argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD, argument.POSITIONAL_ONLY):
         stars = "*" * (argument.kind is argument.VAR_POSITIONAL) or "**" * (argument.kind is argument.VAR_KEYWORD)
@@ -205,7 +211,10 @@ def _parameter(function: Callable[..., Any], argument: inspect.Parameter, owner:
 
 
 def _kind_of_default(default: object, where: str) -> str:
-    """Return the kind of an argument without annotation. The default decides: number, text or flag; without a default it is a number."""
+    """Return the kind of an argument without annotation: number, text or flag, depending on the default.
+
+    Without a default, it is a number.
+    """
     if default is inspect.Parameter.empty:
         return "number"
     if isinstance(default, bool):
@@ -218,10 +227,12 @@ def _kind_of_default(default: object, where: str) -> str:
 
 
 def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
-    """Return an annotation. Text (`from __future__ import annotations`) is evaluated in the module where the function was written.
+    """Return an annotation.
 
-    The names of the parameter vocabulary are known even if they were only imported for type checkers. Raises `SignatureError` if the text
-    cannot be evaluated.
+    An annotation that is a string (`from __future__ import annotations`) is evaluated in the module of the function.
+
+    The annotation can use `Length`, `Angle` and similar names even if the module imports them only for type checkers. Raises
+    `SignatureError` if the string cannot be evaluated.
     """
     if not isinstance(annotation, str):
         return annotation

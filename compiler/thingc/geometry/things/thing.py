@@ -1,4 +1,4 @@
-"""The `Thing`: a parametric family of parts. Each member is made once and is immutable."""
+"""The `Thing`: a parametric family of parts. Each member is created once and is immutable."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ Number: TypeAlias = "float | tuple[float, str]"
 
 
 class Thing(Framed, metaclass=ThingType):
-    """A part: subclass it, give `__init__` the parameters, and assign geometry, frames and mounts to attributes there.
+    """A part. To define a part, write a subclass whose `__init__` has the parameters and assigns geometry, frames and mounts to attributes.
 
     `__init__` calls `super().__init__(material="petg")`. Material and colour (a CSS name or `#rrggbb`) are optional defaults, which a
     document may override. The arguments of the subclass's own `__init__` are the parameters. Annotate them with `Length`, `Angle`, `Mass`,
-    `Count`, `Ratio`, `float`, `int`, `bool`, `str` or `Literal[...]`. Without annotation, the default decides between a plain number, text
-    or flag. Arguments are checked before `__init__` runs (`ParameterError`) and passed in canonical form (60 as 60.0). The same class with
-    the same parameters gives the same object, which is immutable after `__init__`.
+    `Count`, `Ratio`, `float`, `int`, `bool`, `str` or `Literal[...]`. Without annotation, the default determines whether the parameter is a
+    plain number, a string or a flag. Arguments are checked before `__init__` runs (`ParameterError`), and `__init__` receives them in
+    canonical form (60 as 60.0). The same class with the same parameters gives the same object, which is immutable after `__init__`.
     """
 
     bom: Mapping[str, str] = MappingProxyType({})
     """Entries for the bill of materials: `number`, `supplier`, `cost`, `make` (`buy | print | machine`)."""
     print: Mapping[str, Sequence[float]] = MappingProxyType({})
-    """Print settings of the part: `up` is the direction away from the bed, three numbers in the Thing's axes. Default: as modelled."""
+    """Print settings of the part: `up` is the direction away from the bed, three numbers in the Thing's axes. By default, z is up."""
     actuator: Actuator | None = None
     """The actuator of a joint that names this part as its drive."""
     _construction: Construction
@@ -53,16 +53,16 @@ class Thing(Framed, metaclass=ThingType):
 
     @property
     def p(self) -> Parameters:
-        """The parameters by name, in author units: `self.p.length`. Parameters of parent classes are included."""
+        """The parameters by name, in author units: `self.p.length`. Parameters of parent classes are also available."""
         return Parameters(type(self).__name__, self._construction)
 
     @property
     def origin(self) -> MountPoint:
-        """The part's own frame as a mount, which every part has (in a moved view: the place of the Thing)."""
+        """The part's own frame as a mount. Every part has this mount. In a moved view, it is at the place of the Thing."""
         return origin_of(self)
 
     def move(self, location: Location) -> Self:
-        """Return a soft-moved view with the Thing's frame at `location` [mm], for construction: see `TransformResolver`.
+        """Return a soft-moved view with the Thing's frame at `location` [mm], for construction (see `TransformResolver`).
 
         For type checkers the result has the Thing's own type, so they can check `XM430().move(loc).horn`.
         """
@@ -72,18 +72,18 @@ class Thing(Framed, metaclass=ThingType):
     def adjust(self, **changes: float | bool | str) -> Self:
         """Return the Thing of the same class with changed parameters: `depth=30`, `width__add=0.2`, `height__mul=1.02`.
 
-        A parameter of a parent class that this class sets can also be changed: the class stays the same, and the parent's `__init__` runs
-        with the changed value. Raises `ParameterError` for an invalid value, `CallError` for an unknown name.
+        `adjust` can also change a parameter of a parent class that this class sets: the class stays the same, and the parent's `__init__`
+        runs with the changed value. Raises `ParameterError` for an invalid value, `CallError` for an unknown name.
         """
         self._must_be_finished("adjust")
         return cast("Self", adjusted(self, changes))
 
     def result(self) -> Geometry:
-        """Return the solid geometry of the part in the Thing's frame [mm]; None for a part without geometry."""
+        """Return the solid geometry of the part in the Thing's frame [mm], or None for a part without geometry."""
         return None
 
     def mass(self) -> Number | None:
-        """Return the mass [kg] if a better value than density times volume is known, else None."""
+        """Return the mass [kg] if a better value than density times volume is known, otherwise None."""
         return None
 
     def centre(self) -> Sequence[float] | Any | None:
@@ -95,15 +95,15 @@ class Thing(Framed, metaclass=ThingType):
         return None
 
     def density(self) -> Number | None:
-        """Return the density [kg/m^3]; None for the density of the material."""
+        """Return the density [kg/m^3], or None to use the density of the material."""
         return None
 
     def collision(self) -> Geometry:
-        """Return convex shapes that replace the result for collisions, for `collision: part`; None if there are none."""
+        """Return convex shapes that replace the result for collisions (`collision: part`), or None if there are no such shapes."""
         return None
 
     def visual(self) -> Geometry:
-        """Return the geometry to display instead of the result; None to display the result."""
+        """Return the geometry to display instead of the result, or None to display the result."""
         return None
 
     def envelope(self) -> Geometry:

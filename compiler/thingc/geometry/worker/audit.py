@@ -1,4 +1,4 @@
-"""Python audit hooks, used to observe part code. A hook cannot be removed, so each process has only one."""
+"""Python audit hooks to observe part code. A hook cannot be removed, so each process has only one hook."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _hooked = False
 def listen(events: tuple[str, ...], handler: Handler) -> None:
     """Call `handler(event, arguments)` for these events, after earlier handlers.
 
-    If the handler raises an exception, the audited function raises it instead of running.
+    If the handler raises an exception, the audited function does not run and raises this exception.
     """
     global _hooked
     for event in events:

@@ -1,4 +1,4 @@
-"""The output of part code, written to the part's own folder immediately, so that it is available even if the part crashes."""
+"""The output of part code. It is written to the part's own folder immediately, so that it is available even if the part crashes."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 
 NAME = "printed"
 MOST = 64 * 1024
-"""Limit of bytes of a part's output that are stored."""
+"""Maximum number of bytes of a part's output that are stored."""
 SHOWN = 40
-"""Limit of lines of output that are shown. If there are more, the first and the last half of this number are shown."""
+"""Maximum number of lines of output that are shown. For longer output, half of these lines are from the beginning, half from the end."""
 WIDTH = 400
-"""Limit of characters of a line that are shown."""
+"""Maximum number of characters of a line that are shown."""
 
 
 class _Kept(io.RawIOBase):
-    """A file with the first `MOST` bytes of output, created with the first byte. Failures are ignored."""
+    """A file with the first `MOST` bytes of output. The first write creates the file. Errors are ignored."""
 
     def __init__(self, path: str) -> None:
         self._path = path
@@ -32,7 +32,10 @@ class _Kept(io.RawIOBase):
         return True
 
     def fileno(self) -> int:
-        """Return the descriptor of the process's standard error, for programs that the part starts. Their output is not stored."""
+        """Return the descriptor of the process's standard error, for programs that the part starts.
+
+        The output of these programs is not stored.
+        """
         return 2
 
     def write(self, data: Buffer, /) -> int:
@@ -55,11 +58,11 @@ def keep(folder: str) -> Iterator[None]:
 def lines_of(folder: str) -> list[str]:
     """Return the stored lines, shortened for display.
 
-    The part must have ended. If the part replaced the file by something that is not a regular file, it is not read.
+    The part must have ended. If the part replaced the file by an object that is not a regular file, the object is not read.
     """
     try:
         descriptor = os.open(os.path.join(folder, NAME), os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
-    except OSError:  # nothing was printed
+    except OSError:  # the part did not print any output
         return []
     with open(descriptor, "rb") as stream:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):

@@ -1,6 +1,7 @@
-"""Child processes: one is forked for each request, on systems that can fork.
+"""Child processes: on systems that can fork, the server forks a child process for each request.
 
-Part code can end only its own process and change files only in its own folder. Processes that it starts are ended with it.
+Part code can end only its own process and change files only in its own folder. If the process ends, the server also ends the processes that
+the part started.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ from thingc.geometry.worker.sandbox import PROCESSES, confine
 from thingc.geometry.worker.scratch import settle
 
 KEPT = 8192
-"""Bytes at the end of a child's standard error that are read."""
+"""Number of bytes to read from the end of a child's standard error."""
 FAREWELL = 1.0
-"""Time [s] that processes started by a child have to end after the child has ended."""
+"""Time limit [s] for the processes of a child to end after the child has ended."""
 HELPERS = ("from multiprocessing.resource_tracker import", "from multiprocessing.forkserver import")
-"""Texts in the command lines of Python's helper processes, which end with the process that uses them."""
+"""Strings in the command lines of Python's helper processes, which end together with the process that uses them."""
 LAST_WORDS = 3.0
-"""Time [s] for a child to end by itself and to write its traceback."""
+"""Time limit [s] for a child to write its traceback and to end by itself."""
 WATCH = 0.05
 """Interval [s] at which children and the number of their processes are checked."""
 ANSWER = 200_000_000
@@ -48,9 +49,9 @@ _PARENT_DEATH_SIGNAL = 1
 class Child:
     """A running child.
 
-    `request` is the request that it got (empty: none yet), `process` its process id (leader of its own group), `asking` the pipe for the
-    request (-1: sent), `pipe` the pipe for the answer, `errors` its standard error, `scratch` its folder. `status` is its wait status, if
-    known.
+    `request` is the request of the child (empty before a request is sent), `process` its process id (it leads its own process group),
+    `asking` the pipe for the request (-1 after the request is sent), `pipe` the pipe for the answer, `errors` its standard error, and
+    `scratch` its folder. `status` is the wait status, if known.
     """
 
     request: Mapping[str, Any]
@@ -68,7 +69,7 @@ class Child:
         self.request = request
         self.deadline = time.monotonic() + float(request["timeout"])
         line = json.dumps(request).encode()
-        with contextlib.suppress(OSError):  # the child may have ended, which is detected elsewhere
+        with contextlib.suppress(OSError):  # the child may have ended; another method detects this
             while line:
                 line = line[os.write(self.asking, line) :]
         self._close_asking()
@@ -98,7 +99,7 @@ class Child:
         return {"id": self.request["id"], **json.loads(self.received)}
 
     def stop(self) -> bool:
-        """Stop the child. Return True if it has no child processes, which might still run."""
+        """Stop the child. Return True if the child does not have child processes."""
         self._kill(signal.SIGSTOP)
         return not process_tree.descendants(self.process)
 
@@ -117,7 +118,7 @@ class Child:
         return "crashed" if self._ended() else None
 
     def wait(self) -> dict[str, Any]:
-        """Wait until the child answers or must be ended, end it, and return the answer as `end` does."""
+        """Wait until the child answers or must be ended. End the child, and return the answer as `end` does."""
         over = None
         while not self.answered and over is None:
             if not select.select([self.pipe], [], [], WATCH)[0]:
@@ -131,7 +132,7 @@ class Child:
 
         Return the answer for the client.
 
-        `over` is the reason for ending it without an answer.
+        `over` is the reason for ending the child without an answer.
         """
         number = {"id": self.request.get("id")}
         if not self.answered and over in (None, "crashed"):
@@ -164,7 +165,10 @@ class Child:
         return {**number, "failed": "crashed", "words": in_words(self.status), "detail": tail}
 
     def _end_processes(self, others: Collection[int]) -> list[str]:
-        """Kill the child and all that it has started. Return the command lines of processes that were still running after an answer."""
+        """Kill the child and all processes that it started.
+
+        Return the command lines of processes that were still running after an answer.
+        """
         started = process_tree.alive(process_tree.descendants(self.process)) if self.answered else []
         own, words = process_tree.command(self.process), {one: process_tree.command(one) for one in started}
         self._kill(signal.SIGKILL)
@@ -177,7 +181,7 @@ class Child:
         return ["" if words[one] == own else words[one] for one in left if not any(text in words[one] for text in HELPERS)]
 
     def _kill(self, number: signal.Signals) -> None:
-        if self.status is None:  # otherwise another process may have the same id by now
+        if self.status is None:  # otherwise, another process may already have the same id
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.process, number)
 
@@ -209,7 +213,7 @@ def in_words(status: int | None) -> str:
 
 
 def kill_group(process: int) -> None:
-    """Kill the process group that a child leads or has led."""
+    """Kill the process group of a child, even if the child has ended."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process, signal.SIGKILL)
 
@@ -232,10 +236,10 @@ def start(
     run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: Sequence[int],
     readable: Sequence[str] | None = None,
 ) -> Child:
-    """Fork a child that waits for a request (`Child.ask`), runs `run(request)`, writes the answer as one line, and waits to be ended.
+    """Fork a child. It waits for a request (`Child.ask`), calls `run(request)`, writes the answer as one line, and waits until it is ended.
 
-    `scratch` is the only folder in which it may change files. `nice` is its scheduling priority, `close` are descriptors that it closes,
-    and `readable` is passed to `confine`.
+    `scratch` is the only folder in which the child may change files. `nice` is the scheduling priority, `close` contains the descriptors
+    that the child closes, and `readable` is passed to `confine`.
     """
     reader, writer = os.pipe()
     asked, asking = os.pipe()
@@ -245,7 +249,7 @@ def start(
     if process == 0:
         status = 1
         try:
-            os.setsid()  # also detaches it from the terminal, so that it cannot send input to it
+            os.setsid()  # this call also detaches the child from the terminal, so that it cannot send input to the terminal
             if sys.platform != "linux":
                 _watch(server)
             die_with_parent(server)
@@ -262,7 +266,7 @@ def start(
             while answer:
                 answer = answer[os.write(writer, answer) :]
             status = 0
-            while os.getppid() == server:  # as long as it lives, the processes that it started can be found
+            while os.getppid() == server:  # while the child is alive, the processes that it started can be found
                 signal.pause()
         except BaseException as fault:
             import traceback

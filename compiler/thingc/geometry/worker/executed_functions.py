@@ -1,8 +1,8 @@
 """Record which functions of the authors' code have run.
 
-Their source is compiled with a mark at the beginning of each function that `source_reader.functions` returns. The mark is an assignment
-that stores the file and number of the function, which takes less than a tenth of a microsecond. A profiler would also be called for every
-function of build123d, and a function call as mark would count towards Python's recursion limit.
+The compiled code has a mark at the beginning of each function that `source_reader.functions` returns. The mark is an assignment that stores
+the file and number of the function, which takes less than a tenth of a microsecond. Alternatives are worse: Python would also call a
+profiler for every function of build123d, and a mark that is a function call would count towards Python's recursion limit.
 """
 
 from __future__ import annotations
@@ -25,15 +25,18 @@ _marked: set[tuple[str, str]] = set()
 
 
 def install() -> None:
-    """Define the name that the marks write to. Call it once per process, before part modules are loaded; children inherit it."""
+    """Define the variable that the marks write to. Call this function once per process, before part modules are loaded.
+
+    Children inherit the variable.
+    """
     setattr(builtins, _NAME, _noted)
     signature.install(_look_at)
 
 
 def compiled(source: bytes, file: str, sha256: str) -> types.CodeType:
-    """Return the code of a source file whose content is `sha256`, with marks in its functions.
+    """Compile a source file with the content hash `sha256`, and return the code with marks in its functions.
 
-    Code that may inspect functions, or is nested too deeply, has no marks. Raises the exceptions of `compile`.
+    Code that may inspect functions, or is nested too deeply, does not get marks. Raises the exceptions of `compile`.
     """
     if LOOKING.search(source) is None:
         try:
@@ -64,7 +67,7 @@ def begin() -> None:
 
 
 def of(files: Iterable[str], hashes: Mapping[str, str]) -> dict[str, list[int] | None]:
-    """Return for each loaded file the sorted numbers of functions that ran or whose defaults were read; None for files without marks."""
+    """Return for each loaded file the sorted numbers of functions that ran or whose defaults were read, or None for files without marks."""
     return {file: sorted(number for one, number in _noted if one == file) if (file, hashes[file]) in _marked else None for file in files}
 
 

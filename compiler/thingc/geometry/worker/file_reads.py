@@ -1,15 +1,16 @@
 """Record which files a part reads while its code runs.
 
 Python's audit hook reports files that Python opens and folders that it lists. Wrappers of the kernel's readers report files that C++ opens.
-A wrapper of `os.stat` reports files that were looked for and not found. `thingc.asset` reports its own files. The recorded value is the
-state of a file when it was first seen (`key/file_states.py`).
+A wrapper of `os.stat` reports searches for files that do not exist. `thingc.asset` reports its own files. The recorded value is the state
+of the file at its first use (`key/file_states.py`).
 
-Paths inside the workspace are stored relative to it, others (a font, a shared library of shapes) as absolute paths. Files of installed
-packages, of Python and of thingc count by version. Files that the part wrote itself do not count. Other modules count by their source, even
-if Python read the compiled file. A code file that is in the key counts only if the part reads it as text.
+Paths inside the workspace are stored relative to the workspace, other paths (a font, a shared library of shapes) as absolute paths. For
+files of installed packages, of Python and of thingc, the key contains versions instead. Files that the part wrote itself do not count. For
+other modules, the source counts, even if Python read the compiled file. A code file that is in the key counts only if the part reads it as
+text.
 
-Two things do not count, because they would make a record valid on one machine only: how Python and thingc look for modules (the key of the
-code covers the result), and the existence of the folders above the workspace.
+Two kinds of reads do not count, because they would make a record valid on only one machine: searches of Python and thingc for modules (the
+key of the code covers the result), and checks whether the folders above the workspace exist.
 """
 
 from __future__ import annotations
@@ -35,10 +36,10 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
 class FileReadRecorder:
-    """Records reads from `start` to `stop`. At most one per process is active.
+    """Records reads from `start` to `stop`. At most one recorder per process is active.
 
-    Paths are stored relative to the absolute folder `workspace`. Files under `excluded` (absolute) never count. Files of code that is in
-    the key (`keyed`, absolute) do not count when Python loads them.
+    Paths are stored relative to the absolute folder `workspace`. Files in `excluded` folders (absolute) never count. Code files in the key
+    (`keyed`, absolute) do not count when Python loads them.
     """
 
     def __init__(self, workspace: str, excluded: Iterable[str] = (), keyed: Container[str] = ()) -> None:
@@ -64,7 +65,10 @@ class FileReadRecorder:
             _listening.remove(self)
 
     def note(self, path: Any, *, listed: bool = False, opened: bool = True) -> None:
-        """Record that a file was read, or only looked for (`opened` False). With `listed`, record that a folder was listed."""
+        """Record that the part read a file, or only checked its existence (`opened` False).
+
+        With `listed`, record that the part listed a folder.
+        """
         if not self._on or self._busy:
             return
         full = _absolute(path)
@@ -80,7 +84,7 @@ class FileReadRecorder:
         held = self.states.get(full)
         if held is not None and not (listed and held == "folder"):
             return
-        with self._quietly():  # the lookups here must not be recorded
+        with self._quietly():  # do not record the lookups of this method
             if os.path.realpath(full).startswith(self._excluded):
                 return
             state = state_of(full, listed=listed)
@@ -88,15 +92,15 @@ class FileReadRecorder:
                 self.states[full] = state
 
     def leaves_out(self, path: str) -> bool:
-        """Return whether a file (by its absolute path, links not resolved) counts by version or is ignored."""
+        """Return whether a file is ignored or covered by a version. The path is absolute, and links are not resolved."""
         return (path + os.sep).startswith(self._excluded)
 
     def note_written(self, path: Any) -> None:
-        """Record that the part is about to write a file or create a folder; reading these later does not count."""
+        """Record that the part is about to write a file or create a folder. Later reads of this file or folder do not count."""
         full = _absolute(path)
         if full is None or self.states.get(full, "absent") != "absent":
             return
-        self.states.pop(full, None)  # it was recorded as absent because the part had not written it yet
+        self.states.pop(full, None)  # the file was recorded as absent, because the part had not written it yet
         self._written.add(full)
 
     def _is_own(self, path: str) -> bool:
@@ -108,11 +112,11 @@ class FileReadRecorder:
         return True
 
     def reads(self) -> list[tuple[str, str]]:
-        """Return `(path, state)` of everything read, sorted."""
+        """Return the sorted `(path, state)` of all reads."""
         return sorted((self.relative(path), state) for path, state in self.states.items())
 
     def relative(self, path: str) -> str:
-        """Return the path relative to the workspace, with `/`; a path outside of it is unchanged."""
+        """Return the path relative to the workspace, with `/`. A path outside of the workspace is unchanged."""
         if path.startswith(self.workspace):
             return path[len(self.workspace) :].replace(os.sep, "/")
         return "." if os.path.join(path, "") == self.workspace else path
@@ -136,8 +140,8 @@ def _absolute(path: Any) -> str | None:
 
 
 def _with_versions() -> tuple[str, ...]:
-    """Return the folders whose files count by version: the folders of Python, of installed packages, and of thingc."""
-    archives = [entry for entry in sys.path if entry and not os.path.isdir(entry)]  # Python's own archives, whether they exist or not
+    """Return the folders whose files are covered by versions: the folders of Python, of installed packages, and of thingc."""
+    archives = [entry for entry in sys.path if entry and not os.path.isdir(entry)]  # Python's own archives, even if they do not exist
     return tuple({os.path.join(folder, "") for folder in (*installed_roots(), *archives, OWN_FOLDER, os.path.realpath(OWN_FOLDER))})
 
 
@@ -146,14 +150,17 @@ _last_before = ""
 
 
 def remember_loaded() -> None:
-    """Record the modules that this process has loaded. Call it before forking: reading them in a child would copy their memory pages."""
+    """Record the modules that this process has loaded.
+
+    Call this function before a fork, because reading the modules in a child would copy memory pages.
+    """
     global _last_before
     _loaded_before.update(_loaded_since())
     _last_before = next(reversed(sys.modules))
 
 
 def loaded_files() -> list[str]:
-    """Return the sorted files of all modules that this process has loaded, except files that count by version."""
+    """Return the sorted files of all modules that this process has loaded, except files that are covered by versions."""
     return sorted(_loaded_before | _loaded_since())
 
 
@@ -200,7 +207,7 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _wrap_looking() -> None:
-    """Wrap functions of `os` such as those behind `os.path.exists`, which raise no audit event: a missing file may appear later."""
+    """Wrap functions of `os` that check the existence of files without an audit event, because a missing file may appear later."""
     for name in ("stat", "lstat", "access"):
         setattr(os, name, _looking(getattr(os, name)))
 
@@ -225,7 +232,10 @@ def _looks_for_modules() -> bool:
 
 
 def _loads() -> bool:
-    """Return whether Python or thingc, and not the part, reads a file. The nearest frame outside of Python's own code decides."""
+    """Return whether Python or thingc, and not the part, reads a file.
+
+    The result depends on the nearest frame outside of Python's own code.
+    """
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         name = str(frame.f_globals.get("__name__"))
@@ -252,14 +262,14 @@ _KERNEL_READERS = (
     ("OCP.BinTools", "BinTools", "Read_s"),
     ("OCP.RWStl", "RWStl", "ReadFile_s"),
 )
-"""Readers that part code can use without build123d: class and method. Any text argument of the method may be a file."""
+"""Readers that part code can use without build123d: class and method. Any string argument of the method may be a file."""
 
 
 def wrap_importers() -> None:
     """Wrap all functions that read files into the kernel, and the exporters of build123d.
 
-    The readers then report to the active recorder, and the exporters raise the audit event of opening a file. Call it once per process,
-    before part modules are loaded, because they may contain `from build123d import *`. Children inherit the wrappers.
+    The readers then report to the active recorder, and the exporters raise the audit event of opening a file. Call this function once per
+    process, before part modules are loaded, because these modules may contain `from build123d import *`. Children inherit the wrappers.
     """
     import importlib
 
@@ -286,12 +296,12 @@ def wrap_importers() -> None:
             static = method.endswith("_s")
             telling = _telling(original, None)
             setattr(owner, method, staticmethod(telling) if static else telling)
-        except (ImportError, AttributeError, TypeError):  # this kernel does not have it, or it cannot be wrapped
+        except (ImportError, AttributeError, TypeError):  # the kernel does not have this method, or it cannot be wrapped
             continue
 
 
 def _telling(function: Callable[..., Any], position: int | None) -> Callable[..., Any]:
-    """Wrap `function` to record its file first: the argument at `position`, or (None) any argument that is a path."""
+    """Wrap `function` to record its file before the call. The file is the argument at `position`, or any argument that is a path (None)."""
 
     @functools.wraps(function)
     def telling(*arguments: Any, **options: Any) -> Any:
@@ -306,7 +316,7 @@ def _telling(function: Callable[..., Any], position: int | None) -> Callable[...
 
 
 def _announcing(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrap `function` to raise the audit event of opening a file. Its second argument is the file that it writes, or a stream."""
+    """Wrap `function` to raise the audit event of opening a file. The second argument of `function` is the file to write, or a stream."""
 
     @functools.wraps(function)
     def announcing(*arguments: Any, **options: Any) -> Any:

@@ -1,9 +1,9 @@
 """Record the impure inputs of a part: the environment, the clock, random numbers, other processes, the network.
 
-A part is built once and cached, so an impure input keeps the value that it had in the first build. Processes and connections raise audit
-events; the functions for the other inputs are wrapped, once per worker and before part code is loaded. An input is reported at the line of
-the author's code that causes it: the nearest frame outside of installed packages must be the author's. Inputs that Python itself needs (for
-an import, a log record, the name of a temporary file) do not count.
+A part is built once and cached, so the record always contains the value of an impure input in the first build. Processes and connections
+raise audit events. The functions for other inputs are wrapped once per worker, before part code is loaded. An input is reported at the line
+of the author's code that causes the input: the nearest frame outside of installed packages must be in the author's code. Inputs that Python
+itself needs (for an import, a log record, the name of a temporary file) do not count.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from thingc.geometry.record import ImpureInputs, PartWarning
 from thingc.geometry.worker import audit
 
 MACHINERY = frozenset({"importlib", "logging", "tempfile", "threading", "warnings"})
-"""Modules whose own impure inputs do not affect a part."""
+"""Modules of Python whose impure inputs do not affect a part."""
 
 
 class ImpureInputRecorder:
@@ -43,7 +43,7 @@ class ImpureInputRecorder:
 
     @property
     def found(self) -> tuple[PartWarning, ...]:
-        """The recorded inputs in order, each only once per line."""
+        """The recorded inputs in order, without duplicates on the same line."""
         return tuple(self._found)
 
     def start(self) -> None:
@@ -67,7 +67,7 @@ class ImpureInputRecorder:
             self.start()
 
     def note(self, what: ImpureInputs, message: str, frame: FrameType | None) -> bool:
-        """Record an input of `frame`. Return False if the part did not cause it."""
+        """Record an input of `frame`. Return False if the part did not cause the input."""
         while frame is not None:
             file = frame.f_code.co_filename
             if self._own(file):
@@ -89,7 +89,8 @@ def _ask(what: ImpureInputs, message: str) -> bool:
 def install() -> None:
     """Wrap the functions for impure inputs.
 
-    Call it once per process, before part modules are loaded, because they may contain `from time import time`. Children inherit it.
+    Call this function once per process, before part modules are loaded, because these modules may contain `from time import time`. Children
+    inherit the wrappers.
     """
     _wrap_environment()
     _wrap_clock()
@@ -148,7 +149,7 @@ def _wrap_environment() -> None:
     def getitem(self: Any, key: Any) -> Any:
         try:
             return original(self, key)
-        except KeyError as fault:  # existing variables are fixed, or set by the part itself
+        except KeyError as fault:  # existing variables have fixed values, or the part itself set them
             name = _name_text(key)
             if _ask(ImpureInputs.ENVIRONMENT, f"reads the environment variable `{name}`, which parts do not have"):
                 fault.add_note(f"the environment of a part is fixed and does not contain `{name}`")
@@ -186,7 +187,7 @@ def _asking_clock(function: Callable[..., Any], count: int) -> Callable[..., Any
 
 
 def builtins_for(code: types.CodeType) -> Mapping[str, Any] | None:
-    """Return the builtins for a module that may read the clock through `datetime`; None if the normal builtins can be used.
+    """Return the builtins for a module that may read the clock through `datetime`. Return None if the module can use the normal builtins.
 
     The classes of `datetime` cannot be wrapped globally, because compiled packages refer to them directly. Instead, such a module imports
     another `datetime`.
@@ -214,7 +215,7 @@ def _builtins() -> Mapping[str, Any]:
 
 
 def _telling_time(real: Any, names: Sequence[str]) -> type:
-    """Return a class to replace `datetime.date` or `datetime.datetime`; `names` are its methods that read the clock."""
+    """Return a class to replace `datetime.date` or `datetime.datetime`. `names` contains the methods that read the clock."""
 
     def new(cls: Any, *arguments: Any, **options: Any) -> Any:
         return real.__new__(real if cls is stand_in else cls, *arguments, **options)
@@ -231,7 +232,7 @@ def _telling_time(real: Any, names: Sequence[str]) -> type:
 
 
 def _stand_in(real: Any, new: Callable[..., Any], body: Mapping[str, Any]) -> type:
-    """Return a class to replace `real`. `new` makes the instances; instances of `real` count as its instances."""
+    """Return a class to replace `real`. `new` creates the instances. Instances of `real` count as instances of the new class."""
 
     class _ClockClass(type):
         def __instancecheck__(cls, value: Any) -> bool:
@@ -283,7 +284,7 @@ def _drawing(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _wrap_global(module: types.ModuleType, of_global: Callable[[Any], bool]) -> None:
-    """Wrap the functions of a module that use its global generator. They are recorded unless the part has seeded the generator."""
+    """Wrap the functions of a module that use its global generator. Calls are recorded unless the part has seeded the generator."""
     for name, function in list(vars(module).items()):
         if name not in _LOOKING and callable(function) and not isinstance(function, type) and of_global(function):
             setattr(module, name, _of_global(module.__name__, name, function))
@@ -305,8 +306,8 @@ def _of_global(module: str, name: str, function: Callable[..., Any]) -> Callable
 def _wrap_numpy(module: types.ModuleType) -> None:
     """Wrap the legacy generator of `numpy.random`.
 
-    This wraps the functions that draw from the global generator, the generator itself, which libraries use by default, and its class, which
-    draws a seed before it uses the given one.
+    The wrappers are for the functions that draw from the global generator, for the generator itself, which libraries use by default, and
+    for its class, which draws a seed even if the caller passes a seed.
     """
     mtrand = module.mtrand
     real = mtrand.RandomState

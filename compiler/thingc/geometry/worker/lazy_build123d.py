@@ -1,9 +1,9 @@
 """Make `import build123d` fast: packages that parts seldom need are imported when they are first used.
 
-`import build123d` imports scikit-learn, scipy, ezdxf, lib3mf, svgpathtools and more, for functions that few parts call. They take over half
-of its time, and 150 MB. During this import, their names are bound to placeholders. The first use of a placeholder imports the real package
-and replaces all its placeholders in build123d by the real objects. After the import, other code gets no placeholders: `import scipy` in a
-part file imports the real package.
+`import build123d` imports scikit-learn, scipy, ezdxf, lib3mf, svgpathtools and more, for functions that few parts call. These imports take
+over half of the time of `import build123d`, and 150 MB of memory. During `import build123d`, the names of these packages are bound to
+placeholders. The first use of a placeholder imports the real package and replaces all its placeholders in build123d by the real objects.
+After `import build123d`, other code does not get placeholders: `import scipy` in a part file imports the real package.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class _Session:
         self.sites: dict[str, list[Callable[[], None]]] = {}
 
     def settle(self, package: str) -> None:
-        """Import `package` and replace its placeholders wherever they were found."""
+        """Import `package` and replace its placeholders at all recorded places."""
         if package in self.settled:
             return
         self.settled.add(package)
@@ -95,7 +95,7 @@ class _StandIn(types.ModuleType):
 
 
 def real(value: Any) -> Any:
-    """Return the real object of a placeholder, after importing it. Any other value is returned unchanged."""
+    """Import and return the real object of a placeholder. Return any other value unchanged."""
     if isinstance(value, _StandIn):
         value._session.settle(value.__name__.partition(".")[0])
         return importlib.import_module(value.__name__)
@@ -119,7 +119,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         self.made: list[str] = []
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
-        """Return the spec of a placeholder for a deferred package; None for other packages."""
+        """Return the spec of a placeholder for a deferred package, or None for other packages."""
         if fullname.partition(".")[0] not in self.session.packages:
             return None
         return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
@@ -137,8 +137,8 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 def import_cheaply(name: str, packages: frozenset[str] = SELDOM_USED) -> types.ModuleType:
     """Import module `name`, deferring `packages` until they are used.
 
-    Packages that are already imported are unchanged. If the import fails, everything that it imported is removed, and `name` is imported
-    normally, which may raise the same exception.
+    Packages that are already imported are unchanged. If the import fails, the function removes all modules of the failed import and imports
+    `name` normally, which may raise the same exception.
     """
     absent = frozenset(package for package in packages if package not in sys.modules)
     session = _Session(absent)
@@ -208,7 +208,7 @@ def _refill(table: dict[Any, Any]) -> None:
 
 
 def _settling(session: _Session, function: types.FunctionType, packages: Sequence[str]) -> Callable[..., Any]:
-    """Wrap `function` to first replace the placeholders among its own defaults."""
+    """Wrap `function` to replace the placeholders among its own defaults before the call."""
 
     @functools.wraps(function)
     def settled(*args: Any, **kwargs: Any) -> Any:

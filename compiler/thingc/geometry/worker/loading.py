@@ -1,4 +1,4 @@
-"""Load part modules in the worker: from the workspace's part folders, never from the current folder."""
+"""Load part modules in the worker from the part folders of the workspace. The current folder is not searched."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ from thingc.geometry.worker import executed_functions
 from thingc.geometry.worker.impure_inputs import builtins_for
 
 _compiled: dict[tuple[str, str], types.CodeType] = {}
-"""Code objects by file and the SHA-256 of its source, compiled once in the server and inherited by its children."""
+"""Code objects by file and the SHA-256 of its source. The server compiles each file once, and its children inherit the code objects."""
 
 
 def compile_ahead(file: str, sha256: str | None) -> bool:
-    """Compile a source file whose content is `sha256` (None: any content), without running it. Return True if it was not compiled before.
+    """Compile a source file with the content hash `sha256` (None: any content), without running the code.
 
-    Errors are ignored here: the import reports them.
+    Return False if it was already compiled.
+
+    The function ignores errors, because the import reports them.
     """
     import hashlib
 
@@ -33,7 +35,7 @@ def compile_ahead(file: str, sha256: str | None) -> bool:
         digest = hashlib.sha256(source).hexdigest()
         if sha256 in (digest, None) and (file, digest) not in _compiled:
             _compiled[file, digest] = executed_functions.compiled(source, file, digest)
-            builtins_for(_compiled[file, digest])  # this result is cached
+            builtins_for(_compiled[file, digest])  # the next import uses this cached result
             return True
     except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
         pass
@@ -41,11 +43,11 @@ def compile_ahead(file: str, sha256: str | None) -> bool:
 
 
 class PartImporter(importlib.abc.MetaPathFinder):
-    """Finds the modules of the part folders as the client's `Finder` does, so that a name refers to the same file for both.
+    """Finds the modules of the part folders in the same way as the client's `Finder`, so that a name refers to the same file for both.
 
-    `loaded` collects the files of the modules that were found, by name. `hashes` are the SHA-256 of files as the client read them. A folder
-    without `__init__.py` is a package only if the client found it in part code (`plain`). For example, a library that tries `import dask`
-    must not find the user's folder of that name.
+    `loaded` collects the files of the modules that were found, by name. `hashes` contains the SHA-256 of the files that the client read. A
+    folder without `__init__.py` is a package only if the client found it in part code (`plain`). For example, a library that tries `import
+    dask` must not find the user's folder of that name.
     """
 
     of_parts = True
@@ -57,7 +59,7 @@ class PartImporter(importlib.abc.MetaPathFinder):
         self.loaded: dict[str, str] = {}
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
-        """Return the spec of a content-tracked module; None to let Python find the module."""
+        """Return the spec of a content-tracked module, or None to let Python find the module."""
         module = self.finder.find(fullname)
         if module.kind != "content":
             return None
@@ -74,7 +76,7 @@ class PartImporter(importlib.abc.MetaPathFinder):
         )
 
     def install(self) -> None:
-        """Insert this finder before Python's own. It does not find protected names (see `modules`)."""
+        """Insert this finder before Python's own finders. This finder does not find protected names (see `modules`)."""
         sys.meta_path.insert(0, self)
 
     def remove(self) -> None:
@@ -92,7 +94,7 @@ class _PartLoader(importlib.machinery.SourceFileLoader):
         self.sha256 = sha256
 
     def exec_module(self, module: types.ModuleType) -> None:
-        """Run the module, with the builtins that it requires."""
+        """Run the module with the builtins that the module requires."""
         code = self.get_code(module.__name__)
         own = builtins_for(code) if code is not None else None
         if own is not None:

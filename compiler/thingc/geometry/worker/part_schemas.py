@@ -1,4 +1,4 @@
-"""Describe part classes in a child of the worker: their parameters and other facts that the class itself has."""
+"""Describe part classes in a child of the worker: their parameters and other facts that do not require building a part."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from thingc.geometry.worker.part_session import NoPart, PartSession, RequestCont
 def describe(references: Sequence[str], placed: Collection[str], around: RequestContext) -> dict[str, Any]:
     """Return schemas (or failures) of part classes of one module: `{"answers": {reference: ...}, "reads": [...]}`.
 
-    The place of a class in `placed` is already known; it is not determined again, because that is slow.
+    The place of a class in `placed` is already known, and the function does not search for it, because the search is slow.
     """
     answers: dict[str, Any] = {}
     mentioned: list[str | None] = []
@@ -62,7 +62,7 @@ def _code_location(part: Any, kind: str) -> tuple[str, int]:
 def _default_material(part: Any) -> str | None:
     """Return the material that the class passes to `super().__init__(material="petg")`, read from its source code.
 
-    Return None if it is not a literal. The record contains the material in any case.
+    Return None if the argument is not a literal. The record always contains the material.
     """
     from thingc.geometry.things.inspection import syntax_of
 

@@ -25,7 +25,7 @@ from thingc.geometry.worker.loading import PartImporter
 
 
 class NoPart(Exception):
-    """The reason why there is no part: `kind` as in `PartFailure`, the message, and the file and line if known beforehand."""
+    """The reason why a part cannot be described or built: `kind` as in `PartFailure`, the message, and the file and line if known."""
 
     def __init__(self, kind: FailureKind, message: str, candidates: Iterable[str] = (), place: tuple[str, int] | None = None) -> None:
         super().__init__(message)
@@ -37,8 +37,9 @@ class NoPart(Exception):
 class RequestContext(FrozenStruct):
     """The environment of a request.
 
-    `root`, `parts` and `packages` are the workspace's folder, part folders and packages. `hashes` are the SHA-256 of code files that are in
-    the key, `plain` are part packages without `__init__.py`. `store` is the store, `scratch` the part's own folder.
+    `root`, `parts` and `packages` are the folder, the part folders and the packages of the workspace. `hashes` contains the SHA-256 of code
+    files that are in the key, and `plain` the part packages without `__init__.py`. `store` is the store, and `scratch` the part's own
+    folder.
     """
 
     root: str
@@ -75,7 +76,7 @@ class PartSession:
     def __enter__(self) -> PartSession:
         from thingc.geometry.things import assets
 
-        self._before = os.open(os.curdir, os.O_RDONLY)  # the folder may have been deleted, and then has no name
+        self._before = os.open(os.curdir, os.O_RDONLY)  # a deleted folder does not have a name
         os.chdir(self.around.root)
         self.importer.install()
         executed_functions.begin()
@@ -96,7 +97,7 @@ class PartSession:
         os.close(self._before)
 
     def stop(self) -> None:
-        """End the recording: later reads, inputs and changes are not caused by the part."""
+        """End the recording. The part does not cause later reads, inputs and changes."""
         sandbox.end()
         self._printing.close()
         self.recorder.stop()
@@ -107,7 +108,7 @@ class PartSession:
         return file in self.around.hashes or file in self.importer.loaded.values()
 
     def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:
-        """Return the reads: files, modules that no version covers, and the `mentioned` files.
+        """Return the reads: files, modules that are not covered by a version, and the `mentioned` files.
 
         Mentioned files are included because their layout affects line numbers in the answer.
         """
@@ -156,7 +157,7 @@ class PartSession:
         from thingc.geometry.things.parameters import ParameterError, SignatureError
 
         if isinstance(fault, MemoryError):
-            raise fault  # available memory depends on the machine, so this failure must not be cached
+            raise fault  # the available memory depends on the machine, so this failure must not be cached
         detail: str | None = "".join(traceback.format_exception(fault))
         places = [(one.filename, one.lineno) for one in traceback.extract_tb(fault.__traceback__) if self.is_own(one.filename)]
         if isinstance(fault, SyntaxError) and fault.filename is not None and self.is_own(fault.filename):
@@ -187,7 +188,7 @@ def _exception_text(fault: BaseException) -> str:
 
 
 def _python_suggests(fault: BaseException) -> str | None:
-    """Return Python's suggestion (`Did you mean: 'MountPoint'?`), which it only computes for an uncaught exception, or None."""
+    """Return Python's suggestion (`Did you mean: 'MountPoint'?`), or None. Python computes suggestions only for uncaught exceptions."""
     with contextlib.redirect_stderr(io.StringIO()) as captured_output:
         sys.__excepthook__(type(fault), fault, fault.__traceback__)
     match = re.search(r"\. (Did you (?:mean|forget)\b.*\?)\s*\Z", captured_output.getvalue())
@@ -195,7 +196,7 @@ def _python_suggests(fault: BaseException) -> str | None:
 
 
 def kind_of(part: Any, reference: str) -> SchemaKind:
-    """Return the kind of a part. Raises `NoPart` for anything else."""
+    """Return the kind of a part. Raises `NoPart` for an object that is not a part."""
     from thingc.geometry.things.inspection import is_part
 
     kind = is_part(part)

@@ -1,6 +1,7 @@
-"""The descendants of this process, found by their parents in any process group or session.
+"""The descendants of this process, in any process group or session.
 
-Linux reports the children of a process, and on request makes this process the parent of orphans. On other systems no processes are found.
+Linux reports the children of a process, and can make this process the parent of orphans. On other systems, the functions do not find any
+processes.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ PATIENCE = 20.0
 """Time limit [s] for processes to end or stop after a signal."""
 
 FIRST = -20
-"""Nice value of the watching process. With it, the process is scheduled even beside many others."""
+"""Nice value of the watching process. With this value, the system schedules the process even if many other processes are running."""
 
 _SUBREAPER = 36
 
 
 def adopt_orphans() -> None:
-    """Become the parent of descendants whose own parent ends, instead of the system's first process."""
+    """Become the parent of descendants whose own parent ends. By default, the first process of the system becomes the parent."""
     if sys.platform == "linux":
         prctl(_SUBREAPER, 1)
 
@@ -34,7 +35,7 @@ def adopt_orphans() -> None:
 def give_priority(nice: int) -> int:
     """Set the `nice` value of this process if permitted, and return the previous one.
 
-    A value below the usual one requires root. Limits on the number of processes do not affect root.
+    A value below the default requires root. Limits on the number of processes do not affect root.
     """
     usual = os.getpriority(os.PRIO_PROCESS, 0)
     with contextlib.suppress(OSError):
@@ -66,7 +67,7 @@ def alive(processes: Iterable[int]) -> list[int]:
 
 
 def outliving(processes: Iterable[int], seconds: float) -> list[int]:
-    """Wait for processes to end, at most `seconds`, and return those that have not."""
+    """Wait at most `seconds` for processes to end. Return the processes that are still running."""
     last = time.monotonic() + seconds
     while (left := alive(processes)) and time.monotonic() < last:
         time.sleep(PAUSE)
@@ -83,7 +84,7 @@ def command(process: int) -> str:
 def exceeds(processes: Collection[int], most: int) -> bool:
     """Return whether processes use more than `most` bytes of memory.
 
-    The exact number, which counts shared memory once, is read only if necessary.
+    The function reads the exact number, which counts shared memory once, only if necessary.
     """
     return all(_kilobytes(processes, *entry) * 1024 > most for entry in (("status", b"VmRSS:"), ("smaps_rollup", b"Pss:")))
 
@@ -97,9 +98,9 @@ def _kilobytes(processes: Iterable[int], file: str, key: bytes) -> int:
 
 
 def stop(process: int) -> None:
-    """Stop a process, its group and all its descendants, so that none of them can start another process.
+    """Stop a process, its group and all its descendants, so that these processes cannot start other processes.
 
-    They are stopped instead of killed, because stopped processes count against limits and dead processes do not.
+    The processes are stopped and not killed, because stopped processes count against limits but dead processes do not.
     """
     last = time.monotonic() + PATIENCE
     stopped: set[int] = set()
@@ -149,13 +150,13 @@ def prctl(option: int, argument: int) -> bool:
 
 
 def syscall(number: int, *arguments: Any) -> int:
-    """Make a system call by its number. Return its result, -1 on failure."""
+    """Make a system call by its number. Return its result, or -1 on failure."""
     return int(_libc().syscall(number, *arguments))
 
 
 @functools.cache
 def _libc() -> Any:
-    import ctypes  # imported late, because the driver does not need it
+    import ctypes  # lazy import, because the driver does not need the module
 
     libc = ctypes.CDLL(None)
     libc.syscall.restype = ctypes.c_long

@@ -1,10 +1,11 @@
 """Sandbox for code that may not be trusted.
 
-Part code may change only its own folder: a change elsewhere, above all in the store, could affect other parts or persist. In addition,
-expressions of an imported robot may read only certain folders, and may not start programs or open connections.
+Part code may change only its own folder. A change in another folder, such as the store, could affect other parts or persist. In addition,
+expressions of an imported robot may read only certain folders, and must not start programs or open connections.
 
-The audit hook refuses first, so that the error has a line, but it only detects actions of Python. If the system supports Landlock (Linux
-since 5.13), it refuses the same to everything that the code loads and starts, and the code cannot undo this.
+The audit hook refuses an action first, so that the error has a line, but the hook detects only actions of Python. If the system supports
+Landlock (Linux since 5.13), Landlock refuses the same actions in all libraries that the code loads and all programs that it starts, and the
+code cannot remove this restriction.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from thingc.geometry.worker import audit
 from thingc.geometry.worker.process_tree import prctl, syscall
 
 PROCESSES = 256
-"""Limit of the processes of one part that are alive at once."""
+"""Maximum number of processes of one part that are alive at the same time."""
 
 DEVICES = "/dev"
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
@@ -30,7 +31,7 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 class ForbiddenWrite(PermissionError):
     """Code tried to change a file outside of its own folder, or to read a forbidden file. `filename` is the file.
 
-    It is a `PermissionError`, so that libraries that can do without a file handle it as usual.
+    The exception is a `PermissionError`, which libraries handle if they do not need the file.
     """
 
     def __init__(self, path: str, words: str = "only its own temporary folder may be written") -> None:
@@ -44,9 +45,11 @@ _CHANGING: dict[str, tuple[tuple[int, int], ...]] = {
     "os.removexattr": ((0, -1),), "os.rename": ((0, 2), (1, 3)), "os.rmdir": ((0, 1),), "os.setxattr": ((0, -1),),
     "os.symlink": ((1, 2),), "os.truncate": ((0, -1),), "os.utime": ((0, 3),),
 }
-"""The arguments of audit events that are changed files, each with the argument of the open folder that it is relative to (-1: none).
+"""The arguments of audit events that are changed files.
 
-A path relative to an open folder cannot be checked; the system checks such calls.
+Each argument is paired with the argument that is the open folder to which the file is relative (-1: none).
+
+The audit hook cannot check a path relative to an open folder. The system checks these calls.
 """
 
 _FOLLOWING = frozenset({"os.chmod", "os.chown", "os.removexattr", "os.setxattr", "os.truncate", "os.utime"})
@@ -55,16 +58,16 @@ _FOLLOWING = frozenset({"os.chmod", "os.chown", "os.removexattr", "os.setxattr",
 _STARTING = ("os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "subprocess.Popen", "socket.__new__", "ctypes.dlopen")
 
 OUTSIDE = "it is outside the robot's folder and all known packages"
-"""The reason why a file may not be read."""
+"""The reason why the code must not read a file."""
 
 _allowed: tuple[str, ...] = ()
 _readable: tuple[str, ...] | None = None
 
 
 def begin(folder: str, readable: Sequence[str] | None = None) -> None:
-    """Refuse all changes outside of `folder` from now on, by raising `ForbiddenWrite`.
+    """Begin to refuse all changes outside of `folder` by raising `ForbiddenWrite`.
 
-    With `readable`, also refuse to read anything outside of these folders, to start programs and to open connections.
+    With `readable`, also refuse reads outside of these folders, starts of programs and connections.
     """
     global _allowed, _readable
     audit.listen(("open", *_CHANGING, *(_STARTING if readable is not None else ())), _heard)
@@ -124,10 +127,10 @@ _SIGNALS = 1 << 1
 
 
 def confine(folder: str, readable: Sequence[str] | None = None) -> bool:
-    """Forbid this process permanently to change files outside of `folder` and to signal processes that it has not started.
+    """Permanently prevent this process from changing files outside of `folder` and from signalling processes that it has not started.
 
-    With `readable`, also forbid reading files outside of these folders, running programs and opening sockets. Return False if the system
-    does not support this. Also limit how many processes it may start.
+    With `readable`, also prevent reading files outside of these folders, running programs and opening sockets. Also limit the number of
+    processes that this process can start. Return False if the system does not support these restrictions.
     """
     _bound_processes()
     return sys.platform == "linux" and _landlock(folder, readable)
@@ -162,25 +165,25 @@ def _landlock(folder: str, readable: Sequence[str] | None) -> bool:
 _SECCOMP = {"x86_64": (317, 0xC000003E, 41, 90, 91, 268, 425, 452), "aarch64": (277, 0xC00000B7, 198, 52, 53, 425, 452)}
 """For each machine type, the number of `seccomp`, the id of the machine type, and the numbers of the calls to refuse.
 
-The calls are `socket`, `chmod`, `fchmod`, `fchmodat`, `io_uring_setup` and `fchmodat2`, if the machine type has them. Landlock does not
-restrict them (Unix sockets and UDP, modes of files outside of the folder).
+The calls are `socket`, `chmod`, `fchmod`, `fchmodat`, `io_uring_setup` and `fchmodat2`, if the machine type has these calls. Landlock does
+not restrict these calls (Unix sockets and UDP, modes of files outside of the folder).
 """
 
 
 def _refuse_calls() -> bool:
-    """Make the system refuse these calls of this process, and all calls of other machine types (`man 2 seccomp`)."""
+    """Make the system refuse these calls, and all calls of other machine types, in this process (`man 2 seccomp`)."""
     import ctypes
 
     seccomp, machine, *refused = _SECCOMP.get(os.uname().machine, (-1, 0))
     count, load, equal, beyond, answer = len(refused), 0x20, 0x15, 0x35, 0x06
-    steps = [(load, 0, 0, 4), (equal, 0, count + 3, machine), (load, 0, 0, 0), (beyond, count + 1, 0, 1 << 30)]  # x32 is above that
+    steps = [(load, 0, 0, 4), (equal, 0, count + 3, machine), (load, 0, 0, 0), (beyond, count + 1, 0, 1 << 30)]  # x32 has larger numbers
     steps += [*((equal, count - k, 0, one) for k, one in enumerate(refused)), (answer, 0, 0, 0x7FFF0000), (answer, 0, 0, 0x5000D)]  # EACCES
     program = ctypes.create_string_buffer(b"".join(struct.pack("=HBBI", *step) for step in steps))
     return syscall(seccomp, 1, 0, struct.pack("@HP", len(steps), ctypes.addressof(program))) == 0
 
 
 def _bound_processes() -> None:
-    """Set the system's own limit of processes, in case a part starts processes faster than the worker can check.
+    """Set the process limit of the system, in case a part starts processes faster than the worker can check.
 
     The limit counts all processes of the user and does not apply to root, so the worker's checks are still needed (`worker`).
     """

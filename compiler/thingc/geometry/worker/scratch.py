@@ -1,7 +1,10 @@
-"""Scratch folders: one for each worker in the system's temporary folder, with a subfolder for each part, removed when the part is finished.
+"""Scratch folders: a folder for each worker in the system's temporary folder, with a subfolder for each part.
 
-A part uses its own folder as home and for temporary files. The folder is empty at first and contains nothing of other parts. Folders of
-killed workers are removed by the next worker: each worker holds a lock on its folder, which the system releases when the worker ends.
+Finished parts' folders are removed.
+
+A part uses its own folder as home and for temporary files. The folder is initially empty and does not contain files of other parts. The
+next worker removes the folders of killed workers: each worker holds a lock on its folder, and the system releases the lock when the worker
+ends.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ PREFIX = "thingc-worker-"
 
 
 class Scratch:
-    """The folder of one worker. `close` removes it. `descriptors` hold its lock and must be closed in child processes."""
+    """The folder of one worker. `close` removes the folder. `descriptors` hold the lock, and must be closed in child processes."""
 
     def __init__(self) -> None:
         base = tempfile.gettempdir()
@@ -50,7 +53,7 @@ class Scratch:
 def remove(folder: str) -> None:
     """Remove the folder of a part that has ended."""
     try:
-        os.rmdir(folder)  # most parts write nothing
+        os.rmdir(folder)  # most parts do not write files
     except OSError:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -88,7 +91,7 @@ def _sweep(base: str) -> None:
     for name in os.listdir(base):
         if not name.startswith(PREFIX):
             continue
-        with contextlib.suppress(OSError):  # in use, gone, or of another user
+        with contextlib.suppress(OSError):  # the folder is in use, was removed, or belongs to another user
             folder = os.path.join(base, name)
             descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:

@@ -1,8 +1,8 @@
 """`python -m thingc.geometry.worker.server`: the process with the CAD kernel.
 
 Requests and answers are lines of JSON on standard input and output. The server imports build123d once and forks a child for each request.
-At the end of its input it exits at once, with all of its children. `--inline` runs requests in the server process itself (for systems
-without fork, with one worker per core). `--assemble` reads one request to write a STEP file and needs only OCP.
+At the end of its input, the server ends all its children and exits immediately. `--inline` runs requests in the server process itself (for
+systems without fork, with one worker per core). `--assemble` reads one request to write a STEP file, and needs only OCP.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ AHEAD = (
     "thingc.geometry.worker.kernel.build_part", "thingc.geometry.worker.kernel.slicing", "thingc.geometry.things.adjust",
     "thingc.geometry.things.assets", "thingc.geometry.things.inspection", "thingc.geometry.things.resolver", "thingc.documents.workspace",
 )
-"""Modules that each child would otherwise import again."""
+"""Modules that the server imports so that its children do not have to import them."""
 
 
 def main(arguments: list[str]) -> None:
-    """Serve until the end of standard input. Never returns."""
+    """Serve until the end of standard input. The function never returns."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.dup(1)
     nothing = os.open(os.devnull, os.O_WRONLY)
@@ -58,7 +58,7 @@ def main(arguments: list[str]) -> None:
         elif hasattr(os, "fork") and "--inline" not in arguments:
             from thingc.geometry.worker.children import live_without_parent
 
-            live_without_parent()  # from now on the end of standard input ends it; the thread that started it may end earlier
+            live_without_parent()  # from now on, the end of standard input ends the server; the thread that started it may end earlier
             if os.getppid() == parent:
                 jobs = int(arguments[arguments.index("--jobs") + 1]) if "--jobs" in arguments else os.cpu_count() or 1
                 _Server(answers, jobs, scratch).serve()
@@ -74,7 +74,7 @@ def main(arguments: list[str]) -> None:
 
 
 def _load(answers: int) -> bool:
-    """Import the kernel and everything that requests need, once. Return False if that fails, after sending the reason."""
+    """Import the kernel and all modules that requests need. If an import fails, send the reason and return False."""
     gc.disable()
     try:
         from thingc.geometry.worker.lazy_build123d import import_cheaply
@@ -89,24 +89,24 @@ def _load(answers: int) -> bool:
         from thingc.geometry.worker.file_reads import wrap_importers
 
         wrap_importers()
-        installed_roots()  # cached, so that children need not search for them
+        installed_roots()  # cache the results, so that children do not have to search
         executed_functions.install()
         impure_inputs.install()
-        sys.dont_write_bytecode = True  # modules imported from now on may be in users' folders
+        sys.dont_write_bytecode = True  # modules that are imported after this line may be in folders of the user
     except BaseException as fault:
         import traceback
 
         _answer(answers, {"broken": f"{type(fault).__name__}: {fault}", "detail": traceback.format_exc()})
         return False
     gc.freeze()
-    gc.set_threshold(400_000, 20, 100)  # meshes consist of many small tuples
+    gc.set_threshold(400_000, 20, 100)  # a mesh consists of many small tuples
     gc.enable()
     _answer(answers, {"ready": True})
     return True
 
 
 def _stay_single() -> None:
-    """Prevent the kernel and manifold3d (on Linux) from starting threads, because children already run in parallel.
+    """Prevent threads of the kernel and (on Linux) of manifold3d, because children already run in parallel.
 
     Threads would take up to a fifth more processor time. The kernel has a function for this. TBB, which manifold3d uses, counts the
     available processors once, when it is first used.
@@ -119,7 +119,7 @@ def _stay_single() -> None:
         try:
             allowed = os.sched_getaffinity(0)
             os.sched_setaffinity(0, {min(allowed)})
-        except OSError:  # some sandboxes refuse this
+        except OSError:  # some sandboxes refuse this call
             return
         Manifold.cube().volume()
         os.sched_setaffinity(0, allowed)
@@ -128,8 +128,8 @@ def _stay_single() -> None:
 def _make_room() -> None:
     """Make pybind11 enlarge its table of the kernel's objects.
 
-    If a child enlarged the table, all its memory pages would be copied. The new size is enough for twice the current number of objects,
-    which is more than most parts need.
+    If a child enlarged the table, all memory pages of the table would be copied. The new size is enough for twice the current number of
+    objects, which is more than most parts need.
     """
     from OCP.gp import gp_Pnt
 
@@ -227,7 +227,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
-    """Return the results of the likely slicings (`LikelySlicing`) of a part that was just built, each with its slicing.
+    """Return pairs of slicing and result for the likely slicings (`LikelySlicing`) of a part that was just built.
 
     Failed slicings are omitted.
     """
@@ -246,10 +246,10 @@ def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any],
 
 
 class _Server:
-    """The child processes for requests, each with a deadline and a folder. Processes that they start are ended with them.
+    """The child processes for requests, each with a deadline and a folder. Processes that a child starts are ended together with the child.
 
-    At most `jobs` children build parts at once, and as many others describe classes, because the client waits for these before it sends
-    more. One spare child may be started before its request.
+    At most `jobs` children build parts at the same time. Another `jobs` children can describe classes, because the client waits for
+    descriptions before it sends more requests. One spare child may be started before its request.
     """
 
     def __init__(self, answers: int, jobs: int, scratch: Scratch) -> None:
@@ -260,7 +260,7 @@ class _Server:
         self.jobs = jobs
         self.scratch = scratch
         self.usual = give_priority(FIRST)
-        self.waiting: dict[bool, deque[dict[str, Any]]] = {True: deque(), False: deque()}  # to describe, and all others
+        self.waiting: dict[bool, deque[dict[str, Any]]] = {True: deque(), False: deque()}  # describe requests, other requests
         self.running: dict[int, Child] = {}
         self.spare: Child | None = None
         self.selector = selectors.DefaultSelector()
@@ -302,7 +302,7 @@ class _Server:
             self.take(json.loads(line))
 
     def take(self, asked: dict[str, Any]) -> None:
-        """Add a request to the queue; or remove one (`forget`); or prepare for one (`prepare`)."""
+        """Add a request to the queue, remove a request (`forget`), or prepare for a request (`prepare`)."""
         from thingc.geometry.worker.scratch import remove
 
         if "prepare" in asked:
@@ -319,14 +319,14 @@ class _Server:
             remove(child.scratch)
 
     def begin_waiting(self, done: Child | None = None) -> None:
-        """Start waiting requests as far as there is capacity, including the slot of the child `done`."""
+        """Start waiting requests while there is capacity, including the slot of the child `done`."""
         for describes, asked in self.waiting.items():
             busy = sum((child.request["op"] == "describe") == describes for child in self.running.values() if child is not done)
             for _ in range(min(self.jobs - busy, len(asked))):
                 self.begin(asked.popleft())
 
     def begin(self, request: dict[str, Any]) -> None:
-        """Give a request to the spare child, or to a new one."""
+        """Send a request to the spare child, or to a new child."""
         self.prepare(request)
         child, self.spare = self.spare or self.start(), None
         child.ask(request)
@@ -334,7 +334,7 @@ class _Server:
         self.selector.register(child.pipe, selectors.EVENT_READ)
 
     def prepare(self, request: Mapping[str, Any]) -> None:
-        """Load the modules that children need for a request. End a spare child that was forked before, because it lacks them."""
+        """Load the modules that children need for a request. End an existing spare child, because it does not have these modules."""
         from thingc.geometry.worker.scratch import remove
 
         if _prepare(request) and self.spare is not None:
@@ -350,13 +350,14 @@ class _Server:
         return start(answered, self.usual, self.scratch.make(), descriptors)
 
     def children(self) -> list[Child]:
-        """Return the running children and the spare one."""
+        """Return the running children and the spare child."""
         return [*self.running.values(), *([self.spare] if self.spare is not None else [])]
 
     def finish(self, child: Child, over: str | None = None) -> None:
         """End a child and send its answer.
 
-        A child without own processes is stopped, and ended after its answer is sent, because freeing its memory takes as long as a fork.
+        A child without child processes is stopped, and is ended after its answer is sent, because freeing its memory takes as long as a
+        fork.
         """
         alone = over is None and child.answered and child.stop()
         ended = child.answer if alone else self.end(child, over)
@@ -366,7 +367,7 @@ class _Server:
 
     def end(self, child: Child, over: str | None) -> dict[str, Any]:
         """End a child. Return its answer or its failure."""
-        if child.answered:  # ending it takes as long as a fork, so another core starts the next request
+        if child.answered:  # ending a child takes as long as a fork, so another core starts the next request
             self.begin_waiting(child)
         self.selector.unregister(child.pipe)
         del self.running[child.pipe]
@@ -374,7 +375,7 @@ class _Server:
 
 
 def _prepare(request: Mapping[str, Any]) -> bool:
-    """Do the work that each child would repeat. Return True if anything was new.
+    """Do the work that each child would repeat. Return True if there was new work.
 
     The part files are compiled (without running them), packages that they import are loaded, and the loaded modules are recorded.
     """

@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 BETTER = 0.99
-"""A primitive along later candidate axes is used only if its volume is less than this fraction of the smallest so far. The axes of the part
-come first."""
+"""Relative volume below which a primitive along other axes replaces the smallest primitive so far. The axes of the part come first."""
 
 
 def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dict[str, Primitive]:
@@ -39,8 +38,8 @@ def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dic
 def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Return the centre and radius of the smallest disc `(n, 2)` or ball `(n, 3)` that contains all points.
 
-    The algorithm starts with one point and adds the farthest outside point until there is none (Gaertner, "Fast and robust smallest
-    enclosing balls", 1999, the pivoting heuristic; the small problems are solved by trying every support).
+    The algorithm starts with one point, and adds the farthest outside point until all points are inside (Gaertner, "Fast and robust
+    smallest enclosing balls", 1999, the pivoting heuristic; the small problems are solved by trying every support).
     """
     middle = points.mean(axis=0)
     support = points[[int(np.argmax(((points - middle) ** 2).sum(axis=1)))]]
@@ -88,7 +87,7 @@ def _circumcentre(edges: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _smallest(fits: list[Primitive]) -> Primitive:
-    """Return the first primitive, unless a later one is clearly smaller."""
+    """Return the first primitive, unless a later primitive is clearly smaller."""
     best = fits[0]
     for fit in fits[1:]:
         if fit.volume < BETTER * best.volume:
@@ -128,7 +127,7 @@ def _each_axis_as_z(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _axes(inertia: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the principal axes as columns: right-handed, and with the largest entry of each positive if possible."""
+    """Return the principal axes as columns. They are right-handed, and the largest entry of each axis is positive if possible."""
     _, axes = np.linalg.eigh(inertia)
     for column in range(3):
         if axes[np.argmax(np.abs(axes[:, column])), column] < 0.0:

@@ -1,4 +1,4 @@
-"""Build a part in a child of the worker: make its Thing, measure and mesh it, and put its files into the store."""
+"""Build a part in a child of the worker: create its Thing, measure and mesh the geometry, and put the files into the store."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ OVERLAP = 0.01
 """Fraction of a part's volume above which an overlap of its solids is reported, if it is also larger than 1 mm^3."""
 
 DEVIATION = 0.01
-"""Deviation of simulation meshes from the part's surface, relative to its longest side, above which it is reported."""
+"""Largest deviation of simulation meshes from the part's surface without a warning, relative to the part's longest side."""
 
 DECIMALS = 9
 """Decimals to which corners [mm] are rounded.
 
-If a boolean operation merges two corners, the kernel keeps the one with the lower address. One may have 0 and the other 2e-31, so the same
-part could have a different mesh in the next run.
+If a boolean operation merges two corners, the kernel keeps the corner with the lower memory address. The coordinates of one corner may be
+0, of the other corner 2e-31, so the same part could have a different mesh in the next run.
 """
 
 _ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -79,9 +79,9 @@ class Tessellations(FrozenStruct):
 class BuiltPart(FrozenStruct):
     """The result of part code or of a part file, before it is measured.
 
-    The shapes are the kernel's [mm] (none for a part without geometry); other fields are as in `PartRecord`. `one` means that the solids
-    should be connected, `file` that the part is a file, `faceted` that all its faces are triangles. `faces` is the limit of triangles for
-    simulators.
+    The shapes are shapes of the kernel [mm], or empty for a part without geometry. Other fields are as in `PartRecord`. `one` means that
+    the solids should be connected, `file` that the part is a file, and `faceted` that all its faces are triangles. `faces` is the limit of
+    triangles for simulators.
     """
 
     shapes: Sequence[TopoDS_Shape]
@@ -109,12 +109,12 @@ class BuiltPart(FrozenStruct):
 
 
 def build_part(definition: dict[str, Any], tessellations: Tessellations, around: RequestContext, store: Store) -> dict[str, Any]:
-    """Return the record (or failure) of a part definition and its reads: `{"record" | "failure": ..., "reads": [...]}`.
+    """Build a part definition, and return the record (or failure) and the reads: `{"record" | "failure": ..., "reads": [...]}`.
 
-    With a record, `ran` are the functions of its code that have run (see `PartSession.ran`), and `loaded` is the time at which its class
-    was loaded (`time.monotonic`). `definition` has `kind`, `reference`, `text`, the canonical `parameters` (SI; missing ones have their
-    defaults), `mirror`, and `placed`, which is True if the place of its class is already known, because finding it is slow. Blobs are put
-    into the store. Raises `StoreUnusable`.
+    In addition to a record, `ran` contains the functions of the code that have run (see `PartSession.ran`), and `loaded` is the time at
+    which the class was loaded (`time.monotonic`). `definition` contains `kind`, `reference`, `text`, the canonical `parameters` (in SI
+    units; missing parameters have their defaults), `mirror`, and `placed`, which is True if the place of the class is already known. (The
+    search for this place is slow.) Blobs are put into the store. Raises `StoreUnusable`.
     """
     text = definition["text"]
     with PartSession(around) as session, warnings.catch_warnings(record=True) as caught:
@@ -143,7 +143,7 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
 
 
 def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
-    """Return the `file` and `line` of the authors' class, for an error without a line, such as an invalid return value; {} if unknown."""
+    """Return the `file` and `line` of the author's class ({} if unknown), for an error without a line, such as an invalid return value."""
     import inspect
 
     with contextlib.suppress(Exception):
@@ -155,7 +155,7 @@ def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
 
 
 def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], bool]) -> list[PartWarning]:
-    """Return the warnings about the authors' own lines. Warnings about lines of libraries are omitted."""
+    """Return the warnings about lines of the author's code. Warnings about lines of libraries are omitted."""
     part_warnings = [PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if is_own(one.filename)]
     return list(dict.fromkeys(part_warnings))
 
@@ -170,7 +170,7 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart
     kind = kind_of(part, reference)
     schemas = inspection.parameters_of(part)
     kinds = {parameter.name: parameter.kind for parameter in schemas}
-    # defaults are rounded as in a document
+    # defaults are rounded in the same way as values in a document
     own = {parameter.name: convert.to_si(parameter.kind, parameter.default) for parameter in schemas if parameter.default is not None}
     given = {**own, **definition["parameters"]}
     parameters = {name: convert.to_author(kinds.get(name, ""), value) for name, value in given.items()}
@@ -222,7 +222,7 @@ def _made_of_file(definition: dict[str, Any], around: RequestContext) -> BuiltPa
 
 
 def _mirrored(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
-    """Return the mirror image. It has no order number, because `number` in the bill of materials belongs to the original."""
+    """Return the mirror image. The mirror image has no order number, because `number` in the bill of materials belongs to the original."""
     mounts = {name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in made.mounts.items()}
     stays = all(mirror.keeps(mount.pose) for mount in made.mounts.values())
     return replace(
@@ -311,7 +311,7 @@ def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Sto
         measures = measure(solid)
         if not measures.volume > NOTHING:
             raise NoPart("empty", f"its volume is {measures.volume:.3g} mm^3")
-        brep = store.put(written_brep(solid))  # before meshing, which would add triangles to it
+        brep = store.put(written_brep(solid))  # written before meshing, which would add triangles to the shape
         solids = _meshes(solid, tessellations.fine)
         mesh = meshing.together(solids)
         metres = mesh.scaled(1.0 / convert.MM)
@@ -351,7 +351,7 @@ def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Sto
 
 
 def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
-    """Return the volumes [m^3] of the bodies of a part, the largest first; empty if all of it is connected."""
+    """Return the volumes [m^3] of the bodies of a part, the largest volume first. The result is empty for a connected part."""
     solids = solids_of(solid)
     bodies = bodies_of(solids) if len(solids) > 1 else []
     if len(bodies) < 2:
@@ -382,9 +382,9 @@ def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWa
 
 
 def solid_part(made: BuiltPart) -> TopoDS_Shape:
-    """Return the solids of a part: a single one, or several as a compound. Raises `NoPart` if there are none.
+    """Return the solids of a part: a single solid, or a compound of several solids. Raises `NoPart` if there are no solids.
 
-    The result has no location of its own, which would add an assembly around each part in a STEP file.
+    The result does not have its own location, because a location would add an assembly around each part in a STEP file.
     """
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
@@ -403,7 +403,7 @@ def solid_part(made: BuiltPart) -> TopoDS_Shape:
 
 
 def _at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
-    """Return the same solid with its location applied to its geometry."""
+    """Return the solid after applying its location to its geometry."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
     from OCP.TopLoc import TopLoc_Location
 
@@ -414,7 +414,7 @@ def _at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
 
 
 def _instead(shapes: Sequence[TopoDS_Shape]) -> str:
-    """Describe what shapes without a solid contain."""
+    """Describe the content of shapes without a solid."""
     from OCP.TopAbs import TopAbs_ShapeEnum
 
     kind = TopAbs_ShapeEnum
@@ -439,7 +439,7 @@ def _triangles(shape: TopoDS_Shape, tessellation: Tessellation) -> meshing.Trian
 
 
 def _meshes(shape: TopoDS_Shape, tessellation: Tessellation) -> list[meshing.Triangles]:
-    """Return the mesh of each solid, with outward faces. Solids are meshed separately, so that touching solids do not share edges."""
+    """Mesh each solid separately, so that touching solids do not share edges. Return the meshes, with outward faces."""
     return [_triangles(solid, tessellation).outward() for solid in solids_of(shape)]
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from OCP.gp import gp_Trsf
 
 MM = 1000.0
-"""Millimetres per metre. Lengths are divided by it, which rounds only once: 72 mm is 0.072 to the last bit."""
+"""Millimetres per metre. A division of a length by this number rounds only once: 72 mm is 0.072 to the last bit."""
 
 _UNITS = {"length": "mm", "angle": "deg"}
 
@@ -22,7 +22,7 @@ _UNITS = {"length": "mm", "angle": "deg"}
 def to_si(kind: str, value: Any) -> Value:
     """Convert a parameter's value from the units of part code to SI units; `kind` as in `ParameterSchema`.
 
-    It is rounded like the same text in a document, so that a default equals the same value in a document.
+    The result is rounded in the same way as a value in a document, so that a default equals the same value in a document.
     """
     if value is None or kind not in _UNITS or isinstance(value, bool):
         return value  # type: ignore[no-any-return]
@@ -91,7 +91,7 @@ def _clean(entry: float) -> float:
 
 
 def transformation(placement: Pose) -> gp_Trsf:
-    """Return a pose in metres as a kernel transformation (translation in mm), the inverse of `pose`."""
+    """Return a pose in metres as a kernel transformation (translation in mm). This is the inverse of `pose`."""
     from OCP.gp import gp_Trsf
 
     r = placement.rotation

@@ -14,11 +14,13 @@ from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
 from thingc.geometry.worker.kernel.part_files import surfaces
 
 CONVEX = 1e-4
-"""A surface counts as convex, and becomes one piece, if its hull has at most this relative excess of volume."""
+"""Largest relative excess volume of the hull of a convex surface. A convex surface becomes one piece."""
 
 
 def decompose(sha256: str, store: Store) -> list[Any]:
-    """Decompose a mesh in the store into convex pieces with CoACD. Return them as JSON, in the mesh's unit. The result is deterministic.
+    """Decompose a mesh in the store into convex pieces with CoACD. Return the pieces as JSON, in the unit of the mesh.
+
+    The result is deterministic.
 
     Surfaces that do not touch are decomposed separately.
     """
@@ -27,7 +29,7 @@ def decompose(sha256: str, store: Store) -> list[Any]:
     for members in surfaces(mesh):
         body = without_slivers(mesh.vertices, mesh.faces[members])
         whole = meshing.hull(body.vertices)
-        if whole is None or body.volume < 0.0:  # flat, or a void inside a body
+        if whole is None or body.volume < 0.0:  # a flat surface, or a void inside a body
             pieces = []
             break
         pieces.extend([whole] if whole.volume - body.volume <= CONVEX * whole.volume else _by_coacd(body))

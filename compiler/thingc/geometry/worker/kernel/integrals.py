@@ -1,4 +1,4 @@
-"""Exact integrals over a B-rep: volume, area, centre of mass and inertia. They are never computed from a mesh. Kernel units: mm."""
+"""Exact integrals over a B-rep, never over a mesh: volume, area, centre of mass and inertia. Kernel units: mm."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 ACCURACY = 1e-12
-"""Relative error of the volume at which the kernel's adaptive integration stops."""
+"""Relative error of the volume that the kernel's adaptive integration must reach."""
 AGREEMENT = 1e-9
-"""Relative difference of plain and adaptive integration up to which the plain result is accepted."""
+"""Largest relative difference of plain and adaptive integration for which the plain result is accepted."""
 _ROUND = frozenset({GeomAbs_Cylinder, GeomAbs_Cone, GeomAbs_Sphere, GeomAbs_Torus})
 _ALONG = 1e-12
-"""Largest component of a direction across a surface parameter at which it counts as parallel to the parameter."""
+"""Largest component across a surface parameter of a direction that counts as parallel to the parameter."""
 
 
 class Measures(FrozenStruct):
@@ -62,12 +62,12 @@ def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
 
 
 def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
-    """Return the solids in a shape, in its own order."""
+    """Return the solids in a shape, in the order of the shape."""
     return list(explored(shape, TopAbs_SOLID))
 
 
 TOUCHING = 1e-6
-"""Distance [mm] up to which two solids touch."""
+"""Largest distance [mm] of solids that touch."""
 
 
 def bodies_of(solids: Sequence[TopoDS_Shape]) -> list[list[TopoDS_Shape]]:
@@ -96,8 +96,8 @@ def measure(shape: TopoDS_Shape) -> Measures:
     Fixed-order integration is exact to rounding on whole faces of simple surfaces, but errs by 1e-5 on a cylinder with a cross hole.
     Adaptive integration stops when the volume is accurate, and leaves 1e-11 in the inertia of a plain cylinder. Therefore both are
     computed, and the fixed-order result is used if they agree. On planes bounded by lines and circles, and on round surfaces bounded by
-    parameter lines (u or v constant), fixed-order integration is always exact. Adaptive integration takes fifty times as long and is
-    skipped there.
+    parameter lines (u or v constant), fixed-order integration is always exact. Adaptive integration takes fifty times as long, and is
+    skipped on these faces.
     """
     box = bounding_box(shape)
     apex = gp_Pnt(*((low + high) / 2.0 for low, high in zip(*box, strict=True)))
@@ -125,7 +125,7 @@ def measure(shape: TopoDS_Shape) -> Measures:
 def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GProps]:
     """Return integrals over the volume of a solid, for either orientation of its faces, and over its surface.
 
-    `apex` is any point near it. Moments are summed about this point, because they would lose digits about a distant origin.
+    `apex` is any point near the solid. Moments are summed about this point, because moments about a distant origin would lose digits.
     """
     skin = _skin(solid)
     matter = _better(BRepGProp_Vinert, skin.flat, skin.extruded + skin.rest, apex)
@@ -136,14 +136,14 @@ def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GP
 
 
 _Faces: TypeAlias = "tuple[tuple[TopoDS_Face, bool], ...]"
-"""Faces, each with a flag whether plain integration is exact on it."""
+"""Faces, each with a flag that is True if plain integration is exact on the face."""
 
 
 class _Skin(FrozenStruct):
     """The faces of a solid.
 
-    `flat` are planes bounded by lines and circles. `extruded` are extruded curves, on which the kernel's adaptive area is wrong (by 0.4 %
-    for an ellipse of 8 by 4; the plain area by 3e-5). `rest` are all other faces.
+    `flat` contains planes bounded by lines and circles. `extruded` contains extruded curves, on which the kernel's adaptive area is wrong
+    (by 0.4 % for an ellipse of 8 by 4; the plain area is wrong by 3e-5). `rest` contains all other faces.
     """
 
     flat: _Faces
@@ -200,7 +200,7 @@ def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp
 
 
 def _better(kind: Any, once: _Faces, twice: _Faces, apex: gp_Pnt) -> GProp_GProps:
-    """Return the plain integral if it agrees with the integral that is adaptive on the faces of `twice`, else the adaptive one."""
+    """Compare the plain integral with the integral that is adaptive on the faces of `twice`. If they agree, return the plain integral."""
     sure = _integral(kind, once, apex)
     plain = GProp_GProps(apex)
     plain.Add(sure)

@@ -28,13 +28,13 @@ GLTF = (".glb", ".gltf")
 SUFFIXES = (*PLAIN, *GLTF, ".3mf")
 
 NEAR = 1e-6
-"""Distance, relative to the whole size, up to which corners are merged if the surface is open."""
+"""Largest distance, relative to the whole size, of corners that are merged to close an open surface."""
 
 MOST = 1_000_000
-"""Limit of triangles of a part: the kernel needs about 3.5 kB for each."""
+"""Maximum number of triangles of a part. The kernel needs about 3.5 kB of memory for each triangle."""
 
 FARTHEST = 1e9
-"""Largest coordinate [mm]. For larger shapes the kernel leaves gaps between faces, and such a coordinate is probably an error."""
+"""Largest coordinate [mm]. Larger coordinates are probably errors, and the kernel would create shapes with gaps between faces."""
 
 _UNITS_3MF = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
 _CORE_3MF = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
@@ -42,14 +42,14 @@ _BUILD = "what is built"
 
 
 class BadPartFile(ValueError):
-    """The reason why a file cannot be a part, as text."""
+    """The reason why a file cannot be a part."""
 
 
 def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str, ...]]:
     """Return the closed surface in a file [mm], and descriptions of the repairs that were made.
 
-    `unit` [mm] is the unit of files that do not specify one. z is up in the result; glTF files have y up. Raises `BadPartFile`, also if the
-    surface cannot be closed.
+    `unit` [mm] is the unit of files that do not specify a unit. z is up in the result (y is up in glTF files). Raises `BadPartFile`, also
+    if the surface cannot be closed.
     """
     try:
         data = read_bounded(path, suffix, MOST)
@@ -111,7 +111,7 @@ def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     """Remove duplicate triangles. Return the mesh and descriptions of what was removed.
 
     A duplicated surface is closed, but has twice the volume. Pairs of triangles with opposite orientation are between bodies that touch,
-    and remain. If all triangles are such pairs, the mesh is one surface with two sides.
+    and are not removed. If the mesh consists only of these pairs, it is one surface with two sides.
     """
     mended: list[str] = []
     turns = (np.argmin(mesh.faces, axis=1)[:, None] + np.arange(3)) % 3
@@ -249,5 +249,5 @@ def _placed_3mf(objects: Mapping[str, _Object3mf], name: str, transform: NDArray
 
 
 def _affine(text: str | None) -> NDArray[np.float64]:
-    """Return a 3MF transform as a 4 x 3 matrix; points are rows that are multiplied from the left."""
+    """Return a 3MF transform as a 4 x 3 matrix. Points are rows to the left of the matrix."""
     return _finite(np.array((text or "1 0 0 0 1 0 0 0 1 0 0 0").split(), dtype=np.float64).reshape(4, 3))

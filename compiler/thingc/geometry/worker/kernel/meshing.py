@@ -23,7 +23,7 @@ class Triangles(FrozenStruct, kw_only=False):
 
     @property
     def closed(self) -> bool:
-        """Whether every edge is used equally often in both directions, as for a surface without border and with consistent orientation."""
+        """Whether every edge occurs equally often in both directions: the surface has no border and a consistent orientation."""
         if len(self.faces) == 0:
             return False
         a = self.faces.ravel()
@@ -42,7 +42,7 @@ class Triangles(FrozenStruct, kw_only=False):
 
     @property
     def flat(self) -> bool:
-        """Whether the enclosed volume is negligible: less than 1e-9 of the cube of its diagonal."""
+        """Whether the enclosed volume is negligible: less than 1e-9 of the cube of the diagonal."""
         if len(self.vertices) == 0:
             return True
         diagonal = float(np.linalg.norm(self.vertices.max(axis=0) - self.vertices.min(axis=0)))
@@ -106,7 +106,7 @@ _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u
 
 
 def in_single(mesh: Triangles) -> Triangles:
-    """Round the vertices to 32-bit floats, as in STL files and simulators, and merge those that become equal."""
+    """Round the vertices to 32-bit floats, as in STL files and simulators, and merge vertices that become equal."""
     single = mesh.vertices.astype(np.float32).astype(np.float64) + 0.0
     firsts, numbers = _once(single)
     return without_slivers(single, firsts[numbers][mesh.faces])
@@ -146,7 +146,7 @@ def obj(mesh: Triangles) -> bytes:
 
 
 def read_stl(data: bytes) -> Triangles:
-    """Read a binary STL file and merge equal vertices, the inverse of `stl`."""
+    """Read a binary STL file and merge equal vertices. This is the inverse of `stl`."""
     count = int.from_bytes(data[80:84], "little")
     records = np.frombuffer(data, dtype=_STL, count=count, offset=84)
     corners = records["corners"].astype(np.float64).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Mirror images of parts, made in a child of the worker. Lengths are in mm; only poses are in metres."""
+"""Create mirror images of parts in a child of the worker. Lengths are in mm, except that poses are in metres."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 SAME = 1e-4
 """Tolerance for the integrals of two mirrored faces, relative to the area of a face and the size of the part.
 
-Plain integration errs by 1e-5 on a cylinder with a cross hole.
+The error of plain integration is 1e-5 on a cylinder with a cross hole.
 """
 SAME_PLACE = 1e-9
 """Tolerance for the place [m] and the z axis [rad] of a mount that is its own image."""
 
 
 class SolidMirror(Mirror):
-    """A mirror that also applies to solids."""
+    """A mirror that can also mirror solids."""
 
     def keeps(self, pose: Pose) -> bool:
-        """Return whether the image of a mount has the same place and the same z."""
+        """Return whether the image of a mount has the same place and the same z axis."""
         image = self.mount(pose)
         return dist(image.translation, pose.translation) <= SAME_PLACE and all(
             abs(new[2] - old[2]) <= SAME_PLACE for new, old in zip(image.rotation, pose.rotation, strict=True)
@@ -45,7 +45,8 @@ class SolidMirror(Mirror):
     def is_image_of_itself(self, solid: TopoDS_Shape) -> bool:
         """Return whether a solid is its own mirror image: the image of each face has the area, centroid and second moments of some face.
 
-        A solid with a thread is not: the image of the thread has the opposite hand, which changes the products of moments.
+        A solid with a thread is not its own mirror image: the image of the thread has the opposite hand, which changes the products of
+        moments.
         """
         size = extent(solid)
         faces = _integrals(solid, size)

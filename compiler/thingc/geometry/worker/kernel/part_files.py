@@ -1,4 +1,7 @@
-"""Parts that are files: STEP and BREP are used unchanged, meshes become solids with flat facets. Lengths are in mm. Also part colours."""
+"""Read parts that are files, and part colours. STEP and BREP shapes are unchanged; meshes become solids with flat facets.
+
+Lengths are in mm.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ if TYPE_CHECKING:
 def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tuple[str, ...]]:
     """Return the shapes in a file, their colours (`#rrggbb`), and descriptions of repairs.
 
-    `unit` [mm] is the unit of a file that does not specify one. Raises `BadPartFile`.
+    `unit` [mm] is the unit of a file that does not specify a unit. Raises `BadPartFile`.
     """
     suffix = os.path.splitext(path)[1].lower()
     if suffix in (".step", ".stp"):
@@ -32,7 +35,7 @@ def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tup
 
 
 def unusable(fault: BaseException) -> BadPartFile:
-    """Return the error for a file on which the kernel fails after reading some of it."""
+    """Return the error for a file for which the kernel fails after reading a part of the file."""
     reason = BadPartFile("the file is damaged, or contains a shape that the CAD kernel cannot use")
     reason.__cause__ = fault
     return reason
@@ -65,7 +68,7 @@ def _from_brep(path: str) -> TopoDS_Shape:
 
     with open(path, "rb") as stream:
         stream.seek(max(0, os.path.getsize(path) - 100))
-        if re.search(rb"[+-]\d+ \d+\s*$", stream.read(100)) is None:  # last line, the whole shape; without it the kernel hangs
+        if re.search(rb"[+-]\d+ \d+\s*$", stream.read(100)) is None:  # the last line; the kernel hangs if it is missing
             raise BadPartFile("the file is truncated, or is not BREP")
     try:
         shape = kernel_shape(import_brep(path))
@@ -176,7 +179,7 @@ def hexadecimal(color: Any) -> str:
 
 
 def named(text: str) -> str:
-    """Return a CSS name or `#rrggbb` as `#rrggbb`. Raises `ValueError` if it is not a colour."""
+    """Convert a CSS name or `#rrggbb` to `#rrggbb`. Raises `ValueError` for a name that is not a colour."""
     from build123d import Color
 
     return hexadecimal(Color(text))

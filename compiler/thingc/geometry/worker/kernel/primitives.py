@@ -1,9 +1,9 @@
 """Recognise solids that are exactly a box, a cylinder, a capsule or a sphere, by the surfaces of their B-rep.
 
-The number of faces does not matter, because the kernel may split them (the side of a cylinder is one face or two). Only their surfaces
-matter. Three perpendicular pairs of planes enclose exactly one bounded region, a box. The same is true of a cylinder with two planes across
-its axis, and of a sphere. A cylinder and two spheres of its radius on its axis enclose regions that together make up a capsule. A solid
-with the same volume and area as the primitive fills it.
+Only the surfaces of the faces matter, not the number of faces, because the kernel may split faces (the side of a cylinder is one face or
+two faces). Three perpendicular pairs of planes enclose exactly one bounded region, a box. Similarly, a cylinder with two planes across its
+axis encloses exactly one bounded region, and so does a sphere. A cylinder and two spheres of its radius on its axis enclose regions that
+together make up a capsule. A solid with the same volume and area as the primitive fills the primitive.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ SAME = 1e-7
 AGREEMENT = 1e-9
 """Relative tolerance for volume and area of the solid and of the primitive."""
 ROUNDING = 1e-12
-"""Components of directions up to this size are set to zero: rotated solids have such rounding errors."""
+"""Components of directions up to this size are set to zero, because rotated solids have rounding errors of this size."""
 DECIMALS = 12
-"""Decimals to which lengths [mm] are rounded: 2.5 could be 2.499999999999999."""
+"""Number of decimals for rounding lengths [mm]: 2.5 could be 2.499999999999999."""
 
 _Line = tuple[Vector, Vector]
 """A point [mm] and a unit direction: a plane with its normal, or an axis."""
@@ -151,7 +151,7 @@ def _sphere(spheres: list[tuple[Vector, float]], size: float) -> Primitive | Non
 
 
 def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, float] | None:
-    """Return the common axis of all cylinders, pointing up, and their radius; None if they differ."""
+    """Return the common axis of all cylinders, pointing up, and the common radius. Return None if the cylinders differ."""
     (point, axis), radius = cylinders[0]
     for (other, direction), length in cylinders:
         if abs(length - radius) > SAME * size or not _parallel(direction, axis) or _beside(other, point, axis) > SAME * size:
@@ -161,7 +161,7 @@ def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, flo
 
 
 def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
-    """Return the lower and the upper of two places on a line; None if there are more or fewer."""
+    """Return the lower and the upper of two places on a line. Return None unless there are exactly two places."""
     ordered = sorted(places)
     low, high = ordered[0], ordered[-1]
     between = [place for place in ordered if place - low > SAME * size and high - place > SAME * size]
@@ -184,7 +184,7 @@ def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
         for one, other in itertools.product((1.0, -1.0), repeat=2):
             x, y = _scaled(axes[order[0]], one), _scaled(axes[order[1]], other)
             rotations.append((transpose((x, y, _unit(cross(x, y)))), order))
-    # if several have the same trace, take the one with the largest entries, so that rounding does not decide
+    # among rotations with equal traces, choose by the largest entries, so that rounding does not decide
     return max(rotations, key=lambda one: (
         round(sum_of(one[0][k][k] for k in range(3)), 9), [round(entry, 9) for row in one[0] for entry in row]
     ))

@@ -1,8 +1,8 @@
 """Simplify meshes for simulators and measure the deviation, for parts whose document limits the number of triangles (`faces`).
 
 trimesh collapses the edges that change the shape least (Garland and Heckbert, "Surface simplification using quadric error metrics", 1997;
-the package fast_simplification), which is best for scans. But it tears flat regions and stops at long thin triangles. Therefore manifold3d,
-which moves surfaces by at most a tolerance, first merges flat regions. It is used alone if trimesh fails.
+the package fast_simplification), which is best for scans. But trimesh tears flat regions and stops at long thin triangles. Therefore
+manifold3d, which moves surfaces by at most a tolerance, first merges flat regions. If trimesh fails, only manifold3d simplifies the mesh.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIZE = 100.0
-"""Longest side of the meshes passed to trimesh. Its cost of a collapse depends on the size."""
+"""Longest side of the meshes passed to trimesh. In trimesh, the cost of a collapse depends on the size of the mesh."""
 
 FLAT = 1e-6
 """Distance, relative to the longest side, by which a surface may move while coplanar triangles are merged."""
@@ -27,20 +27,20 @@ SAMPLES = 100_000
 """Number of sample points on a surface, in addition to triangle centres, for finding the triangles near a point."""
 
 FEW, MANY, AGAIN = 4, 64, 4000
-"""Number of nearest triangles tested for every point; number tested for the farthest points; number of farthest points."""
+"""Number of nearest triangles to test for every point, number to test for the farthest points, and number of farthest points."""
 
 
 def simplified(mesh: Triangles, faces: int) -> Triangles:
-    """Return a similar closed mesh with at most `faces` triangles. If every edge has two triangles, this is also true of the result.
+    """Return a similar closed mesh with at most `faces` triangles. If every edge has two triangles, so does every edge of the result.
 
-    Raises `NoPart` if this is not possible.
+    Raises `NoPart` if the mesh cannot be simplified to `faces` triangles.
     """
     if len(mesh.faces) <= faces:
         return mesh
     scale = SIZE / float(np.ptp(mesh.vertices, axis=0).max())
     mesh = mesh.scaled(scale)
     solid = _solid(mesh)
-    whole = solid.num_tri() > 0  # otherwise edges where bodies touch have four triangles, which manifold3d does not accept
+    whole = solid.num_tri() > 0  # otherwise, edges between touching bodies have four triangles, which manifold3d does not accept
     plain = _triangles(solid.simplify(FLAT * SIZE)) if whole else mesh
     if len(plain.faces) <= faces:
         return plain.scaled(1.0 / scale)

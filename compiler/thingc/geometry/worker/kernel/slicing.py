@@ -1,7 +1,7 @@
 """Slice a part into printed layers and sum the material of the layers, in a child of the worker. Lengths are in mm.
 
-The method follows PrusaSlicer 2.5, with regions instead of paths. Its names are in brackets; its defaults are used if documents have no
-key.
+The method is the method of PrusaSlicer 2.5, with regions instead of paths. Names of PrusaSlicer are in brackets. If a document does not set
+a key, the default of PrusaSlicer applies.
 
 1. A line of width w in a layer of height h has a cross section of s h with s = w - h (1 - pi/4): a rectangle with semicircular ends [Flow].
    Lines of infill have the spacing s.
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_LAYERS = 20_000
-"""Limit of layers, more than any printer prints: the unit of the layer height is probably wrong."""
+"""Maximum number of layers. Printers never print more layers: the unit of the layer height is then probably wrong."""
 
 NOZZLE = 1.0 / 1.125
 """Default diameter of the nozzle, relative to the width of a line [auto_extrusion_width]."""
 SOLID_BELOW = 70.0
-"""Area [mm^2] up to which a piece of infill is solid [solid_infill_below_area]."""
+"""Largest area [mm^2] of a piece of infill that is always solid [solid_infill_below_area]."""
 AROUND = 3.0
 """Margin [mm] around open surfaces that is filled solid [EXTERNAL_INFILL_MARGIN]."""
 STRAND_GAP = 0.05
@@ -53,15 +53,15 @@ ANCHOR = 3.0
 JOINED = 0.32
 """Fraction of the border of sparse infill along which lines are connected.
 
-Three families of parallel lines end at the border [fill_pattern = stars]. The gaps between neighbouring ends are closed one after the
-other, the shortest first, if both ends are still free [connect_infill]. This value is the mean fraction over all directions of the border
-(`benchmarks/prints/joined.py`).
+Three families of parallel lines end at the border [fill_pattern = stars]. PrusaSlicer closes the gaps between neighbouring ends one after
+the other, the shortest gap first, if both ends are still free [connect_infill]. This value is the mean fraction over all directions of the
+border (`benchmarks/prints/joined.py`).
 """
 
 _UPRIGHT = 1e-6
-"""A wall counts as upright if the z component of its unit normal is at most this."""
+"""Largest z component of the unit normal of a wall that counts as upright."""
 _EXACT = 1e-5
-"""Heights [mm] that differ by less count as equal."""
+"""Heights that differ by less than this value [mm] count as equal."""
 _JUST_BELOW = 1e-3
 """Offset of a cut, relative to the layer. A surface exactly in the cutting plane then belongs to the part above it."""
 _SIMPLE = 1e-3
@@ -72,7 +72,7 @@ NOTHING = CrossSection()
 
 
 class NotSliced(Exception):
-    """The reason why a part cannot be sliced, as text that follows its name."""
+    """The reason why a part cannot be sliced. In messages, the reason comes after the part's name."""
 
 
 def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
@@ -100,7 +100,7 @@ def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:
 
 
 def _turned_up(up: tuple[float, float, float]) -> NDArray[np.float64]:
-    """Return a rotation `(3, 3)` that takes `up` to z. It is the identity if `up` is z."""
+    """Return a rotation `(3, 3)` that rotates `up` to z. The result is the identity if `up` is z."""
     z = np.array(up, dtype=np.float64)
     z /= np.linalg.norm(z)
     least = np.eye(3)[int(np.argmin(np.abs(z)))]
@@ -138,7 +138,10 @@ def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: fl
 
 
 def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return a number for each cut. Cuts with the same number are equal: all walls between them are upright and no surface begins there."""
+    """Return a number for each cut.
+
+    Cuts with the same number are equal: all walls between these cuts are upright, and no surface begins between them.
+    """
     corners = vertices[faces]
     heights = np.round(corners[:, :, 2] / _EXACT) * _EXACT
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -150,7 +153,7 @@ def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArra
     change = np.zeros(len(levels) + 1, dtype=np.int64)
     np.add.at(change, begins, 1)
     np.add.at(change, ends, -1)
-    upright = np.cumsum(change) == 0  # for the slab above each level
+    upright = np.cumsum(change) == 0  # values for the slab above each level
     slab = np.searchsorted(levels, cuts, side="right") - 1
     return np.where(upright[slab], slab, len(levels) + np.arange(len(cuts)))
 
@@ -161,7 +164,7 @@ def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArra
 class _Lengths:
     """The lengths [mm] that a slicing defines.
 
-    `bridge` (of infill) and `overhang` (of walls) are the material of bridges relative to the region that they cover.
+    `bridge` (for infill) and `overhang` (for walls) are the amounts of material of bridges, relative to the region that the bridges cover.
     """
 
     def __init__(self, how: Slicing) -> None:
@@ -176,7 +179,7 @@ class _Lengths:
         self.bridge = section / ((self.strand + STRAND_GAP) * self.layer)
         self.overhang = section / (self.spacing * self.layer)
         self.rounding = (self.width - self.spacing) / 2.0
-        self.spanned = math.floor(self.strand / self.layer + _EXACT)  # layers that a strand passes through
+        self.spanned = math.floor(self.strand / self.layer + _EXACT)  # number of layers that a strand passes through
 
 
 class _Slicer:
@@ -272,7 +275,10 @@ class _Slicer:
         return CrossSection.batch_boolean(regions, OpType.Add) if len(regions) > 1 else small
 
     def shell(self, inside: Region, lid: Region) -> tuple[Region, Region]:
-        """Return the part of the inside below or above a lid, and the region that was added where it is too narrow to print."""
+        """Return the part of the inside below or above a lid.
+
+        Also return the region that was added because this part is too narrow to print.
+        """
         new = _both(lid, inside)
         if new.is_empty():
             return NOTHING, NOTHING
@@ -298,7 +304,7 @@ class _Slicer:
         bridge pass through.
         """
         once, lengths = self.once, self.lengths
-        lines = _grown(sparse, -lengths.spacing / 2.0)  # where the lines of sparse infill are
+        lines = _grown(sparse, -lengths.spacing / 2.0)  # the region of the lines of sparse infill
         if below is None:
             return _Laid(solid=((1.0, walls), (1.0, inside), (1.0, kind.top), (1.0, kind.bottom)), lines=lines)
         over, bridge = once(self.overhang, walls, below), once(self.bridge, inside, *spanned)
@@ -328,7 +334,7 @@ class _Laid(FrozenStruct):
 
 
 class _Once:
-    """A cache of pure functions by the identity of their arguments. It keeps the arguments alive."""
+    """A cache of pure functions by the identity of their arguments. The cache keeps references to the arguments."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], tuple[tuple[Any, ...], Any]] = {}
@@ -344,7 +350,7 @@ class _Once:
 
 
 def _some(region: Region) -> Region:
-    """Return the region, or always the same object if it is empty, so that results for it are cached."""
+    """Return the region. For an empty region, always return the same object, so that results for the region are cached."""
     return NOTHING if region.is_empty() else region
 
 

@@ -1,6 +1,6 @@
-"""Write the STEP file of an assembly. Uses only OCP; neither build123d nor part code is loaded.
+"""Write the STEP file of an assembly. The module uses only OCP: neither build123d nor part code is loaded.
 
-Every definition is one shape that its instances share; groups are sub-assemblies; colours belong to instances. The file does not contain
+Every definition is one shape that its instances share. Groups are sub-assemblies. Colours belong to instances. The file does not contain
 the time, the place or the author.
 """
 
@@ -43,7 +43,7 @@ def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[s
     writer.SetColorMode(True)
     for parameter, value in (("write.step.unit", "MM"), ("write.step.schema", "AP242DIS")):
         Interface_Static.SetCVal_s(parameter, value)
-    # the kernel changes everything after the last product name, so each file needs its own document and writer
+    # the kernel changes all names after the last product name, so each file needs its own document and writer
     if not writer.Transfer(document, STEPControl_AsIs):
         raise ArithmeticError("the kernel could not translate the assembly to STEP")
     with tempfile.TemporaryDirectory() as folder:
@@ -93,7 +93,7 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
         if brep not in compounds:
             compounds[brep] = _load_shape(store, brep).ShapeType() == TopAbs_COMPOUND
         several = compounds[brep]
-        # STEP assigns styles to solids, not to compounds: if there are several solids, the colour belongs to the definition
+        # STEP assigns styles to solids, not to compounds: for several solids, the colour belongs to the definition
         shared = f"{instance['definition']} {brep} {instance['color'] if several else ''}"
         if shared not in definitions:
             shape = _load_shape(store, brep)
@@ -154,7 +154,7 @@ def _neutral(data: bytes, name: str) -> bytes:
 
 
 def _escaped(text: str) -> str:
-    """Encode text by ISO 10303-21, 6.4.3.3: four hexadecimal digits for each character, or eight if one is beyond the basic plane."""
+    """Encode a string by ISO 10303-21, 6.4.3.3: four hexadecimal digits per character, or eight for characters beyond the basic plane."""
     if max(text) > "\uffff":
         return f"\\X4\\{text.encode('utf-32-be').hex().upper()}\\X0\\"
     return f"\\X2\\{text.encode('utf-16-be').hex().upper()}\\X0\\"

@@ -1,11 +1,11 @@
 """Make STEP files reproducible: sort their styles and remove noise from their numbers.
 
-The kernel writes one group of styles per instance in the order of their memory addresses. Two runs therefore differ in the order of the
-groups and in the numbers of their entities. Everything from the first style on is sorted by content and renumbered; the geometry before it
-is unchanged.
+The kernel writes one group of styles per instance, in the order of memory addresses. Two runs therefore differ in the order of the groups
+and in the numbers of their entities. This module sorts all entities after the first style by content and renumbers them. The geometry
+before the first style is unchanged.
 
-If a boolean operation merges two edges, the kernel keeps the one with the lower address. A coordinate may be 0 in one run, 2e-31 in
-another.
+If a boolean operation merges two edges, the kernel keeps the edge with the lower memory address. A coordinate may be 0 in one run and 2e-31
+in another run.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LIST = re.compile(rb"\(((?:#\d+,?\s*)+)\)")
 def without_noise(data: bytes) -> bytes:
     """Replace every number below 1e-14 [mm, or component of a direction] in a STEP file by 0."""
     texts = data.split(b"'")
-    for index in range(0, len(texts), 2):  # every second piece is quoted text; a quote in the text is doubled
+    for index in range(0, len(texts), 2):  # every second piece is a quoted string; a quote in a string is doubled
         *before, rest = _NOISE.split(texts[index])
         if before:
             texts[index] = b"".join(number.rstrip(b".0123456789").removesuffix(b"-") + b"0." for number in before) + rest
@@ -31,7 +31,7 @@ def without_noise(data: bytes) -> bytes:
 
 
 def settled(data: bytes) -> bytes:
-    """Return the STEP file with its styles in canonical order; unchanged if it has no styles."""
+    """Return the STEP file with its styles in canonical order. A file without styles is unchanged."""
     begin = data.find(_STYLES)
     end = data.rfind(b"ENDSEC;")
     if begin < 0 or end < begin:
@@ -61,7 +61,7 @@ class _Order:
     def key(self, number: int) -> bytes:
         """Return a digest of an entity and of all entities that it refers to, independent of their numbers."""
         if number not in self.keys:
-            self.keys[number] = b""  # STEP has no cycles; if there were one, the recursion would end here
+            self.keys[number] = b""  # STEP files do not have cycles; this line would end the recursion for a cycle
             body = self.entities[number]
             if body.startswith(_STYLES):
                 body = _LIST.sub(lambda match: b"".join(sorted(self._by_key(match[1]))), body, count=1)
@@ -89,7 +89,7 @@ class _Order:
         return _LIST.sub(arranged, body, count=1)
 
     def text(self, first: int) -> bytes:
-        """Return all entities numbered from `first`. Each entity follows the first one that refers to it."""
+        """Return all entities, numbered from `first`. The order is depth first from the entities without references to them."""
         named = {int(one) for body in self.entities.values() for one in _numbers(body)}
         roots = sorted((number for number in self.entities if number not in named), key=lambda number: self.keys[number])
         numbers: dict[int, int] = {}

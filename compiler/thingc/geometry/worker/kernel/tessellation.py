@@ -3,8 +3,8 @@
 Vertices are merged along the kernel's own edges, not by distance. The two faces at an edge are cut at the same parameters, but the points
 may differ by a tolerance.
 
-The kernel meshes curved faces. A plane face is filled with triangles between the points of its boundary (manifold3d): the surface is the
-same, and the kernel would be several times slower.
+The kernel meshes curved faces. manifold3d fills a plane face with triangles between the points of its boundary, which gives the same
+surface and is several times as fast as the kernel.
 """
 
 from __future__ import annotations
@@ -41,9 +41,11 @@ _THIN = 1e-12
 
 
 def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
-    """Tessellate a shape [mm]. Triangles deviate by at most `linear` [mm] from the surface and by `angular` [rad] from neighbours.
+    """Tessellate a shape [mm].
 
-    An earlier mesh of the shape has no effect and is removed.
+    Triangles deviate by at most `linear` [mm] from the surface, and by at most `angular` [rad] from neighbouring triangles.
+
+    An earlier mesh of the shape does not affect the result and is removed.
     """
     numbers = ShapeMap()
     faces = [_face(TopoDS.Face(face), numbers) for face in explored(shape, TopAbs_FACE)]
@@ -81,11 +83,11 @@ def _straight(edge: TopoDS_Edge) -> bool:
 
 
 def _meshed(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool], linear: float, angular: float) -> Triangles | None:
-    """Return the triangles of a shape. The faces in `filled` are filled, the others are meshed by the kernel.
+    """Return the triangles of a shape. manifold3d fills the faces in `filled`, and the kernel meshes the other faces.
 
     Return None if a face cannot be filled.
     """
-    BRepTools.Clean_s(shape)  # the kernel would keep an existing finer mesh
+    BRepTools.Clean_s(shape)  # otherwise, the kernel would keep an existing finer mesh
     points = _Points()
     others = [face for face, one in zip(faces, filled, strict=True) if not one]
     if others:
@@ -130,7 +132,7 @@ class _Points:
         mesh = BRep_Tool.Triangulation_s(face.face, location)
         if mesh is None:
             return np.zeros((0, 3), dtype=np.int64)
-        offset = len(self.places) - 1  # the kernel counts from 1
+        offset = len(self.places) - 1  # indices of the kernel start at 1
         moved = None if location.IsIdentity() else location.Transformation()
         nodes = map(mesh.Node, range(1, mesh.NbNodes() + 1))
         self.places += [node.Coord() if moved is None else node.Transformed(moved).Coord() for node in nodes]
@@ -176,7 +178,7 @@ class _Points:
                 chain, end = chains.pop(end)
                 ring = ring + chain
             rings.append(ring)
-        mirrored = face.face.Location().Transformation().IsNegative()  # mirrored edges keep their order, but are reversed
+        mirrored = face.face.Location().Transformation().IsNegative()  # mirrored edges have the same order, but the opposite direction
         return [ring[::-1] for ring in rings] if mirrored else rings
 
     def _corner(self, edge: TopoDS_Edge, first: bool) -> int:
@@ -190,7 +192,10 @@ class _Points:
 
 
 def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """Return triangles `(n, 3)` between the points around a plane face; None if its borders cross or all its points are collinear."""
+    """Return triangles `(n, 3)` between the points around a plane face.
+
+    Return None if its borders cross or all its points are collinear.
+    """
     plane = BRepAdaptor_Surface(face, False).Plane()
     across = np.array([_direction(axis.Direction()) for axis in (plane.XAxis(), plane.YAxis())])
     points = np.concatenate(rings)
@@ -202,16 +207,18 @@ def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDAr
     if _across(flat, flat[following]).sum() < 0.0:
         flat = flat[:, ::-1]
     borders = [np.ascontiguousarray(flat[begin:end]) for begin, end in zip(begins, ends, strict=True)]
-    triangles = np.asarray(triangulate(borders, allow_convex=False), dtype=np.int64)  # for convex ones: triangles with collinear corners
+    triangles = np.asarray(triangulate(borders, allow_convex=False), dtype=np.int64)  # True could give collinear corners
     upright = _flipped(triangles, flat) if len(triangles) > 0 else None
     return points[upright] if upright is not None else None
 
 
 def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """Return triangles `(n, 3)` of points `(m, 2)` that cover the same area without collinear ones, as between holes in rows.
+    """Replace triangles `(n, 3)` of points `(m, 2)` by triangles that cover the same area and do not have collinear corners.
 
-    The diagonal between a collinear triangle and its neighbour at the longest side is flipped. Return None if a triangle without area, or
-    one with the wrong orientation, remains.
+    Rows of holes can cause collinear corners.
+
+    The method flips the diagonal between a collinear triangle and its neighbour at the longest side. Return None if a triangle without area
+    or with the wrong orientation remains.
     """
     areas, sides = _areas(triangles, flat)
     thin = np.flatnonzero(areas <= _THIN * sides.max(axis=1) ** 2).tolist()
