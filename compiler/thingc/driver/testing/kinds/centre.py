@@ -27,7 +27,7 @@ Interval = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
 class CentreCode(DiagnosticCode):
     """Diagnostic codes of `centre` tests."""
 
-    TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move heavy parts, or widen the box.")
+    TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move heavy parts, or enlarge the box.")
 
 
 class WithinSpec(Model):

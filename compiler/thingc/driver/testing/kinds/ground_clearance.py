@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 class ClearanceCode(DiagnosticCode):
     """Diagnostic codes of `ground_clearance` tests."""
 
-    TEST_CLEARANCE = ("TC662", "too near to the ground", "Change a part or a pose, or name what may touch the ground under `except`.")
+    TEST_CLEARANCE = ("TC662", "too near to the ground", "Change a part or a pose, or list parts that may touch the ground under `except`.")
 
 
 class GroundClearanceTest(Model):

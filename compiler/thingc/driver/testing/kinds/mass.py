@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class MassCode(DiagnosticCode):
     """Diagnostic codes of `mass` tests."""
 
-    TEST_MASS = ("TC651", "mass outside its bounds", "Change the parts that weigh too much or too little, or the bound.")
+    TEST_MASS = ("TC651", "mass outside its bounds", "Change parts that are too heavy or too light, or change the bound.")
 
 
 class MassTest(Model):

@@ -30,7 +30,7 @@ ANGLE_OFF = radians(1.0)
 class PointCode(DiagnosticCode):
     """Diagnostic codes of `point` tests."""
 
-    TEST_POINT = ("TC654", "point out of reach", "Move the point, change lengths or the limits of joints, or allow more distance.")
+    TEST_POINT = ("TC654", "point out of reach", "Move the point, change parts or the limits of joints, or allow a greater distance.")
 
 
 class PointTest(Model):

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class ReachCode(DiagnosticCode):
     """Diagnostic codes of `reach` tests."""
 
-    TEST_REACH = ("TC653", "reach outside its bounds", "Change lengths, the limits of joints, or the bound.")
+    TEST_REACH = ("TC653", "reach outside its bounds", "Change the lengths of parts, the limits of joints, or the bound.")
 
 
 class ReachTest(Model):

@@ -34,7 +34,7 @@ GIVES = 5e-3
 class SettleCode(DiagnosticCode):
     """Diagnostic codes of `settles` tests."""
 
-    TEST_SETTLES = ("TC657", "no rest in simulation", "Change the pose, the drives or the bounds; inspect the model of `thingc build`.")
+    TEST_SETTLES = ("TC657", "robot that does not come to rest", "Change the pose, the drives or the bounds, or inspect the MuJoCo model.")
 
 
 class SettlesTest(Model):

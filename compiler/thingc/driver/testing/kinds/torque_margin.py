@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 class TorqueCode(DiagnosticCode):
     """Diagnostic codes of `torque_margin` tests."""
 
-    TEST_TORQUE = ("TC656", "too little torque", "Choose a stronger drive, a lighter robot or another pose, or lower the margin.")
-    TEST_FALLS = ("TC660", "robot that falls over", "Move its feet or heavy parts, or use more feet.")
-    TEST_FOOT = ("TC661", "feet in the air", "Lower them in the pose, or let the mode stand on others.")
+    TEST_TORQUE = ("TC656", "too little torque", "Use a stronger drive, lighter parts or another pose, or reduce the margin.")
+    TEST_FALLS = ("TC660", "robot that falls over", "Move the feet or heavy parts, or add feet to `standing_on`.")
+    TEST_FOOT = ("TC661", "feet in the air", "Change the pose, or list other mounts under `standing_on`.")
 
 
 class TorqueMarginTest(Model):
