@@ -7,8 +7,8 @@
     mujoco.mj_forward(adrift_model, adrift_data)
 
 q and v of the joints do not change, because they have the same meaning in every mode. Forward kinematics gives the pose and twist of the
-new base. This is exact for a free base, and for a held base whose root link is at rest. If the base is held while its link moves,
-`on_motion` specifies what happens. The package requires numpy, but not MuJoCo: it only uses attributes of MuJoCo objects.
+new base. This is exact for a free base, and for a held base whose root link is at rest. If the base is held while its link moves, the
+argument `on_motion` of `switch` selects the behaviour. The package requires numpy, but it does not import MuJoCo.
 
 Conventions are MuJoCo's. Quaternions are (w, x, y, z). The twist of a link is the linear velocity of its frame's origin in world axes,
 followed by the angular velocity in the link's own axes, as for a free joint.

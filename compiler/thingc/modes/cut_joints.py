@@ -17,7 +17,7 @@ STEPS = 50
 def coordinates(cut: Cut, X_AB: Array, usual: Sequence[float]) -> Array:
     """Return q (n,) of a cut joint with the relative pose `X_AB` (4, 4) of its ends.
 
-    Angles are within half a turn of the `usual` values.
+    Each returned angle differs from the corresponding value in `usual` by at most half a turn.
     """
     if cut.kind == "ball":
         return rotation_vector(X_AB[:3, :3])
@@ -45,7 +45,7 @@ def usual(mode: Mode, cut: Cut) -> list[float]:
 def freedoms(cut: Cut, q: Array, X_WB: Array) -> Array:
     """Return the velocity (6, n) of end B relative to A per unit of each coordinate, for end B at X_WB (4, 4) and coordinates q (n,).
 
-    Rows are the velocity of B's origin, then the angular velocity, in world axes.
+    The first three rows are the velocity of B's origin, and the last three the angular velocity, all in world axes.
     """
     if cut.kind == "ball":  # v is the angular velocity of the child in its own axes
         return np.hstack([np.zeros((3, 3)), X_WB[:3, :3].T])

@@ -23,7 +23,7 @@ class WrongData(ModesError):
 
 
 class BaseMoves(ModesError):
-    """Raised if a base must be at rest but its link moves. `twist` (6,) is its velocity [m/s, rad/s]."""
+    """Raised if a base must be at rest but its link moves. `twist` (6,) is the velocity of the link [m/s, rad/s]."""
 
     def __init__(self, mode: str, link: str, twist: Array) -> None:
         linear, angular = float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:]))
@@ -37,7 +37,7 @@ class BaseMoves(ModesError):
 class BaseElsewhere(ModesError):
     """Raised if the link of a fixed base is not at the pose specified by the mode.
 
-    `distance` [m] and `angle` [rad] are the difference.
+    `distance` [m] and `angle` [rad] are the deviation of the link from the specified pose.
     """
 
     def __init__(self, mode: str, link: str, distance: float, angle: float, tolerance: float) -> None:

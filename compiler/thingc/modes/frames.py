@@ -22,7 +22,7 @@ def inverse(X: Array) -> Array:
 
 
 def rotation_of(quaternion: ArrayLike) -> Array:
-    """Return the rotation matrix (3, 3) of a quaternion, which is normalized first, as MuJoCo does for `qpos`."""
+    """Return the rotation matrix (3, 3) of a quaternion after normalizing the quaternion, as MuJoCo does for `qpos`."""
     w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
     return np.array([
         [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],

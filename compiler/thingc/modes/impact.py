@@ -19,7 +19,7 @@ class Impact(OneLineRepr):
     """The effect of a switch on a held link.
 
     Attributes:
-        removed: The twist (6,) [m/s, rad/s] that was removed. For a hold that allows rotation about the mount, it is the velocity of the
+        removed: The removed twist (6,) [m/s, rad/s]. If the hold allows rotation about the mount, this array contains the velocity of the
             mount's origin, followed by zeros.
         impulse: The impulse (6,) of the impact, or 0 without impact: linear [N s] in world axes, and angular [N m s] about the origin of
             the link frame in the axes of the link.
@@ -32,13 +32,13 @@ class Impact(OneLineRepr):
 def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> tuple[RobotState, Array, Mapping[str, Array]]:
     """Return the state after a perfectly inelastic impact with all held links of `mode`, and the impulses.
 
-    The impulses are the impulse (6,) on the root link, and the impulses on the other holds by path.
+    The second and third return value are the impulse (6,) on the root link, and the impulses on the other holds by the path of the mount.
 
-    Let C u = 0 be the constraints of the mode on the velocity u = (base twist, v): the root link (unless free) and held links are at rest,
-    mimic joints follow their leaders, and loops stay closed. The impulses p of the constraints change u by `M (u' - u) = C^T p` with C u' =
-    0. With a basis N of the allowed motions, u' = N w and `N^T M N w = N^T M u`, which is the orthogonal projection of u in the metric M.
-    The result is the nearest allowed motion, and the kinetic energy of the difference is lost (Carnot's theorem). If constraints are
-    redundant, p is the solution of least norm.
+    Let C u = 0 be the constraints of the mode on the velocity u = (base twist, v). The root link (unless the base is free) and the held
+    links are at rest, the velocity of each mimic joint is determined by its leader, and loops stay closed. The impulses p of the
+    constraints change u by `M (u' - u) = C^T p` with C u' = 0. With a basis N of the allowed motions, u' = N w and `N^T M N w = N^T M u`,
+    which is the orthogonal projection of u in the metric M. The result is the nearest allowed motion, and the kinetic energy of the
+    difference is lost (Carnot's theorem). If constraints are redundant, p is the solution of least norm.
     """
     M = mode.mass_matrix(state, inertias)
     u = mode.velocity(state)
@@ -92,7 +92,7 @@ def _base(mode: Mode, state: RobotState) -> tuple[Array, Array]:
 def _held(hold: Hold, X: Array, J: Array) -> Array:
     """Return the velocity constraints of a hold for a link at X (4, 4).
 
-    J is the Jacobian (6, n) of the link, or the Jacobian (3, n) of the mount's origin if the hold allows rotation.
+    J is the Jacobian (6, n) of the link. If the hold allows rotation, J is the Jacobian (3, n) of the mount's origin.
     """
     return J[:3] - cross_matrix(X[:3, :3] @ hold.X_LM[:3, 3]) @ J[3:] if hold.turns else J
 
@@ -107,7 +107,7 @@ def at_point(hold: Hold, X: Array, twist: Array) -> Array:
 
 
 def _mimics(mode: Mode, state: RobotState) -> Array:
-    """Return the constraints (r, n) of all joints that follow a joint of the tree: v minus the multiple of the leader's v."""
+    """Return the constraints (r, n) of all mimic joints: v of the joint, minus the multiple of the leader's v, is zero."""
     column = {joint.name: 6 + number for number, joint in enumerate(mode.joints)}
     followers = [joint for joint in mode.joints if joint.mimic is not None and joint.mimic.joint in column]
     rows = np.zeros((len(followers), 6 + len(column)))

@@ -1,6 +1,6 @@
-"""Read and write the state of a mode in a `mujoco.MjData` by name. The scene can contain other elements besides the robot.
+"""Read and write the state of a mode in a `mujoco.MjData` by element name. The scene can contain elements of other models, too.
 
-MuJoCo itself is not imported. `MjData` provides its model and access by name.
+This module does not import MuJoCo. `MjData` provides its model, and access to elements by name.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FREE = 0
 def check(mode: Mode, data: Any) -> None:
     """Check that `data` belongs to a model of `mode`.
 
-    Raises `WrongData` if the model has other links, other parents, another base, or links, joints or mounts at other places.
+    Raises `WrongData` if the model differs from the mode in its links, their parents, its base, or the poses of links, joints or mounts.
     """
     model = data.model
     body_of = _bodies(mode, model)
@@ -59,7 +59,7 @@ def check(mode: Mode, data: Any) -> None:
 def _link_above(model: Any, body: int, links: Collection[int]) -> int:
     """Return the body of the parent link of `body`, or 0 for the world.
 
-    Bodies that are not links, which `--compat drake` adds, are skipped.
+    `--compat drake` adds bodies that are not links. This function skips them.
     """
     above = int(model.body_parentid[body])
     while above and above not in links:
@@ -68,14 +68,14 @@ def _link_above(model: Any, body: int, links: Collection[int]) -> int:
 
 
 def _free_joint(mode: Mode, data: Any) -> Any:
-    """Return the joint of a free base. It can have any name."""
+    """Return the free joint of the base. The joint can have any name."""
     return data.joint(int(data.model.body_jntadr[_bodies(mode, data.model)[mode.root_link]]))
 
 
 def read_state(mode: Mode, data: Any) -> RobotState:
     """Return the state in `data`. Raises `WrongData`.
 
-    The pose of a fixed base is read from the model. Fixed and held bases are at rest.
+    The pose of a fixed base is read from the model. The twist of a fixed or held base is zero.
     """
     check(mode, data)
     twist = np.zeros(6)
@@ -130,7 +130,7 @@ def write_state(mode: Mode, state: RobotState, data: Any) -> None:
 
 
 def carry(modes: tuple[Mode, Mode], source: Any, target: Any) -> tuple[str, ...]:
-    """Copy from `source` to `target` the values that a switch preserves in addition to the motion. Return the actuators only in `target`.
+    """Copy the values that a switch preserves besides the motion to `target`. Return the actuators that only `target` has.
 
     These values are the time, the controls and activations by actuator, and the joint accelerations for the solver's warm start. The
     controls of the returned actuators do not change.
@@ -162,7 +162,7 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
 def hold_here(mode: Mode, state: RobotState, data: Any) -> None:
     """Move the anchors of a mode's other holds to the held links in `state`, or to the mount's origin if a hold allows rotation.
 
-    With a fixed base, the holds of the model are not moved.
+    If the base is fixed, the anchors do not move.
     """
     if mode.base == "fixed":
         return

@@ -31,7 +31,7 @@ def load_modes(path: str | os.PathLike[str]) -> dict[str, Mode]:
 
 
 def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
-    """Parse the text of a `modes.json`. `name` is used in error messages. Raises `ModesError`."""
+    """Parse the content of a `modes.json`. Error messages call the file `name`. Raises `ModesError`."""
     try:
         modes: Mapping[str, Any] = json.loads(text)
         return {mode: _mode(mode, described) for mode, described in modes.items()}
@@ -95,7 +95,7 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
 
 
 def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[Joint]:
-    """Yield the coordinates of a joint in the order of the mode's tree. For a reversed joint, the order and the motions are inverted."""
+    """Yield the coordinates of a joint in the order of the mode's tree. In a reversed joint, their order and their motions are inverted."""
     back = bool(described["reversed"])
     before, after = _array(described["X_PJ"], 4, 4), inverse(_array(described["X_CJ"], 4, 4))
     if back:

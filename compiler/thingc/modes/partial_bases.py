@@ -1,7 +1,7 @@
 """Bases with partial mobility: `planar` in the x-y plane of a frame A that is fixed in the world, and `ball` about the origin of A.
 
-Let X_WR be the pose of the root link, X0_WR its pose in the mode, and M the motion in A. Then X_WR = X_WA M inv(X_WA) X0_WR. MuJoCo
-represents M as two slides and a hinge about z, or as a quaternion in the axes of the root link.
+Let X_WR be the current pose of the root link, X0_WR its initial pose in the mode, and M the motion in A. Then X_WR = X_WA M inv(X_WA)
+X0_WR. MuJoCo represents M as two slides and a hinge about z (`planar`), or as a quaternion in the axes of the root link (`ball`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class PartBase(OneLineRepr):
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """The names of its joints in the model."""
+        """The names of the joints in the model that implement this mobility."""
         return ("root",) if self.kind == "ball" else ("root_0", "root_1", "root_2")
 
     def qpos(self, X: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Check that a `mujoco.MjModel` has the dimensions of a mode. Other variants have the same links, joints and mounts with other poses."""
+"""Check that the poses of links, joints and mounts in a `mujoco.MjModel` match a mode. The poses of other variants differ."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def _motions(mode: Mode) -> Array:
 
 
 def find_displaced(mode: Mode, model: Any, body_of: Mapping[str, int]) -> tuple[str, float] | None:
-    """Return the first link, joint or mount with another pose in `model`, and the difference [m, rad], or None if all match.
+    """Return the first link, joint or mount whose pose in `model` differs, and the difference [m, rad], or None if all match.
 
-    `model` must have the links of `mode` as bodies.
+    `model` must contain a body for each link of `mode`.
     """
     places = [bytes(getattr(model, name)) for name in PLACES]
     if places in _accepted(mode):
@@ -81,7 +81,7 @@ def _frames(mode: Mode) -> Iterator[tuple[int, str, Array, bool]]:
 
 
 def _motion(model: Any, name: str, X: Mapping[int, Array], here: Array, joint: Any) -> Array:
-    """Return the twist (6,) at the point `here` per unit of v at q = 0 of the body that a joint of the model moves."""
+    """Return the twist (6,) at the point `here` of the body that a joint of the model moves, per unit of v, at q = 0."""
     one = model.joint(name)
     place = X[int(one.bodyid[0])]
     if joint.ball is None:

@@ -31,10 +31,10 @@ class SwitchResult(OneLineRepr):
 
     Attributes:
         state: The state in the new mode.
-        removed: The twist (6,) [m/s, rad/s] of the new root link that the base removed, or 0.
+        removed: The removed part (6,) [m/s, rad/s] of the twist of the new root link, or 0.
         impulse: The impulse (6,) of the impact on the root link: linear [N s] in world axes, and angular [N m s] about its frame's origin
             in its own axes. It is 0 unless `on_motion="impact"` removed a motion.
-        holds: `removed` and `impulse` of the other held mounts, by path.
+        holds: The values `removed` and `impulse` of the other held mounts, by path of the mount.
         uncommanded: The actuators that only the new mode has. Their controls do not change.
     """
 
@@ -61,7 +61,7 @@ class Modes(Mapping[str, Mode]):
 
     @classmethod
     def parse(cls, text: str | bytes) -> Modes:
-        """Parse the text of a `modes.json`. Raises `ModesError`."""
+        """Parse the content of a `modes.json`. Raises `ModesError`."""
         return cls(modes_file.parse(text))
 
     def __getitem__(self, name: str) -> Mode:
@@ -85,7 +85,8 @@ class Modes(Mapping[str, Mode]):
     def write(self, state: RobotState, data: Any) -> None:
         """Write a state to a `mujoco.MjData` of its mode's model. Only qpos, qvel and the mocap pose of the robot are changed.
 
-        For a fixed base, only the joints are written, because the model defines its pose. Raises `WrongData` for data of another model.
+        If the base is fixed, only the joints are written, because the model defines the pose of the base. Raises `WrongData` for data of
+        another model.
         """
         mjdata.write_state(self[state.mode], state, data)
 
@@ -105,20 +106,20 @@ class Modes(Mapping[str, Mode]):
     ) -> SwitchResult:
         """Convert the state of `source` to a state of the mode `target`.
 
-        `source` is a state, or the name of a mode and its `mujoco.MjData`. `target` is the name of a mode, or a name and the `MjData` to
-        fill. If `MjData` is given for `target`, qpos, qvel and the mocap pose of the robot are written. If `source` has data, the time, and
-        controls and activations by actuator name, are also copied. Other elements of the scene do not change. Call `mj_forward` on it
-        afterwards.
+        `source` is a state, or the name of a mode and its `mujoco.MjData`. `target` is the name of a mode, or the name and the `MjData` to
+        fill. If `target` includes `MjData`, this method writes qpos, qvel and the mocap pose of the robot. If `source` also includes
+        `MjData`, this method copies the time, and the controls and activations by actuator name. Other elements of the scene do not change.
+        Call `mj_forward` on the `MjData` of `target` afterwards.
 
         q and v of the joints do not change. Forward kinematics gives the pose and twist of the new root link. If the new base is held or
-        fixed while its link moves faster than `at_rest` [m/s and rad/s], `on_motion` specifies what happens: `"raise"` raises `BaseMoves`,
-        `"drop"` preserves v of the joints, and `"impact"` computes v after a perfectly inelastic impact (see `caught`). The impact uses
-        `inertias`, or by default the inertias of the target's model, else of the source's model, else of the build. A fixed base must be at
-        its pose within `tolerance` [m and rad], else `BaseElsewhere` is raised.
+        fixed while its link moves faster than `at_rest` [m/s and rad/s], `on_motion` selects the behaviour: `"raise"` raises `BaseMoves`,
+        `"drop"` stops the link and preserves v of the joints, and `"impact"` computes v after a perfectly inelastic impact (see `caught`).
+        The impact uses `inertias`. By default, these are the inertias of the target's model, else of the source's model, else of the build.
+        A fixed base must be at its pose within `tolerance` [m and rad], else `BaseElsewhere` is raised.
 
-        The same applies to the links of other holds, or to the held point if the hold allows rotation. They are held at their current
-        place, and their anchors (mocap bodies) are moved there. With a fixed base, they must be at the place specified in the document.
-        Models are never modified. If an exception (`ModesError`) is raised, no data is modified.
+        `on_motion` also applies to the links of other holds, or to the held point if the hold allows rotation. The mode holds these links
+        at their current poses, and the anchors (mocap bodies) move to these poses. If the base is fixed, these links must be at the poses
+        specified in the document. This method does not modify models. If it raises an exception (`ModesError`), it modifies no data.
         """
         if on_motion not in CHOICES:
             raise ModesError(f"expected on_motion \"raise\", \"drop\" or \"impact\", found `{on_motion}`")
@@ -149,7 +150,7 @@ def _placed(state: RobotState, mode: Mode, data: Any, tolerance: float) -> Robot
 
 
 def _stopped(state: RobotState, mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias]) -> SwitchResult:
-    """Return the state with the held links of `mode` at rest. Raises `BaseMoves` if it moves and `on_motion` is `"raise"`."""
+    """Return the state with the held links of `mode` at rest. Raises `BaseMoves` if one moves and `on_motion` is `"raise"`."""
     removed = _removed(state, mode)
     impulse: Array = np.zeros(6)
     impulses: Mapping[str, Array] = {hold.path: np.zeros(6) for hold in mode.holds}
@@ -191,7 +192,7 @@ def _seen_from(state: RobotState, old: Mode, new: Mode) -> RobotState:
 
 
 def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Return (q, v) of a cut joint from the motion of its ends. Angles are within half a turn of their values in the mode's first pose."""
+    """Return (q, v) of a cut joint from the motion of its ends. Angles differ from the mode's first pose by at most half a turn."""
     parent, child = mode.links[cut.parent].name, mode.links[cut.child].name
     X_WA, X_WB = poses[parent] @ cut.X_PA, poses[child] @ cut.X_CB
     q = coordinates(cut, inverse(X_WA) @ X_WB, usual(mode, cut))
@@ -204,8 +205,8 @@ def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[st
 def _removed(state: RobotState, mode: Mode) -> dict[str, tuple[str, Array]]:
     """Return the motions that `mode` stops by mount path, starting with the root.
 
-    Each motion is the name of the link and its twist. For a hold that allows rotation, it is the velocity of the mount's origin, followed
-    by zeros.
+    Each value is the name of the link and its twist. If a hold allows rotation, the twist is replaced by the velocity of the mount's
+    origin, followed by zeros.
     """
     twists = mode.twists(state)
     poses = mode.poses(state)
@@ -239,7 +240,7 @@ def _speed(twist: Array) -> float:
 def _bolted(state: RobotState, mode: Mode, place: Array, tolerance: float) -> RobotState:
     """Return the state with the base exactly at `place`.
 
-    Raises `BaseElsewhere` if the base, or another hold, is off by more than `tolerance`.
+    Raises `BaseElsewhere` if the distance of the base or of another hold from its specified pose is larger than `tolerance`.
     """
     _compare(mode, mode.root_link, state.base_pose, place, tolerance)
     poses = mode.poses(state)

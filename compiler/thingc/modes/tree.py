@@ -21,8 +21,8 @@ from thingc.modes.state import RobotState
 class Ball(OneLineRepr):
     """A ball joint in the tree.
 
-    `name` is its name in the model, and `coordinates` are its three coordinates in the order of the document. `reversed` means that the
-    tree traverses it from child to parent. `R` (3, 3) converts its q to MuJoCo's axes.
+    `name` is its name in the model, and `coordinates` are its three coordinates in the order of the document. If `reversed` is true, the
+    tree traverses the joint from child to parent. `R` (3, 3) converts q of the joint to MuJoCo's axes.
     """
 
     name: str
@@ -71,8 +71,8 @@ def rotation(vector: Array) -> Array:
 class Inertias(OneLineRepr):
     """Inertias of n links and of m joints.
 
-    For links, `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, and `inertia` (n, 3, 3) [kg m^2] about the centre in the link's
-    axes. For joints, `armature` (m,) [kg m^2; kg for slides], the reflected inertia of the rotor.
+    The fields of links are `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, and `inertia` (n, 3, 3) [kg m^2] about the centre in
+    the link's axes. The field of joints is `armature` (m,) [kg m^2; kg for slides], the reflected inertia of the rotor.
     """
 
     mass: Array
@@ -83,10 +83,10 @@ class Inertias(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Link(OneLineRepr):
-    """A link.
+    """A rigid body of the robot.
 
-    `X_root_link` (4, 4) is its pose in the root link at q = 0. `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3) [kg m^2, about the
-    centre] are in its own frame.
+    `X_root_link` (4, 4) is the pose of the link in the root link at q = 0. `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3) [kg m^2,
+    about the centre] are given in the frame of the link.
     """
 
     name: str
@@ -115,10 +115,11 @@ class Joint(OneLineRepr):
     """A coordinate of a joint from link `parent` to link `child` (indices into `Mode.links`).
 
     `first` marks the first coordinate of a joint. `X_PJ` (4, 4) is the frame of the coordinate in the parent, or in the frame that the
-    previous coordinate moves. `twist` (6,) is the motion in this frame per unit of q, angular then linear. `X_JL` (4, 4) is the moved frame
-    (of the child or the next coordinate) when q is -`offset`. `in_model` maps joints of the mode's own model to their motion per unit of q;
-    `qpos` and `dof` are their addresses. `reversed` means that parent and child are exchanged in the document. `kind` is the kind in the
-    document. The coordinates of a `ball` are exponential coordinates, and `qpos` and `dof` of each are the addresses of the whole ball.
+    previous coordinate moves. `twist` (6,) is the motion in this frame per unit of q, angular then linear. `X_JL` (4, 4) is the pose of the
+    moved frame (of the child or of the next coordinate) in the frame of the coordinate when q is -`offset`. `in_model` maps joints of the
+    mode's own model to their motion per unit of q; `qpos` and `dof` are the addresses of these joints. If `reversed` is true, parent and
+    child are exchanged in the document. `kind` is the kind in the document. The coordinates of a `ball` are exponential coordinates, and
+    each of them has the addresses `qpos` and `dof` of the whole ball.
     """
 
     name: str
@@ -167,7 +168,8 @@ class Hold(OneLineRepr):
     """A mount `path` on `link` (an index) that the mode holds in addition to its root.
 
     `X_LM` (4, 4) is its pose in the link, and `X_WM` (4, 4) its pose in the world as specified in the document. `anchor` is the mocap body
-    of the model that holds it. With `turns`, the hold transmits only force: the origin is held, and the link can rotate about it.
+    of the model that holds the mount. If `turns` is true, the hold transmits only force: the mode holds the origin of the mount, and the
+    link can rotate about the origin.
     """
 
     path: str
@@ -183,7 +185,7 @@ class Cut(OneLineRepr):
     """A joint that closes a loop and is not part of this mode's tree.
 
     Frame A on link `parent` (index, `X_PA`) is moved by its `coordinates` (names) in sequence with their `twists` (n, 6; angular, then
-    linear). It then coincides with frame B on link `child` (`X_CB`).
+    linear). After this motion, frame A coincides with frame B on link `child` (`X_CB`).
     """
 
     name: str
@@ -201,13 +203,13 @@ class Mode(OneLineRepr):
     """A mode of a robot.
 
     Attributes:
-        root: The path of its root site.
-        base: `fixed`, `held`, `free`, `planar` or `ball`. `part` describes the mobility of the last two.
-        gravity: In the world [m/s^2] (3,).
+        root: The path of the root mount, which is a site of the model.
+        base: `fixed`, `held`, `free`, `planar` or `ball`. `part` describes the mobility of a `planar` or `ball` base.
+        gravity: The gravitational acceleration (3,) in the world [m/s^2].
         X_world_root: The initial pose (4, 4) of the root link.
         links: The links, the root first and parents before children.
         joints: The joints in the order of the model.
-        named: The poses of the mode with q by joint path, the initial pose first.
+        named: The poses of the mode by name, starting with the initial pose. Each pose contains q by joint path.
         holds: Other mounts that are held in the world.
         cuts: The joints that close loops.
         bases: The poses of a free root link that differ from `X_world_root`, by name of the pose.
@@ -235,7 +237,7 @@ class Mode(OneLineRepr):
 
     @property
     def inertias(self) -> Inertias:
-        """The inertias of the build. `Modes.inertias` returns the inertias of a model, which may have changed since."""
+        """The inertias at the time of the build. `Modes.inertias` returns the current inertias of a model."""
         return Inertias(
             mass=np.array([link.mass for link in self.links]),
             centre=np.array([link.centre for link in self.links]),
@@ -252,7 +254,7 @@ class Mode(OneLineRepr):
         base_pose: ArrayLike | None = None,
         base_twist: ArrayLike | None = None,
     ) -> RobotState:
-        """Return a state of this mode: the pose `named` (None: every joint at 0), with the values in `q` replaced.
+        """Return a state of this mode: the pose `named` (None: every joint at 0), with the values in `q` instead of the pose's values.
 
         The robot is at rest except for `v` and `base_twist`. The base is at its initial pose unless `base_pose` is given. Raises
         `ModesError` for an unknown pose or joint.
@@ -277,7 +279,8 @@ class Mode(OneLineRepr):
     def twists(self, state: RobotState) -> dict[str, Array]:
         """Return the twist (6,) of every link by name.
 
-        It is the velocity [m/s] of its frame's origin in world axes, then the angular velocity [rad/s] in its own axes.
+        A twist is the velocity [m/s] of the origin of the link's frame in world axes, followed by the angular velocity [rad/s] in the
+        link's axes.
         """
         placed = self._placed(state)
         u = self.velocity(state)
@@ -295,7 +298,7 @@ class Mode(OneLineRepr):
     def jacobians(self, state: RobotState) -> tuple[Array, ...]:
         """Return the Jacobian (6, 6 + m) of every link.
 
-        It maps `velocity` to the velocity of its frame's origin and the angular velocity, both in world axes.
+        The Jacobian maps `velocity` to the velocity of the origin of the link's frame and to the angular velocity, both in world axes.
         """
         return tuple(self._jacobians(state, self._placed(state)))
 
@@ -303,8 +306,8 @@ class Mode(OneLineRepr):
         """Return the mass matrix (6 + m, 6 + m) of the robot with a free base, for velocities as in `velocity`. The base of the mode is
         ignored.
 
-        It is `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, where J is the Jacobian of a link's centre. `inertias`
-        are in the order of this mode's tree. By default, the inertias of the build are used.
+        The matrix is `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, where J is the Jacobian of a link's centre.
+        `inertias` must be in the order of this mode's tree. The default is the inertias at the time of the build.
         """
         known = self.inertias if inertias is None else inertias
         placed = self._placed(state)
@@ -336,7 +339,7 @@ class Mode(OneLineRepr):
     def coupling(self, q: Mapping[str, float]) -> Array:
         """Return the matrix (m, k) at `q` (by joint) that maps v of the k independent joints to v of all m joints.
 
-        Independent joints follow no other joint of this tree. Rows and columns are in the order of the model.
+        A joint is independent if it does not mimic another joint of this tree. Rows and columns are in the order of the model.
         """
         by_name = {joint.name: joint for joint in self.joints}
         free = [joint.name for joint in self.joints if joint.mimic is None or joint.mimic.joint not in by_name]

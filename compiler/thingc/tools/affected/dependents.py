@@ -21,7 +21,7 @@ KINDS = ("assembly", "materials", "variants")
 
 
 class AffectedDocuments(FrozenStruct):
-    """The documents that depend on a changed file.
+    """The result of `touched`: the documents that depend on a changed file.
 
     All paths are absolute and sorted. `roots` are the documents to build: assemblies that have modes or are not nested in another of these
     documents.
@@ -32,15 +32,15 @@ class AffectedDocuments(FrozenStruct):
 
 
 class _Needs(FrozenStruct, kw_only=False):
-    """The dependencies of a document. Paths are real paths; the files do not have to exist.
+    """The dependencies of a document. All paths are resolved. The files do not have to exist.
 
     Attributes:
-        files: The files that it depends on.
-        folders: The folders in which it depends on every non-Python file.
-        assembly: Whether it is an assembly.
-        modes: Whether it has modes.
-        nested: The other documents that it uses.
-        varies: The assemblies of a variants document.
+        files: The files that the document depends on.
+        folders: The folders whose non-Python files are all dependencies.
+        assembly: Whether the document is an assembly.
+        modes: Whether the document has modes.
+        nested: The other documents that this document uses.
+        varies: The assemblies that a variants document varies.
     """
 
     files: frozenset[str]
@@ -55,9 +55,9 @@ def touched(changed: Collection[str] | None, folder: str, store: Store | None) -
     """Return the documents below a folder that depend on one of the `changed` paths, or all documents if it is None.
 
     Changed paths do not have to exist. A document depends on the documents that it refers to, on the code of its parts (including modules
-    imported from the workspace), on part files, and on the settings and the lock of the workspace. The files that a part reads while it is
-    built are not known in advance, so a document depends on every non-Python file in its part folders. Without a store, the workspace is
-    untrusted, and no file outside of it is read.
+    imported from the workspace), on part files, and on the settings and the lock of the workspace. A part may read any file while it is
+    built, so a document depends on every non-Python file in its part folders. If `store` is None, the workspace is untrusted, and this
+    function reads no file outside the workspace.
     """
     real = None if changed is None else frozenset(os.path.realpath(path) for path in changed)
     if real is not None and not real:
@@ -113,7 +113,7 @@ def _files(documents: Documents) -> Iterator[str]:
 
 
 def _texts(document: Document, key: str) -> Iterator[str]:
-    """Yield every text under a key at any depth. Variants refer to parts, too."""
+    """Yield every string under a key at any depth. References to parts also occur in variants."""
     waiting: list[Node] = [document.tree]
     while waiting:
         node = waiting.pop()
@@ -129,13 +129,13 @@ def _texts(document: Document, key: str) -> Iterator[str]:
 
 
 class NotARepository(Exception):
-    """Raised if git failed: there is no repository, the revision does not exist, or git is missing. The message is one line."""
+    """Raised if git is missing or fails, for example without a repository or for an unknown revision. The message is one line."""
 
 
 def changed_since(revision: str, folder: str) -> list[str]:
     """Return the sorted absolute paths of the files below a folder that differ from the merge base of `revision` and HEAD.
 
-    These include committed, uncommitted, untracked and deleted files, but not ignored files. Raises `NotARepository`.
+    The result includes committed, uncommitted, untracked and deleted files, but no ignored files. Raises `NotARepository`.
     """
     base = git(folder, "merge-base", "--end-of-options", revision, "HEAD").strip()
     top = git(folder, "rev-parse", "--show-toplevel").rstrip("\n")
@@ -156,15 +156,16 @@ def changed_paths(folder: str, *commits: str, trusted: bool = False) -> list[str
 
 
 def git(folder: str, *words: str, trusted: bool = False) -> str:
-    """Run a git command and return its output as text. See `run_git` for arguments and exceptions."""
+    """Run a git command and return its output as a string. See `run_git` for arguments and exceptions."""
     return os.fsdecode(run_git(folder, *words, trusted=trusted))  # without newline translation: a name can contain a carriage return
 
 
 def run_git(folder: str, *words: str, given: bytes = b"", trusted: bool = False) -> bytes:
-    """Run a git command in a folder and return its output. `given` is passed to its standard input.
+    """Run a git command in a folder and return its output. `given` is the standard input of the command.
 
-    Commands from the configuration of the repository do not run: no file system monitor, hook, filter or transport. The configuration of
-    the user and of the system applies. If the repository is `trusted`, its filters and transports may run. Raises `NotARepository`.
+    Git does not run commands that the configuration of the repository specifies (file system monitors, hooks, filters and transports). If
+    `trusted` is true, git may run filters and transports. The configuration of the user and of the system always applies. Raises
+    `NotARepository`.
     """
     if any("\0" in word for word in words):
         raise NotARepository("a revision cannot contain NUL")

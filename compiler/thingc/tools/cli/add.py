@@ -125,7 +125,7 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
 def _write(
     arguments: argparse.Namespace, options: Options, documents: Documents | None, addition: DocumentEdit, memo: Memo | None = None,
 ) -> int:
-    """Write the files and the document unless they would have errors. `memo` caches the documents. Raises `ReplacementRefused`."""
+    """Write the files and the document unless the result has errors. `memo` caches the documents. Raises `ReplacementRefused`."""
     with provisional(addition.files) as keep:
         diagnostics: list[Diagnostic] = []
         changes: dict[str, Change] = {}
@@ -150,7 +150,7 @@ def _wrong(diagnostics: Sequence[Diagnostic]) -> bool:
 
 
 def _with_addition(root: Document, addition: DocumentEdit) -> Document:
-    """Return the document with the addition. It is formatted if it was formatted before. Raises `WrongCommandLine` if it cannot be edited.
+    """Return the document with the addition, in canonical layout if it had this layout. Raises `WrongCommandLine` if this is impossible.
     """
     document = root
     try:
@@ -173,7 +173,7 @@ def _article(what: str) -> str:
 def _say(
     arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[str] = (), texts: Mapping[str, str] | None = None,
 ) -> int:
-    """Print what was added, or the errors. `texts` are the contents of the changed documents."""
+    """Print the added elements, or the errors. `texts` are the contents of the changed documents."""
     if arguments.format == "text":
         console.say(*done)
     return console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, added=list(done))

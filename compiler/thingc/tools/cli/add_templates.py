@@ -40,7 +40,7 @@ NAME = r"[A-Za-z][A-Za-z0-9_]*"
 
 
 class DocumentEdit(FrozenStruct, dict=True):
-    """An edit of a document. `values` maps keys to new values, `placed` are keys to remove first, and `files` maps paths to contents."""
+    """An edit of a document. `values` maps keys to new values, `placed` are the keys to remove first, and `files` are new files."""
 
     values: Mapping[Keys, Written]
     placed: tuple[Keys, ...] = ()
@@ -76,7 +76,7 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 
 
 def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geometry: GeometryService, reference: str) -> DocumentEdit:
-    """Create a component of an existing part. Errors in the part are not reported here, but by `check`."""
+    """Create a component of an existing part. `thingc check` reports errors in the part, not this function."""
     if documents is None:
         message = f"`{shortened(reference)}` already exists; to place it, add a document"
         raise console.WrongCommandLine(message, "write --to robot.yaml")
@@ -108,7 +108,7 @@ def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
 
 
 def _new_part(arguments: argparse.Namespace, documents: Documents | None, reference: str, path: str) -> DocumentEdit:
-    """Add a class to the module at `path`, new or existing, and create a component of it."""
+    """Add a class to the new or existing module at `path`, and create a component with this class."""
     told, _, given = reference.partition(":")
     module, name = _identifier(told), _class_name(given)
     if keyword.iskeyword(name) or name in _bound(parse_python(new_part("_", None))):
@@ -165,9 +165,9 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Doc
 
 
 def _nested_path(name: str, beside: str | None) -> str:
-    """Return the path of a document for a name: in the folder of `beside`, with its suffix unless a file with another suffix exists.
+    """Return the path of a document in the folder of `beside`, with the suffix of `beside` unless another suffix exists.
 
-    A name with the suffix of a document is already a path.
+    If the name has the suffix of a document, it is a path.
     """
     if name.lower().endswith(DOCUMENT_SUFFIXES):
         return os.path.abspath(name)
@@ -177,7 +177,7 @@ def _nested_path(name: str, beside: str | None) -> str:
 
 
 def _own_mount(path: str) -> str:
-    """Return the default mount of a nested document. Errors in the document are not reported here, but by `check`."""
+    """Return the default mount of a nested document. `thingc check` reports errors in the document, not this function."""
     try:
         with open(path, "rb") as stream:
             tree = read_tree(path, stream.read(), Report())
@@ -217,7 +217,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 
 
 def _format_plain(plain: object) -> Written:
-    """Convert plain values in a document to values to write."""
+    """Convert plain values of a document to formatted values."""
     if isinstance(plain, dict):
         return {key: _format_plain(one) for key, one in plain.items()}
     return [_format_plain(one) for one in plain] if isinstance(plain, list) else str(plain)
@@ -279,7 +279,7 @@ def _section(tree: MappingNode | None, section: str) -> dict[str, object]:
 
 
 def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = ()) -> dict[str, object]:
-    """Return the contents of a mode, merged with the modes that it extends. Missing modes and cycles are not reported here, but by `check`.
+    """Return the contents of a mode, merged with the modes that it extends. `thingc check` reports missing modes and cycles.
     """
     mode = modes.get(name)
     if not isinstance(mode, dict) or name in above:
@@ -297,7 +297,7 @@ def _base(root: Document) -> str:
 
 
 def _placement_keys(arguments: argparse.Namespace, root: Document, name: str, mount: str) -> dict[str, Written]:
-    """Return the placement of a new component. Its mount --by (default: `mount`) is placed on --on, at the frame --at, or above the base.
+    """Return the placement of a new component: its mount --by (default: `mount`) is on --on, at the frame --at, or above the base.
     """
     _new(root, "components", name, hint="choose another name with --name")
     if arguments.on is not None:
@@ -315,7 +315,7 @@ def _shaped(root: Document) -> bool:
 def _weight(documents: Documents) -> dict[str, Written]:
     """Return the keys that give mass to a part without material and mass: a material of the document if possible, else a mass.
 
-    A material for prints is preferred. Return nothing if `defaults` of the document specify a material.
+    Materials for printing have precedence. The result is empty if `defaults` of the document specify a material.
     """
     root = documents.root
     if node_at(root.tree, ("defaults", "component", "material")) is not None:
@@ -375,7 +375,7 @@ def _bound(module: ast.Module) -> set[str]:
 
 
 def _appended(path: str, name: str, text: str) -> Change:
-    """Return the change that appends the class in `text` and missing imports to a module."""
+    """Return the edit that appends the class in `text` to a module and adds missing imports."""
     with open(path, "rb") as stream:
         data = stream.read()
     before = data.decode()

@@ -24,9 +24,9 @@ ReportOf = Callable[[Environment, Compilation], Report]
 
 
 def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Options, report_of: ReportOf) -> int:
-    """Fix `documents`. Return the exit code, which is 0 if no errors remain (with `--diff`: would remain).
+    """Fix `documents`. Return the exit code, which is 0 if all errors were fixed (with `--diff`: can be fixed).
 
-    `report_of` checks a document.
+    The function `report_of` checks a document and returns its report.
     """
     try:
         if not arguments.fix:
@@ -75,7 +75,7 @@ def _autofix(
 
 
 class _Disk:
-    """A cache of file contents at the time of the first read."""
+    """A cache of files. Each file has its content at the time of the first read."""
 
     def __init__(self) -> None:
         self.known: dict[str, bytes | None] = {}

@@ -1,4 +1,4 @@
-"""`thingc batch`: build every variant of a `variants/1` document as `thingc build` would."""
+"""`thingc batch`: build every variant of a `variants/1` document in the same way as `thingc build`."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
 
 
 class _Show:
-    """Displays the progress of a batch: on a terminal in one line that is updated, else with a line every `PAUSE` seconds."""
+    """Displays the progress of a batch: updates one line on a terminal, else prints a line every `PAUSE` seconds."""
 
     def __init__(self) -> None:
         self.said = time.monotonic()

@@ -1,4 +1,4 @@
-"""`thingc build`: compile a document and write the build folder. `watch` and `why` use the same options."""
+"""`thingc build`: compile a document and write the build folder. The commands `watch` and `why` use the same options."""
 
 from __future__ import annotations
 
@@ -73,9 +73,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
-    """Build, or reuse an earlier build if nothing has changed. Return the diagnostics, and the result or None.
+    """Build the robot, or reuse an earlier build if nothing has changed. Return the diagnostics, and the result or None.
 
-    If an earlier build is up to date but lacks some targets, add them to its folder. Raises `UnknownChoice` and `OutputError`.
+    If an earlier build is up to date but lacks some targets, this function adds the missing targets to the build folder. Raises
+    `UnknownChoice` and `OutputError`.
     """
     key = up_to_date.key_of("build", arguments.document, {
         "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode,
@@ -102,7 +103,7 @@ def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> BuildReq
 
 
 def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
-    """Build and write the folder, and cache the result under `key`."""
+    """Build the robot, write the build folder, and cache the result under `key`."""
     built = build_document.build(environment, wish)
     diagnostics = list(built.diagnostics)
     if built.files is None:
@@ -128,7 +129,7 @@ def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
 
 
 def _stands(answer: Mapping[str, Any], store: Store) -> bool:
-    """Return whether the folder of an earlier build is unchanged, and no temporary files next to it must be removed."""
+    """Return whether the folder of an earlier build is unchanged and has no temporary files next to it."""
     folder = answer["folder"]
     if build_folder(*answer["place"]) != folder or unswept(folder):
         return False

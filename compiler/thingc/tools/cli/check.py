@@ -103,7 +103,7 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
 def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:
     """Append the diagnostics of all documents to `diagnostics`. Return it, and the documents without warnings and errors.
 
-    An allowance is not reported as unused if one of the documents needs it.
+    This function does not report an allowance as unused if one of the documents needs the allowance.
     """
     needed = {d.span for said in found.values() for d in said if d.code is Code.UNNEEDED and d.severity is Severity.NOTE}
     good: list[str] = []
@@ -142,7 +142,7 @@ def _packed(document: str, options: Options, strict: bool) -> list[dict[str, obj
 def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None) -> int:
     """Print the diagnostics and return the exit code.
 
-    `of` is the number of documents, if folders were given on the command line.
+    If the command line contains folders, `of` is the number of documents.
     """
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug)
     if arguments.format == "text":

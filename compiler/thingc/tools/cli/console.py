@@ -45,10 +45,10 @@ def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly do
 
 
 def document_meant() -> str:
-    """Return the default document for a command line without a document, and print its path.
+    """Return the default document and print its path. Commands use the result if the command line contains no document.
 
-    It is the only assembly below the working folder, or else in its workspace, that is not nested in another one. Raises `WrongCommandLine`
-    if there is none or more than one.
+    The default is the only assembly below the working folder, or else in its workspace, that is not nested in another assembly. Raises
+    `WrongCommandLine` if no such assembly or more than one exists.
     """
     from thingc.documents.load.discovery import assemblies_in, documents_near, is_document
     from thingc.documents.workspace import Workspace
@@ -59,7 +59,7 @@ def document_meant() -> str:
     if workspace is not None:
         assemblies = (
             assemblies_in(here, workspace)
-            or [path for path in documents_near(here, None) if is_document(path, "assembly/")]  # in nested workspaces
+            or [path for path in documents_near(here, None) if is_document(path, "assembly/")]  # documents of nested workspaces
             or assemblies_in(workspace.root, workspace)
         )
         robots = _unnested(assemblies)
@@ -71,7 +71,7 @@ def document_meant() -> str:
 
 
 def _unnested(assemblies: Sequence[str]) -> list[str]:
-    """Return the assembly documents that are not nested in another one. In documents with errors, references are searched in the text."""
+    """Return the assembly documents that no other document nests. If a document has errors, search its text for references."""
     from thingc.documents.load.documents import load
     from thingc.documents.workspace import Workspace
 
@@ -159,7 +159,7 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
 def paths(words: Sequence[str], form: str, example: str, twice: str, name: Callable[[str], str] = str) -> dict[str, str]:
     """Parse `PATH=TEXT` arguments. Raises `WrongCommandLine`.
 
-    `form` and `example` are used in errors about invalid arguments, and `twice` in the error about two paths with the same `name`.
+    Errors about invalid arguments contain `form` and `example`. The error about two paths with the same `name` contains `twice`.
     """
     texts: dict[str, str] = {}
     for word in words:
@@ -173,7 +173,7 @@ def paths(words: Sequence[str], form: str, example: str, twice: str, name: Calla
 
 
 def refuse_modules_of_others() -> None:
-    """Raise `WrongCommandLine` if Python would import modules from the working folder, which is untrusted."""
+    """Raise `WrongCommandLine` if Python can import modules from the working folder, which is untrusted."""
     if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
         message = "Python looks for modules in the working folder, which may be part of the change"
         raise WrongCommandLine(message, "run `thingc`, or `python -I -m thingc`")
@@ -244,9 +244,10 @@ def require_document(path: str) -> None:
 
 
 def _document_meant(path: str, folder: str, beside: Sequence[str]) -> Hint:
-    """Suggest existing documents in place of a missing one.
+    """Return a suggestion of existing documents in place of a missing document.
 
-    Prefer a document with a similar name, first in `beside`, then in the rest of the workspace. Otherwise list all documents.
+    The suggestion is a document with a similar name in `beside`, else in the rest of the workspace. If no name is similar, the suggestion
+    lists all documents.
     """
     from thingc.documents.load.discovery import documents_near
     from thingc.documents.workspace import Workspace
@@ -293,16 +294,16 @@ def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator
 
 
 class ProgressLine:
-    """Displays the progress of building parts on standard error, with the seconds since it was created.
+    """Displays the progress of building parts on standard error, with the seconds since the start.
 
-    On a terminal, one line is updated. Otherwise, a line is printed at the start, at the end and at most once a second.
+    On a terminal, the display updates one line. Otherwise, it prints a line at the start, at the end and at most once per second.
     """
 
     def __init__(self) -> None:
         self._started = self._shown = time.monotonic()
 
     def __call__(self, what: str, done: int, total: int) -> None:
-        """Show that `done` of `total` parts are finished."""
+        """Display that `done` of `total` parts are finished."""
         now = time.monotonic()
         line = f"{what} parts: {done} of {total} ({now - self._started:.0f} s)"
         if sys.stderr.isatty():
@@ -319,7 +320,7 @@ def show_printed(part: str, lines: Sequence[str]) -> None:
 
 
 def say_waiting(folder: str) -> None:
-    """Print to standard error that another build of the folder is in progress."""
+    """Print a message to standard error that another process is building the same folder."""
     say(f"waiting for another build of {shown_path(folder)}", stream=sys.stderr)
 
 
@@ -344,7 +345,7 @@ def say_diff(name: str, before: str, after: str) -> None:
 
 
 def hand_on(content: bytes | str) -> None:
-    """Write content for other programs (XML, a document, NUL-terminated names) unchanged to standard output."""
+    """Write content for other programs (XML, a document, NUL-terminated names) to standard output without escaping."""
     if isinstance(content, str):
         sys.stdout.write(content)
     else:
@@ -353,7 +354,7 @@ def hand_on(content: bytes | str) -> None:
 
 
 def say_in_place(line: str = "") -> None:
-    """Print a line to standard error that the next line overwrites. Does nothing if it is not a terminal."""
+    """Print a line that the next line overwrites to standard error. Do nothing if standard error is not a terminal."""
     if sys.stderr.isatty():
         sys.stderr.write(f"\r\x1b[K{escape_control(line)}")
         sys.stderr.flush()
@@ -362,7 +363,7 @@ def say_in_place(line: str = "") -> None:
 def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None) -> int:
     """Print diagnostics with source excerpts and a summary, and return the exit code. Colours are used on terminals without NO_COLOR.
 
-    `texts` are the contents of documents that are not on disk, by the name in their spans.
+    `texts` are the contents of documents that are not on disk, by the file name in the spans of the diagnostics.
     """
     if diagnostics:
         color = stream.isatty() and "NO_COLOR" not in os.environ
@@ -373,7 +374,7 @@ def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool
 
 
 def print_json(diagnostics: Sequence[Diagnostic], **more: object) -> None:
-    """Print diagnostics and the keys `more` as one JSON object to standard output."""
+    """Print a JSON object with the diagnostics and the keys `more` to standard output."""
     print_data({"diagnostics": as_json(diagnostics), **more})
 
 
@@ -389,7 +390,7 @@ def print_found(
 ) -> int:
     """Print diagnostics in one of the formats in `FINDINGS`, and return the exit code.
 
-    Text is printed to `stream`, other formats to standard output. `more` are additional keys of the JSON output.
+    Text goes to `stream`, and other formats go to standard output. `more` are additional keys of the JSON output.
     """
     if form == "text":
         print_text(diagnostics, stream=stream, debug=debug, texts=texts)
@@ -421,18 +422,18 @@ def _documentation() -> str | None:
 
 
 def final(report: Report, *, strict: bool) -> list[Diagnostic]:
-    """Return the diagnostics in order. With `strict`, warnings become errors."""
+    """Return the sorted diagnostics. If `strict` is true, warnings become errors."""
     return report.judged(strict=strict).ordered()
 
 
 def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
-    """Return 0 without errors, 2 if an error has one of the `USAGE_CODES`, else 1."""
+    """Return the exit code: 0 without errors, 2 if an error has one of the `USAGE_CODES`, else 1."""
     errors = [d for d in diagnostics if d.severity is Severity.ERROR]
     return USAGE if any(d.code in USAGE_CODES for d in errors) else 1 if errors else 0
 
 
 def of_exception(fault: Exception) -> Diagnostic:
-    """Convert an exception to an error of the command line or of the operating system, or else to an internal error of thingc."""
+    """Convert an exception to an error of the command line, of the operating system, or of thingc itself (internal error)."""
     if isinstance(fault, WrongCommandLine | ReplacementRefused):
         return fault.diagnostic
     from thingc.driver.output import OutputError

@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str, str], str] | None:
     """Write the page of `--html` and the pictures of `--pictures`. Raises `OSError`.
 
-    Return a function that maps a document and the key of a picture to its path, or None without `--pictures`.
+    Return a function that maps a document and the key of a picture to the path of the picture, or None without `--pictures`.
     """
     if arguments.html is not None:
         with open(arguments.html, "w", encoding="utf-8") as page:
@@ -122,7 +122,7 @@ def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str
 
 
 def fail_on(words: Sequence[str]) -> frozenset[str]:
-    """Return the kinds of changes in `--fail-on`, in the singular as in `WHATS`. Raises `WrongCommandLine`."""
+    """Return the kinds of changes in `--fail-on`. They are in the singular, as in `WHATS`. Raises `WrongCommandLine`."""
     known: dict[str, str] = {what: what for what in WHATS}
     known |= {f"{what}es" if what.endswith("s") else f"{what}s": what for what in WHATS}
     named: set[str] = set()
@@ -140,7 +140,7 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
     names = (wanted.old.name, wanted.new.name)
     tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
     if draw and options.code:
-        ready()  # call it before the tests import MuJoCo, which selects its graphics library at import
+        ready()  # must precede the tests, which import MuJoCo, because MuJoCo selects its graphics library at import
     work: Callable[[DocumentPair], Comparison | BrokenSide] = partial(compared, options=options, tests=tests, names=names, draw=draw)
     if arguments.no_code:
         console.refuse_modules_of_others()

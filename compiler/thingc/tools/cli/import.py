@@ -1,4 +1,4 @@
-"""`thingc import`: convert a robot of another format to a workspace."""
+"""`thingc import`: convert a robot in another format to a workspace."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousImport, report: Report) -> dict[str, str]:
-    """Import to the folder of an earlier import. Return the text of the document for diagnostics. Raises `OutputError`."""
+    """Update the folder of an earlier import. Return the text of the document for diagnostics. Raises `OutputError`."""
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
         message = f"`{shown_path(earlier.folder)}` was imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
         raise OutputError(message, "choose another folder with -o; for the same robot, merge with `--update`")
@@ -121,7 +121,7 @@ def _faults(document: str, text: str) -> list[Diagnostic]:
 
 
 def _merged(now: Update, *, disputed: bool) -> list[str]:
-    """Describe the changes in the source and by the user. `disputed` specifies whether there are conflicts."""
+    """Describe the changes in the source and by the user. `disputed` is true if they conflict."""
     taken = [f"  {dotted(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
     kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
     said = [f"merged: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else []
@@ -174,7 +174,7 @@ def _argument(word: str) -> tuple[str, str]:
 
 
 def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
-    """Describe the result of an import: its content, repairs, and all losses with their lines."""
+    """Describe the result of an import without writing it: content, repairs, and all losses with their lines."""
     source = os.path.basename(arguments.file)
     said = [f"would import {_read(arguments, imported)}"]
     said += [f"{source}:{one.link.where.line}: repaired: mass and inertia of `{one.link.name}` ({one.how})" for one in imported.repaired]

@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
-    """Return the data for JSON output: the robot at q = 0 in the frame of the base component, in SI units."""
+    """Return the data for JSON output: the robot at q = 0, in SI units and in the frame of the base component."""
     whole = assembly.properties
     return {
         "name": assembly.name, "mass": whole.mass, "centre": list(whole.centre), "inertia": [list(row) for row in whole.inertia],
@@ -71,7 +71,7 @@ def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
 
 
 def mode_data(robot: Robot) -> dict[str, object]:
-    """Return the data of a mode: root, base, pose of the root link, and the names of links and joints from the root on."""
+    """Return the data of a mode: root, base, pose of the root link, and the names of links and joints, starting at the root."""
     return {
         "root": robot.mode.root.path, "base": robot.base, "X_world_root": [list(row) for row in robot.bodies[0].X_PL.rows()],
         "links": [robot.assembly.links[body.link].name for body in robot.bodies],
@@ -153,7 +153,7 @@ def _cut(robot: Robot) -> tuple[Loop, ...]:
 
 
 def _why_cut(loop: Loop, robot: Robot) -> list[str]:
-    """Describe the joints of a loop, and the reason for cutting it at one of them."""
+    """Describe the joints of a loop, and the reason for cutting the loop at one of these joints."""
     if any(one.joint == loop.cut for one in robot.mode.cut):
         return [f"    through {', '.join(loop.through)}: cut as the mode specifies"]
     return [f"    through {path}, which {reason}" if reason else f"    through {path}" for path, reason in loop.through.items()]

@@ -1,4 +1,4 @@
-"""The entry point of `thingc`: parse the command line and run one command. Only the module of that command is imported."""
+"""The entry point of `thingc`: parse the command line, import the module of one command, and run the command."""
 
 from __future__ import annotations
 
@@ -67,9 +67,9 @@ class Parser(argparse.ArgumentParser):
 
 
 def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Parser | None]:
-    """Return the main parser, and the parser of `command` or None. Only `command` has options, because only its module is imported.
+    """Return the main parser, and the parser of `command` or None. Only `command` has options; other modules are not imported.
 
-    With `alone`, the parsers of the other commands are omitted. They are needed only for the main help.
+    If `alone` is true, the result has no parsers of other commands. Only the main help needs these parsers.
     """
     own: Parser | None = None
     parser = Parser(
@@ -92,7 +92,7 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace | None:
-    """Parse the command line. Return None after printing help or the version. Raises `WrongUsage`, and `SystemExit` without a command."""
+    """Parse the command line. Return None after printing help or the version. Raises `WrongUsage`, or `SystemExit` without a command."""
     command = next((word for word in words if not word.startswith("-")), None)
     if command is not None and command not in COMMANDS:
         from thingc.base.suggestions import near_hint
@@ -100,11 +100,11 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         hint = near_hint(command, COMMANDS) or "run `thingc --help` for a list of commands"
         raise WrongUsage(f"there is no command `{command}`", str(hint))
     empty = next((word for word in words if re.fullmatch(r"-\w--|--[\w-]+=--", word)), None)
-    if empty is not None:  # argparse would return a list
+    if empty is not None:  # without this, argparse returns a list
         raise WrongUsage(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")
     parser, own = parser_for(command, alone=command is not None and words[0] == command)
     behind: Sequence[str] | None = None
-    if own is not None and own.get_default("behind") is not None and "--" in words:  # argparse would add them to other arguments
+    if own is not None and own.get_default("behind") is not None and "--" in words:  # without this, argparse adds them to other arguments
         words, behind = words[: words.index("--")], words[words.index("--") + 1 :]
     try:
         options, unknown = parser.parse_known_args(words)

@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `parts`. Parts that cannot be described are reported as errors, and all other parts are listed."""
+    """Run `parts`. Report parts that cannot be described as errors, and list all other parts."""
     report = Report()
     listed: list[tuple[PartSchema, PartRecord | None]] = []
     try:
@@ -96,7 +96,7 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
     for word in words:
         named = [one for one in references if word in (one, one.partition(":")[0]) or one.startswith(f"{word}.")]
         if not named and ":" in word and not isinstance(geometry.part_code.code(word), PartFailure):
-            named = [word]  # a function, or a class that a package imports from elsewhere
+            named = [word]  # a function, or a class that a package imports from another package
         modules = [module for module in installed if module.startswith(f"{word}.")]
         if not named and modules:
             help = f"list some of its modules, or classes in them: {', '.join(f'`{module}`' for module in modules)}"
@@ -109,7 +109,7 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
 
 
 def unreadable(called: str, done: str, failure: PartFailure) -> Diagnostic:
-    """Return the error for a part that could not be `done` (for example `described`). The message calls the part `called`."""
+    """Return the error for a part. `done` is the failed operation (for example `described`), and `called` the name in the message."""
     span = None if failure.file is None else line_of(failure.file, failure.line or 1)
     return Diagnostic(
         code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{called}` cannot be {done}: {failure.message}",
@@ -135,7 +135,7 @@ def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]
 
 
 def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> list[str]:
-    """Format a part as lines of text. With `whole`, list mounts with their frames, else only by name."""
+    """Format a part as lines of text. If `whole` is true, list mounts with their frames, else only their names."""
     lines = [schema.reference]
     first = schema.doc.strip().partition("\n")[0]
     if first:

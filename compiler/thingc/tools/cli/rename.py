@@ -1,4 +1,4 @@
-"""`thingc rename`: rename an element of a document, and all references to it."""
+"""`thingc rename`: rename an element of a document and update all references to the element."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) 
 def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
     """Return the keyframe to show, or None if the robot has none. Raises `UnknownChoice`.
 
-    It is the requested keyframe, or else the keyframe of the mode, or else the first one.
+    The result is the requested keyframe, or else the keyframe of the mode, or else the first keyframe.
     """
     known = [frame.name for frame in robot.keyframes]
     if wanted is None:

@@ -19,7 +19,7 @@ ROOT_SIZE = 1.6
 
 
 def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
-    """Yield the mounts that have an attached component, are exported, or are added by the document, without duplicates."""
+    """Yield the mounts that the document uses, exports or adds, without duplicates."""
     assembly = robot.assembly
     named = [(mate.parent, mate.parent_mount) for mate in assembly.mates]
     named += [(one.occurrence, one.mount) for one in assembly.exported]
@@ -65,8 +65,7 @@ def _mount(robot: Robot, q: Mapping[str, float], occurrence: int, name: str) -> 
 
 
 def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) -> tuple[str, Pose]:
-    """Return the body of an occurrence, and `pose` in the frame of the body at `q`. For a massless intermediate link, use the previous
-    body.
+    """Return the body of an occurrence, and `pose` in the frame of the body at `q`. A massless intermediate link has the previous body.
     """
     assembly, number = robot.assembly, robot.assembly.link_of[occurrence]
     body = next(body for body in robot.bodies if body.link == number)

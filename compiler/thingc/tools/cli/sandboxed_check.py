@@ -1,9 +1,9 @@
 """Process untrusted documents in a sandboxed child process.
 
-The child has limits of time and memory. It cannot start processes, open connections or write files. If it ends early for any reason, the
-result is one diagnostic.
+The child has limits of time and memory. It cannot start processes, open connections or write files. If the child ends early for any reason,
+the result is one diagnostic.
 
-The compiler passes have their own limits, so the sandbox is only the last line of defence.
+The compiler passes have their own limits. The sandbox is an additional safeguard.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -
 
 
 def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
-    """Return the child's output and True, or False if it neither wrote nor used CPU time for `patience` [s]."""
+    """Return the child's output and True, or False if the child neither wrote output nor used CPU time for `patience` [s]."""
     pieces: list[bytes] = []
     computed = _computed(child)
     with os.fdopen(reading, "rb", buffering=0) as stream:
@@ -112,7 +112,7 @@ _OUT_OF_MEMORY = 91
 
 
 def _in_child(work: Callable[[], Any], seconds: float, memory: int, writing: int) -> NoReturn:
-    """Run `work` in the child and exit. The code of the parent is never resumed."""
+    """Run `work` in the child process and exit. This function does not return."""
     code = 1
     try:
         sys.dont_write_bytecode = True

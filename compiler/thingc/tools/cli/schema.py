@@ -45,7 +45,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `schema`. If a document has errors, its schema covers the valid part."""
+    """Run `schema`. If a document has errors, its schema contains the names in the valid part."""
     for option in arguments.removed or ():
         raise console.WrongCommandLine(f"`{option}` was removed", REMOVED)
     report = Report()
@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
-    """Return workspaces with the selected documents, or None for all documents. Raises `WrongCommandLine`."""
+    """Return the workspaces, each with its selected documents, or None for all documents. Raises `WrongCommandLine`."""
     by_root: dict[str, tuple[Workspace, list[str] | None]] = {}
     for place in places:
         if not os.path.isdir(place):

@@ -36,7 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `set`. Return the exit code, which is 0 if the values were written (with `--diff`: could be written)."""
+    """Run `set`. Return the exit code, which is 0 if the values were written (with `--diff`: can be written)."""
     try:
         console.require_document(arguments.document)
         options = console.options_of(arguments)
@@ -52,9 +52,9 @@ def settings(words: Sequence[str]) -> dict[str, str]:
 
 
 def write(document: str, given: Mapping[str, str], options: Options, arguments: argparse.Namespace, *, diff: bool = False) -> int:
-    """Write values (texts by paths or names of parameters) to a document unless it would have errors. Return the exit code.
+    """Write values (strings by paths or names of parameters) to a document unless the result has errors. Return the exit code.
 
-    `arguments` must have `format` and `debug`, and may have `strict`.
+    `arguments` must have the attributes `format` and `debug`. The attribute `strict` is optional.
     """
     typed = {named(path): f"{path}={text}" for path, text in given.items()}
     outcome = write_values(document, given, options, strict=getattr(arguments, "strict", False), dry=diff)
@@ -69,7 +69,7 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
 
 
 def _as_typed(diagnostic: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:
-    """Replace the option (`-p`, `--set`) in the location of a diagnostic by the argument as typed."""
+    """Replace the option (`-p`, `--set`) in the location of a diagnostic by the argument in the command line."""
     option = next((option for option in OPTIONS if diagnostic.path is not None and diagnostic.path.startswith(option)), None)
     if option is None or diagnostic.path is None:
         return diagnostic

@@ -27,9 +27,9 @@ IMPORTING = "<frozen importlib._bootstrap>"
 
 
 def heed(*, ignored: bool = False) -> None:
-    """Raise `KeyboardInterrupt` for both signals. A signal during an import raises it after the import.
+    """Raise `KeyboardInterrupt` for both signals. If the signal arrives during an import, wait until the end of the import.
 
-    Signals that the parent process ignores stay ignored, unless `ignored` is set. Shells ignore SIGINT in background jobs.
+    If the parent process ignores a signal, this process ignores it, too, unless `ignored` is true. Shells ignore SIGINT in background jobs.
     """
     sys.unraisablehook = _dropped
     signal.signal(signal.SIGALRM, _interrupt)
@@ -39,7 +39,7 @@ def heed(*, ignored: bool = False) -> None:
 
 
 def leave_at_once() -> None:
-    """Exit immediately on both signals. For processes that need no cleanup and wait in code that does not raise exceptions."""
+    """Exit immediately on both signals. Use this in processes without cleanup that wait in code that raises no exceptions."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, lambda *_: os._exit(INTERRUPTED))
 
@@ -62,7 +62,7 @@ def spare_the_child_of_glfw() -> None:
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Delay interrupts until the end of the context, so that all files of a group are written."""
+    """Delay interrupts until the end of the context, for example to write all files of a group."""
     global _held, _late
     _held = True
     try:
@@ -83,7 +83,7 @@ _held = _late = _come = False
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Raise `KeyboardInterrupt`, but not during an import, because modules in C and Rust could suppress it. This is the signal handler."""
+    """The signal handler: raise `KeyboardInterrupt`, but not during an import, because C and Rust modules can suppress it."""
     global _late
     if _held:
         _late = True
@@ -103,7 +103,7 @@ def _raise() -> NoReturn:
 
 
 def _dropped(dropped: UnraisableHookArgs) -> None:
-    """Repeat interrupts that Python ignores, for example in callbacks of weak references. This is `sys.unraisablehook`."""
+    """The `sys.unraisablehook`: repeat interrupts that Python ignores, for example in callbacks of weak references."""
     if issubclass(dropped.exc_type, KeyboardInterrupt):
         _come_again()
     else:

@@ -101,14 +101,14 @@ def _selection(arguments: argparse.Namespace, assembly: Assembly) -> Selection:
 
 
 def _line(result: Result, width: int) -> str:
-    """Format a result as a line of text."""
+    """Format a test result as a line of text."""
     where = f"[{result.where}] " if result.where else ""
     verdict = "passed" if result.passed else "FAILED"
     return f"{verdict}  {result.name.ljust(width)}  {where}{result.outcome.said}  {result.seconds:.2f} s"
 
 
 def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> None:
-    """Print the results in the requested format, except lines that were already printed."""
+    """Print the results in the requested format. Do not repeat lines that were already printed."""
     if arguments.format == "json":
         console.print_json(diagnostics, tests=[_data(result) for result in results])
         return
@@ -131,7 +131,7 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], d
 
 
 def _data(result: Result) -> dict[str, object]:
-    """Return a result for JSON output. Numbers are in SI units."""
+    """Return a test result for JSON output. Numbers are in SI units."""
     return {
         "name": result.name, "kind": result.kind, "mode": result.mode, "pose": result.pose, "passed": result.passed,
         "measured": dict(result.outcome.measured), "expected": dict(result.outcome.expected), "said": result.outcome.said,

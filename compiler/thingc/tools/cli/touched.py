@@ -50,9 +50,9 @@ def run(arguments: argparse.Namespace) -> int:
 def documents(
     files: Sequence[str], since: str | None = None, *, everything: bool = False, roots: bool = False, store: str | None = None
 ) -> tuple[str, ...]:
-    """Return the absolute paths of documents below the working folder that are affected by the files or by the changes since a revision.
+    """Return the absolute paths of documents below the working folder that depend on the files or on changes since a revision.
 
-    Raises `WrongCommandLine` without files and revision, for a folder, or if git fails.
+    Raises `WrongCommandLine` if neither files nor a revision are given, if an argument is a folder, or if git fails.
     """
     from thingc.driver.environment import Options, store_of
     from thingc.tools.affected.dependents import NotARepository, changed_since, touched

@@ -1,4 +1,4 @@
-"""`thingc view`: show a robot in the browser and update it after every save."""
+"""`thingc view`: show a robot in the browser and update the page after every save."""
 
 from __future__ import annotations
 
@@ -105,20 +105,20 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:
-    """Return the rebuild, its page or None after errors, and the diagnostics for the page."""
+    """Return the rebuild, the page of the robot (None after errors), and the diagnostics on the page."""
     environment = live.environment
     assert environment is not None
     page = None
     if made.good and made.built is not None:
         try:
             page = page_of(pipeline.request_of(environment, made.built.compilation))
-        except Exception as fault:  # the next save may fix it
+        except Exception as fault:  # the next save may fix the error
             made = replace(made, good=False, diagnostics=(*made.diagnostics, console.of_exception(fault)))
     return made, page, findings_of(made.diagnostics, environment.workspace)
 
 
 class _Beside:
-    """The document of the overlay in all its modes. A thread watches it and compiles it while it has the lock `turn`."""
+    """The document of the overlay in all its modes. A thread watches the document, and compiles it while holding the lock `turn`."""
 
     def __init__(self, arguments: argparse.Namespace, options: Options, turn: threading.Lock) -> None:
         self._turn = turn
@@ -150,7 +150,7 @@ class _Beside:
 
 
 def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
-    """Return the page of a document, or None after errors, and its diagnostics."""
+    """Return the page of a document (None after errors), and the diagnostics of the document."""
     compilation = pipeline.compile(environment)
     diagnostics = console.final(compilation.report, strict=False)
     return None if compilation.report.failed else page_of(pipeline.request_of(environment, compilation)), diagnostics
@@ -168,7 +168,7 @@ def _server(arguments: argparse.Namespace) -> Server:
 
 
 def _key() -> bytes | None:
-    """Return random bytes that are constant for this user and private, or None if they cannot be stored."""
+    """Return random bytes that are stored in a private file of this user, or None if they cannot be stored."""
     path = os.path.join(cache_root(), "view.key")
     try:
         os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
@@ -186,7 +186,7 @@ def _key() -> bytes | None:
 def _open_build(arguments: argparse.Namespace) -> int:
     """Open the page of a build, or of the only build in a folder.
 
-    Raises `WrongCommandLine` if there is no build, or for options that have no effect.
+    Raises `WrongCommandLine` if no build exists, or if an option has no effect.
     """
     folder = Path(arguments.document) if _is_page(arguments.document) else _build_meant(arguments.document)
     pages = [folder] if folder.is_file() else sorted(folder.glob("html/*.html"))
@@ -205,12 +205,12 @@ def _open_build(arguments: argparse.Namespace) -> int:
 
 
 def _is_page(name: str) -> bool:
-    """Return whether the file is the page of a build. It may have been copied from the build folder."""
+    """Return whether the file is the page of a build. The file can also be a copy outside the build folder."""
     return name.lower().endswith(".html") and os.path.isfile(name)
 
 
 def _build_meant(name: str) -> Path:
-    """Return the folder if it is a build, or the only build in it. Raises `WrongCommandLine`."""
+    """Return the folder if it is a build folder, or else the only build folder in it. Raises `WrongCommandLine`."""
     folder = Path(name)
     if (folder / MANIFEST).is_file():
         return folder

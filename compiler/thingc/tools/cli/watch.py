@@ -80,7 +80,7 @@ def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int
 
 
 def hopeless(made: Rebuild) -> bool:
-    """Return whether the first rebuild has an error in the command line. Saving a file cannot fix it."""
+    """Return whether the first rebuild has an error in the command line, which saving a file cannot fix."""
     return made.number == 1 and console.exit_code(made.diagnostics) == console.USAGE
 
 
@@ -108,7 +108,7 @@ def _say_line(value: Mapping[str, object]) -> None:
 class Lines:
     """Reports rebuilds on standard error: new diagnostics, followed by one line.
 
-    `of` is the name of the document if it differs from the document in the command line.
+    If a rebuild compiles another document than the one in the command line, `of` is the name of this document.
     """
 
     def __init__(self, arguments: argparse.Namespace, doing: str = "watching", of: str | None = None) -> None:

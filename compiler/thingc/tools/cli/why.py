@@ -1,4 +1,4 @@
-"""`thingc why`: show why a part was modelled or reused, or which losses the targets have."""
+"""`thingc why`: show why a part was built or reused, or which losses the targets have."""
 
 from __future__ import annotations
 
