@@ -19,7 +19,7 @@ ROOT_SIZE = 1.6
 
 
 def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
-    """Yield the mounts that the document uses, exports or adds, without duplicates."""
+    """Yield mounts that carry a component, exported mounts, and mounts added by the document, without duplicates."""
     assembly = robot.assembly
     named = [(mate.parent, mate.parent_mount) for mate in assembly.mates]
     named += [(one.occurrence, one.mount) for one in assembly.exported]
@@ -28,7 +28,7 @@ def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
 
 
 def mounts_of(robot: Robot, q: Mapping[str, float], wanted: Sequence[str]) -> Iterator[Mark]:
-    """Yield all mounts and the frame of components: `hand/cap`, `hand.cap`, or `hand` with everything in it. Raises `UnknownChoice`."""
+    """Yield the frame and all mounts of components. `hand` includes the components inside `hand`. Raises `UnknownChoice`."""
     assembly = robot.assembly
     for name in wanted:
         path = name.replace(".", "/")

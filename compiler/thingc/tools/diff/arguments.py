@@ -28,7 +28,7 @@ class UnknownComparison(Exception):
 class Side(FrozenStruct):
     """One side of a comparison.
 
-    `name` is its name in reports. `place` is the path of a document, build folder or lock, or the hash of a commit.
+    `name` is the name of the side in reports. `place` is the path of a document, build folder or lock, or the hash of a commit.
     """
 
     kind: SideKind
@@ -39,7 +39,7 @@ class Side(FrozenStruct):
 class ComparisonRequest(FrozenStruct):
     """The two sides of a comparison, and the documents to compare if both sides are states of a repository.
 
-    Documents are given as on the command line. Without documents, all documents affected by the change are compared.
+    `documents` are paths as on the command line. If there are none, `thingc diff` compares all documents that the change affects.
     """
 
     old: Side
@@ -85,7 +85,7 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
 
 
 def _sides(word: str) -> list[Side]:
-    """Parse an argument to one side, or to two for `main..HEAD` and `main...HEAD`. Three dots compare the merge base with HEAD."""
+    """Parse an argument to one side, or to two sides for `main..HEAD` and `main...HEAD`. Three dots select the merge base and HEAD."""
     if os.path.isfile(word):
         if os.path.basename(word).endswith(LOCK_FILE):
             return [Side(kind="lock", name=word, place=os.path.abspath(word))]

@@ -40,7 +40,7 @@ def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapsh
 
 
 def _placing(assembly: Assembly) -> Iterator[Mate]:
-    """Yield the mates that do not close loops, each oriented so that its parent is closer to the base."""
+    """Yield the mates that do not close loops. The parent of each yielded mate is closer to the base than the child."""
     beside: dict[int, list[tuple[int, Mate]]] = {}
     for mate in assembly.mates:
         if mate.loop is None:
@@ -70,7 +70,7 @@ def shape_of(record: PartRecord | None) -> PartShape | None:
 
 
 def _mounts(occurrence: Occurrence) -> dict[str, Pose]:
-    """Return the mounts of an occurrence's part, except `origin` and mounts added by the document. The latter are compared as elements."""
+    """Return the mounts of an occurrence's part, except `origin` and mounts added by the document, which are elements of their own."""
     added = occurrence.component.mounts
     return {name: mount.pose for name, mount in occurrence.mounts.items() if name not in added and name != "origin"}
 
@@ -99,7 +99,7 @@ def rows_of(assembly: Assembly) -> Iterator[Row]:
 
 
 def sensor_values(assembly: Assembly, sensor: LinkedSensor) -> Iterator[tuple[tuple[str, ...], Value]]:
-    """Yield the properties of a sensor with their keys. Properties that are not set are None."""
+    """Yield the properties of a sensor with their keys. If a property is not set, its value is None."""
     yield ("type",), sensor.kind
     for key, mount in (("at", sensor.at), ("in", sensor.seen_from)):
         if mount is not None:
@@ -119,7 +119,7 @@ def sensor_values(assembly: Assembly, sensor: LinkedSensor) -> Iterator[tuple[tu
 def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
     """Return the properties of all tendons by key (`tendons.grip.dynamics.stiffness`): joints, path, limit, dynamics and drive.
 
-    Properties that are not set are omitted.
+    The result omits properties that are not set.
     """
     facts: dict[str, Fact] = {}
     for one in assembly.tendons:

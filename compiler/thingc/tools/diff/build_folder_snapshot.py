@@ -1,4 +1,4 @@
-"""Read build folders and locks as snapshots. These contain only what can be compared without the documents."""
+"""Read build folders and locks as snapshots. These snapshots lack information that only documents contain."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OF_LOCKS = "content of documents, which is not in a lock file"
 
 
 class UnreadableSide(Exception):
-    """Raised for a folder or file that cannot be compared. The reason is in the message or, for locks, in `diagnostics`."""
+    """Raised for a folder or file that cannot be compared. The message contains the reason; for locks, `diagnostics` contain it."""
 
     def __init__(self, message: str, diagnostics: tuple[Diagnostic, ...] = ()) -> None:
         super().__init__(message)
@@ -75,7 +75,7 @@ def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[
 
 
 def outline(snapshot: Snapshot) -> Snapshot:
-    """Return the part of a document's snapshot that a build folder also contains."""
+    """Reduce the snapshot of a document to the information that a build folder also contains."""
     things = [_component(path, one.definition) for path, one in snapshot.occurrences.items()]
     for (what, _), thing in snapshot.things.items():
         if what == "joint" and "type" in thing.facts:

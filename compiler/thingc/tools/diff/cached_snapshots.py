@@ -33,7 +33,7 @@ class BrokenDocument(Exception):
 
 
 class Subject:
-    """A compiled document whose tests run on demand. A context manager that ends the workers on exit.
+    """A compiled document. Its tests run on demand. On exit, this context manager ends the workers.
 
     Raises `BrokenDocument` if the document does not compile.
     """
@@ -59,7 +59,7 @@ class Subject:
         return self._environment.store
 
     def tested(self) -> Snapshot:
-        """Return the snapshot with test results, which are cached in the store."""
+        """Return the snapshot with test results. The store caches the results."""
         key = self._key()
         earlier = self.store.get_json("diff-tests", key)
         if earlier is not None:
@@ -97,7 +97,7 @@ class Subject:
         )
 
     def _key(self) -> str:
-        """Return a hash of everything that test results depend on: documents, parts, settings and the version of thingc."""
+        """Return a hash of the dependencies of test results: documents, parts, settings and the version of thingc."""
         documents, assembly = self._compilation.documents, self._compilation.assembly
         assert documents is not None and assembly is not None
         parts = sorted({

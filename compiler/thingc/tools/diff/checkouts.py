@@ -27,7 +27,7 @@ from thingc.tools.diff.surface_distance import SurfaceDistances
 class Checkout(OneLineRepr, FrozenStruct):
     """A document, build folder or lock (`kind`) of one side, at `path`.
 
-    `revision` is the revision whose files were written to this folder, or None for files that already existed.
+    If the files were written from a revision, `revision` is its name. If the files already existed, `revision` is None.
     """
 
     path: str
@@ -43,7 +43,7 @@ class Checkout(OneLineRepr, FrozenStruct):
 
 
 class DocumentPair(OneLineRepr, FrozenStruct):
-    """A document on both sides. `name` is its path on the command line. A side is None if the document does not exist there."""
+    """A document on both sides. `name` is its path on the command line. If a side does not contain the document, it is None."""
 
     name: str
     old: Checkout | None
@@ -51,7 +51,7 @@ class DocumentPair(OneLineRepr, FrozenStruct):
 
 
 class BrokenSide(OneLineRepr, FrozenStruct):
-    """A side that does not compile: its diagnostics, with the name of the side in file names, and the texts of these files."""
+    """A side that does not compile: its diagnostics, with the name of the side in file names, and the contents of these files."""
 
     name: str
     diagnostics: tuple[Diagnostic, ...]
@@ -59,7 +59,7 @@ class BrokenSide(OneLineRepr, FrozenStruct):
 
 
 def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[DocumentPair]:
-    """Return the documents to compare, in folders that exist until `stack` is closed. `code` allows running code of the repository.
+    """Return the documents to compare, in folders that exist until `stack` closes. `code` specifies whether code may run.
 
     Raises `UnknownComparison` and `NotARepository`.
     """
@@ -104,7 +104,7 @@ def _laid(repository: Repository, state: Revision | None, path: str) -> Checkout
 
 
 def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequence[Revision | None], here: str) -> list[str]:
-    """Return the documents below the working folder that depend on a changed file, without nested documents that have no modes."""
+    """Return the documents below the working folder that depend on a changed file, except nested documents without modes."""
     changed = changed_paths(here, asked.old.place, *filter(None, [asked.new.place]), trusted=repository.trusted)
     if not changed:
         return []
@@ -123,9 +123,10 @@ def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequenc
 
 
 def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False) -> Comparison | BrokenSide:
-    """Compare a document on both sides. `tests` includes test results, and `draw` includes pictures of the changes.
+    """Compare a document on both sides. If `tests` is true, compare test results; if `draw` is true, render pictures of the changes.
 
-    Source locations are in the checkout. For a broken side, they start with the name of the side. Raises `UnknownComparison`.
+    Source locations refer to files in the checkout. If a side does not compile, the file names start with the name of the side. Raises
+    `UnknownComparison`.
     """
     assert both.old is not None and both.new is not None, "there is nothing to compare it with"
     with ExitStack() as stack:
@@ -145,7 +146,7 @@ def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[
 
 
 def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options, *, tests: bool) -> Comparison:
-    """Compare two documents, or only the contents of a build folder or lock if one side is not a document."""
+    """Compare two documents. If one side is a build folder or a lock, compare only the information that both sides contain."""
     if not isinstance(old, Subject) or not isinstance(new, Subject):
         before, after = (outline(one.snapshot) if isinstance(one, Subject) else one for one in (old, new))
         return compare(before, after)
@@ -167,7 +168,7 @@ def _snapshot(laid: Checkout) -> Snapshot:
 
 
 def _subject(laid: Checkout, options: Options) -> Subject:
-    """Compile a document. If this fails and only some files of a revision were written, write all its files and try again.
+    """Compile a document. After a failure with only some files of a revision, write all files of the revision and retry.
 
     Raises `BrokenDocument`.
     """
@@ -190,7 +191,7 @@ def _at_home(change: Change, both: DocumentPair) -> Change:
 
 
 def _broken(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide:
-    """Convert the errors of a side. Files of a revision get names as in git, such as `main:arm.yaml`."""
+    """Convert the errors of a side. The name of a file in a revision has the syntax of git, such as `main:arm.yaml`."""
     texts: dict[str, str] = {}
 
     def named(span: Span | None) -> Span | None:

@@ -27,7 +27,7 @@ SHAPES = 1e-7
 
 
 class _Following:
-    """Adds the changes that are consequences of changes in documents."""
+    """Finds the changes that are consequences of changes in documents, and adds them to the result."""
 
     def __init__(self, pairing: NameMapping, changes: DocumentChanges, farthest: Farthest) -> None:
         self.pairing, self.changes, self.farthest = pairing, changes, farthest
@@ -40,7 +40,7 @@ class _Following:
         self._moved: dict[str, tuple[str, ...]] = {}
 
     def all(self) -> None:
-        """Add all consequences. Causes are added before their consequences."""
+        """Add all consequences. The method adds a cause before its consequences."""
         for old, new in self.occurrences:
             self._geometry(old, new)
             self._mounts(old, new)
@@ -68,9 +68,9 @@ class _Following:
     # --- parts -------------------------------------------------------------------------------------------------------
 
     def _made(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> dict[str, None]:
-        """Return the changes of the definition or the parameters of a part that can have changed its shape.
+        """Return the changes of the definition or of the parameters of a part that may have changed the part's shape.
 
-        The result is empty if only the code of the part has changed.
+        If only the code of the part has changed, the result is empty.
         """
         paths = (old.path, new.path)
         return self.changes.causes("component", paths, MADE) | self.changes.causes("parameter", paths, ("params.",))
@@ -158,7 +158,7 @@ class _Following:
                 self._add("component", (old.path, new.path), difference, because, change="moved")
 
     def _mover(self, path: str) -> tuple[str, ...]:
-        """Return the causes of a part's new pose, which are changes between the part and the base in the new robot."""
+        """Return the causes of a part's new pose. A cause is a change on the path from the part to the base in the new robot."""
         if path not in self._moved:
             self._moved[path] = ()
             occurrence = self.new.occurrences[path]
@@ -233,7 +233,7 @@ class _Following:
             self._add("geometry", ("", ""), ("robot.reach", one, other), moved or self.changes.structure())
 
     def _coordinates(self) -> None:
-        """Compare the order of coordinates in each mode, for the coordinates of both robots."""
+        """Compare the order of coordinates in each mode. Ignore coordinates that only one of the robots has."""
         joints = [path for what, path in self.old.things if what == "joint"]
         known = {path: there for path in joints if (there := self.pairing.path("joint", path)) is not None}
         for mode, names in self.old.coordinates.items():
@@ -312,7 +312,7 @@ class _Following:
                     what="file", change="removed" if after is None else "added", path=path, because=tuple(self._listed(row.members)),
                 ))
                 continue
-            # if the definition is the same but the shape is not, the code of the part has changed
+            # an equal definition with another shape means that the code of the part has changed
             because = self.changes.causes("geometry", [*before.members, *after.members])
             if because and self._reshaped(before, after):
                 self.changes.add(Change(what="file", change="changed", path=path, because=tuple(because)))
@@ -351,7 +351,7 @@ class _Following:
 
 
 def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Difference]:
-    """Return the differences between two mass properties. Centre and inertia of massless bodies are ignored."""
+    """Return the differences between two mass properties. If a body is massless, ignore its centre and inertia."""
     told: list[tuple[str, DisplayValue, DisplayValue]] = []
     if not _near(old.mass, new.mass):
         told.append((f"{prefix}mass", old.mass, new.mass))
@@ -409,7 +409,7 @@ def _by_definition(rows: Iterable[Row]) -> dict[str, list[Row]]:
 
 
 def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None]) -> list[tuple[Row | None, Row | None]]:
-    """Pair the rows of one definition: first rows with a common piece, then the remaining rows in order."""
+    """Pair the rows with the same definition: first rows with a common piece, then the remaining rows in order."""
     left, pairs = list(news), []
     rest: list[Row] = []
     for old in olds:
@@ -428,7 +428,8 @@ def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None])
 class Comparison(OneLineRepr, FrozenStruct):
     """The changes of one robot: first changes in documents, then their consequences.
 
-    `unknown` lists what could not be compared. `pictures` are PNG files by name (`before`, `after`, `overlay`), if requested.
+    `unknown` lists the kinds of information that were not compared. `pictures` are PNG files by name (`before`, `after`, `overlay`), if
+    requested.
     """
 
     name: str
@@ -438,7 +439,7 @@ class Comparison(OneLineRepr, FrozenStruct):
 
 
 def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: None) -> Comparison:
-    """Compare two snapshots. `farthest` measures the distance between surfaces, which is not compared by default."""
+    """Compare two snapshots. The function `farthest` returns the distance between surfaces; if None, surfaces are not compared."""
     pairing = NameMapping(old, new)
     changes = StatedChanges(pairing).changes
     _Following(pairing, changes, farthest).all()

@@ -16,7 +16,7 @@ LONGEST = 40
 
 
 def worded(pair: Pair, key: str, old: Fact | None, new: Fact | None, robots: tuple[Snapshot, Snapshot]) -> tuple[str, str] | None:
-    """Format both values of a fact. Return None if their dimension is unknown."""
+    """Format both values of a fact with units. Return None if the physical dimension of the values is unknown."""
     words = tuple(_said(fact) for fact in (old, new))
     if words[0] is not None and words[1] is not None:
         return (words[0], words[1])
@@ -51,7 +51,7 @@ def _dimension(thing: SnapshotElement, key: str, robot: Snapshot) -> Dimension |
 
 
 def _coordinate(joint: SnapshotElement) -> Dimension | None:
-    """Return the dimension of q of a joint or of one of its coordinates, or None. Paths of coordinates end with a number: `wrist_1`."""
+    """Return the physical dimension of q of a joint or coordinate, or None. Paths of coordinates end with a number: `wrist_1`."""
     kind = KINDS.get(joint.label or "")
     if kind is None or kind.coordinate is not None:
         return kind.coordinate if kind is not None else None
@@ -71,7 +71,7 @@ _INNER: frozenset[What] = frozenset({"parameter", "mate", "mount"})
 
 
 class DocumentChanges:
-    """The changes found so far, with their causes."""
+    """The changes that were found so far, with their causes."""
 
     def __init__(self) -> None:
         self.found: list[Change] = []
@@ -93,7 +93,7 @@ class DocumentChanges:
     def causes(self, what: What, paths: Iterable[str], fields: Iterable[str] | None = None) -> dict[str, None]:
         """Return the initial causes of all changes of a kind at `paths`.
 
-        If `fields` is given, only changes of these fields are included; `process.` is a prefix.
+        If `fields` is given, the result includes only changes of these fields. A name that ends with a dot (`process.`) is a prefix.
         """
         wanted = None if fields is None else tuple(fields)
         causes: dict[str, None] = {}
@@ -120,7 +120,7 @@ class DocumentChanges:
 
 
 def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
-    """Return whether a change affects a field in `fields` or the whole element. Renaming is ignored."""
+    """Return whether a change affects a field in `fields` or the whole element. Return False for a renamed element."""
     field = change.field
     if field is None:
         return change.change != "renamed"
@@ -128,7 +128,7 @@ def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
 
 
 class StatedChanges:
-    """Collects all changes of values in the documents. The result is `changes`."""
+    """Collects all changes of values in the documents in the attribute `changes`."""
 
     def __init__(self, pairing: NameMapping) -> None:
         self.pairing = pairing
@@ -150,7 +150,7 @@ class StatedChanges:
             self._facts(pair)
 
     def _alone(self, thing: SnapshotElement, how: How) -> None:
-        """Add an element that exists only in one robot."""
+        """Add the change for an element that exists only in one robot."""
         there = self.pairing.path("component", thing.of) if how == "removed" else self.pairing.old_component(thing.of)
         inner = thing.of != "" and there is None and thing.what != "component"
         if inner and thing.what in _INNER:
@@ -164,7 +164,7 @@ class StatedChanges:
         ))
 
     def _renamed(self, pair: Pair) -> None:
-        """Add a renamed element. In a renamed assembly, new paths are consequences."""
+        """Add the change for a renamed element. The new paths of elements in a renamed assembly are consequences."""
         old, new = pair.old, pair.new
         if old.what == "mate":
             return
@@ -182,15 +182,15 @@ class StatedChanges:
         ))
 
     def _facts(self, pair: Pair) -> None:
-        """Add the changed values of an element."""
+        """Add the changes for the changed values of an element."""
         pairing, old, new = self.pairing, pair.old, pair.new
         changed = [(key, before, after) for key, before, after in pairing.facts(old, new) if not pairing.same(before, after)]
         made = {key for key, _, _ in changed if key in _MADE_OF}
-        # changed texts first, because other changes may be consequences of them
+        # add changed texts first, because they may cause other changes
         changed.sort(key=lambda one: _written(old.facts.get(pairing.old_fact(old, one[0]))) == _written(new.facts.get(one[0])))
         for key, before, after in changed:
             if made and key.startswith("params."):
-                continue  # parameters of another part
+                continue  # these are parameters of another part
             earlier, later = old.facts.get(pairing.old_fact(old, key)), new.facts.get(key)
             if old.what == "pose" and self._unknown(key):
                 because: tuple[str, ...] = tuple(self.changes.causes("joint", [key]))
@@ -208,8 +208,8 @@ class StatedChanges:
     def _because(self, pair: Pair, key: str, old: Fact | None, new: Fact | None, made: set[str]) -> tuple[str, ...]:
         """Return the causes of a changed value.
 
-        For an unchanged expression, the causes are the changed parameters in it. For a value that is not written in the document, they are
-        changes of the component or of the drive.
+        If the value is an unchanged expression, the causes are the changed parameters in the expression. If the document does not contain
+        the value, the causes are changes of the component or of the drive.
         """
         before, after = (fact.value if fact is not None else None for fact in (old, new))
         if new is not None and new.written is not None and _written(old) == new.written:
@@ -235,7 +235,7 @@ class StatedChanges:
         return tuple(causes)
 
     def _driven(self, pair: Pair) -> tuple[str, ...]:
-        """Return the causes of changes that a joint inherits from its drive."""
+        """Return the causes of changed values that a joint inherits from its drive."""
         own = self.changes.causes("joint", [pair.new.path], ("type", "drive", "drive.", "limit.", "dynamics."))
         drives = [
             fact.value.path for thing in (pair.old, pair.new)
@@ -257,7 +257,7 @@ class StatedChanges:
     def _parameter(self, path: str) -> tuple[str, ...]:
         """Return the initial causes of a changed parameter, given by its path in the new robot, or nothing if it is unchanged."""
         if path not in self._known:
-            self._known[path] = ()  # stops at cycles of parameters, which are errors in the document
+            self._known[path] = ()  # stop at cycles of parameters, which are errors in the document
             pair = self._parameters.get(path)
             if pair is not None:
                 old, new = pair.old.facts["value"], pair.new.facts["value"]
@@ -267,7 +267,7 @@ class StatedChanges:
 
 
 def _what(thing: SnapshotElement, key: str) -> What:
-    """Return the kind of element that a fact belongs to. Parameters of parts and rows of the bill of materials have their own kinds."""
+    """Return the kind of element that a fact belongs to. Parameters of parts and rows of the bill of materials have separate kinds."""
     return "parameter" if key.startswith("params.") else "bom" if key.startswith("bom.") else thing.what
 
 

@@ -1,11 +1,11 @@
 """Match the components of the old and the new robot.
 
-Components with the same name match. Another component matches if no other component has the same definition and the same mates to matched
-components. This step is repeated until no more matches are found. Then components get colours, which are refined by the colours of their
-neighbours until the partition is stable (B. Weisfeiler and A. Leman, 1968). Components of the same colour are matched by an isomorphism of
-the remaining graphs if these are small, else by their poses. Uncertain matches are marked `perhaps`.
+Components with the same name match. Then the algorithm matches components whose definition and mates to matched components are unique. It
+repeats this step until it finds no more matches. Then it assigns colours to the remaining components, and refines each colour by the
+colours of the neighbours until the partition is stable (B. Weisfeiler and A. Leman, 1968). Components of the same colour are matched by an
+isomorphism of the remaining graphs if these are small, else by their poses. Uncertain matches are marked `perhaps`.
 
-The result is the same if the robots are exchanged, because they are put in a defined order first.
+The algorithm first sorts the two robots. Therefore, exchanging the robots does not change the matches.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SAME_PLACE = 1e-3
 
 
 class Match(FrozenStruct):
-    """A match: the paths of a component in the old and the new robot, the reason, and `perhaps` if it is uncertain."""
+    """A match: the paths of a component in the old and the new robot, the reason, and `perhaps` if the match is uncertain."""
 
     old: str
     new: str
@@ -69,7 +69,7 @@ class _Side:
 
 
 class _Matching:
-    """The matches found so far. Each method adds more matches; the most certain ones are added first."""
+    """The matches that were found so far. Each method adds matches. `match` calls the methods with the most certain matches first."""
 
     def __init__(self, old: Snapshot, new: Snapshot) -> None:
         self.old, self.new = _Side(old), _Side(new)
@@ -112,9 +112,9 @@ class _Matching:
     # --- neighbours --------------------------------------------------------------------------------------------------
 
     def _known_neighbours(self, what: Callable[[ComponentNode], Hashable], words: str, exact: bool) -> bool:
-        """Match components that are the only ones with their value of `what` and their mates to matched components.
+        """Match components whose combination of `what` and mates to matched components is unique.
 
-        With `exact`, the names of the mounts must also be equal. Return whether any were found.
+        If `exact` is true, the names of the mounts must also be equal. Return whether the method found a match.
         """
         before = len(self.found)
         sides = (self._signed(self.old, what, self._old_name, exact), self._signed(self.new, what, self._back.get, exact))
@@ -129,7 +129,7 @@ class _Matching:
     def _signed(
         self, side: _Side, what: Callable[[ComponentNode], Hashable], known: Callable[[str], str | None], exact: bool,
     ) -> dict[tuple[Hashable, tuple[tuple[tuple[str, ...], str], ...]], list[str]]:
-        """Group the unmatched components by `what` and by their mates to matched components. Components without such mates are omitted."""
+        """Group the unmatched components by `what` and by their mates to matched components. Omit components without such mates."""
         signed: dict[Any, list[str]] = defaultdict(list)
         for path in side.left:
             met = [
@@ -152,7 +152,7 @@ class _Matching:
     # --- colours -----------------------------------------------------------------------------------------------------
 
     def _colours(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
-        """Match all components with a unique colour. If there are none, match one group of equal colour by isomorphism or by position.
+        """Match all components with a unique colour. If no colour is unique, match one group of equal colour by isomorphism or by position.
 
         Return whether any were found.
         """
@@ -183,7 +183,7 @@ class _Matching:
         return [(ones, others) for ones, others in groups.values() if ones and others]
 
     def _by_definition(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
-        """Match only by definition if no colours are shared. Return whether any were found."""
+        """Match components only by definition. Use this if the robots share no colours. Return whether the method found a match."""
         shared = self._shared(lambda number, path: what((self.old, self.new)[number].nodes[path]))
         before = len(self.found)
         for ones, others in shared:
@@ -221,9 +221,9 @@ class _Matching:
         return now
 
     def _isomorphic(self, colours: Mapping[tuple[int, str], int]) -> bool:
-        """Match all remaining components by an isomorphism if the graphs are small. Return whether one was found.
+        """Match all remaining components by an isomorphism if the graphs are small. Return whether an isomorphism exists.
 
-        If there are several isomorphisms, they differ by an automorphism of the new robot, so any of them is correct.
+        Several isomorphisms differ only by an automorphism of the new robot, so each isomorphism is correct.
         """
         if not len(self.old.left) == len(self.new.left) <= RESIDUE:
             return False
@@ -263,7 +263,7 @@ class _Matching:
     def _by_place(self, ones: Sequence[str], others: Sequence[str], reason: str, within: float = math.inf) -> None:
         """Match components by position, nearest pairs first, and mark the matches as `perhaps`.
 
-        Components without a pose are treated as infinitely far away.
+        If a component has no pose, its distance from other components is infinite.
         """
         for distance, one, other in sorted((self._distance(one, other), one, other) for one in ones for other in others):
             if distance <= within and one in self.old.left and other in self.new.left:

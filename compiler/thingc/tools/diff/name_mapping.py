@@ -29,14 +29,15 @@ class Pair(FrozenStruct):
 
     @property
     def new_path(self) -> str | None:
-        """The path in the new robot if it differs, else None."""
+        """The path in the new robot if it differs from the old path, else None."""
         return self.new.path if self.new.path != self.old.path else None
 
 
 class NameMapping:
     """A mapping of names between two robots.
 
-    `pairs` are the elements of both robots, `gone` the elements only in the old robot, and `come` the elements only in the new robot.
+    `pairs` are the elements of both robots. `gone` are the elements that only the old robot has, and `come` the elements that only the new
+    robot has.
     """
 
     def __init__(self, old: Snapshot, new: Snapshot) -> None:
@@ -54,11 +55,11 @@ class NameMapping:
     # --- names and values --------------------------------------------------------------------------------------------
 
     def path(self, what: What, path: str) -> str | None:
-        """Return the new path of an element of the old robot, or None if it was removed."""
+        """Return the new path of an element of the old robot, or None if the element was removed."""
         return self._paths[what].get(path)
 
     def old_component(self, path: str) -> str | None:
-        """Return the old path of a component of the new robot, or None if it was added."""
+        """Return the old path of a component of the new robot, or None if the component was added."""
         return self._back.get(path)
 
     def now(self, value: Value) -> Value:
@@ -96,7 +97,7 @@ class NameMapping:
         self.come += news.values()
 
     def _called(self, thing: SnapshotElement) -> str | None:
-        """Return the expected new path of an element, below the new path of its component. Return None if the component was removed."""
+        """Return the expected path of an element in the new robot, or None if its component was removed."""
         if thing.what in _OWNED:
             return self._paths["component"].get(thing.path)
         if not thing.of:
@@ -109,7 +110,7 @@ class NameMapping:
         self._paths[old.what].setdefault(old.path, new.path)
 
     def _renamed(self, what: What, olds: dict[str, SnapshotElement], news: dict[str, SnapshotElement]) -> None:
-        """Match renamed elements with the same content, and joints that connect the same components."""
+        """Match renamed elements with equal content, and renamed joints that connect the same components."""
         tests = [(self._says_the_same, "equal definition", False)]
         if what == "joint":
             tests.insert(0, (self._connects_the_same, "same connections", False))
@@ -177,7 +178,7 @@ def _names(value: Value) -> bool:
 
 
 def equal(old: Value, new: Value, scale: float = 0.0) -> bool:
-    """Return whether two values are equal up to rounding. The tolerance of numbers in a tuple is relative to the largest number."""
+    """Return whether two values are equal except for rounding. The tolerance in a tuple is relative to its largest number."""
     if isinstance(old, tuple) and isinstance(new, tuple):
         scale = max(scale, *(largest(one) for one in (old, new)))
         return len(old) == len(new) and all(equal(one, other, scale) for one, other in zip(old, new, strict=True))

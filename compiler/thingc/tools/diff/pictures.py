@@ -32,7 +32,7 @@ def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, 
 
 
 def colours(changes: Iterable[Change]) -> dict[str, str]:
-    """Return the colours of changed parts of the new robot by path. Components of added assemblies have their own changes."""
+    """Return the colours of changed parts of the new robot by path. Each component of an added assembly is a separate change."""
     by_path: dict[str, str] = {}
     for change in changes:
         path = change.new_path or change.path
@@ -47,7 +47,7 @@ def colours(changes: Iterable[Change]) -> dict[str, str]:
 
 
 def coloured(xml: str, colours: Mapping[str, str]) -> str:
-    """Return the model with these colours on its visual geoms. Other visual geoms get a pale colour."""
+    """Return the model with these colours on its visual geoms, and with a pale colour on all other visual geoms."""
     root = ElementTree.fromstring(xml)
     for geom in root.iter("geom"):
         if geom.get("class") == "visual" and (name := geom.get("name")) is not None:
@@ -77,7 +77,7 @@ def with_removed(new: Model, old: Model, changes: Iterable[Change]) -> Model:
         mesh = meshes.get(geom.get("mesh"))
         if mesh is not None:
             name, file = f"gone:{mesh.get('name')}", mesh.get("file", "")
-            where = f"gone_{file.replace('/', '_')}"  # MuJoCo ignores folders in file names
+            where = f"gone_{file.replace('/', '_')}"  # MuJoCo ignores the folder in the name of a mesh file
             if where not in files:
                 ElementTree.SubElement(asset, "mesh", {**mesh.attrib, "name": name, "file": where})
                 files[where] = old[1][file]

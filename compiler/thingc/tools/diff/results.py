@@ -21,7 +21,7 @@ class DiffResult(OneLineRepr, FrozenStruct):
     """The result of a comparison of the sides named `old` and `new`.
 
     `documents` maps the names of documents on both sides to comparisons. `come` are the documents that exist only on the new side, and
-    `gone` those that exist only on the old side.
+    `gone` the documents that exist only on the old side.
     """
 
     old: str
@@ -41,7 +41,7 @@ class DiffResult(OneLineRepr, FrozenStruct):
 def answered(
     old: str, new: str, pairs: Sequence[DocumentPair], compare: Callable[[DocumentPair], Comparison | BrokenSide],
 ) -> DiffResult | BrokenSide:
-    """Compare all documents. Return the first side that does not compile, if any, instead of the result."""
+    """Compare all documents. If a side does not compile, return this side instead of the result."""
     documents: list[tuple[str, Comparison]] = []
     for both in pairs:
         if both.old is not None and both.new is not None:

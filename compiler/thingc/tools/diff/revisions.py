@@ -1,7 +1,7 @@
 """Write revisions of a git repository to temporary folders, without changing the checkout and its index.
 
 Only the files that a document needs are written: the settings of its workspace, the folders of parts, and recursively the documents and
-files that it refers to. If a part reads other files, `everything` writes all files.
+files that it refers to. If a part reads other files, call `everything`, which writes all files.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class UnknownRevision(Exception):
 class Repository(OneLineRepr, FrozenStruct):
     """A git repository. `top` is the absolute path of its checkout.
 
-    Filters in its own configuration run only if it is `trusted`.
+    If `trusted` is false, git does not run the filters that the configuration of the repository defines.
     """
 
     top: str
@@ -68,7 +68,7 @@ class Repository(OneLineRepr, FrozenStruct):
 
 
 class Revision:
-    """A commit whose files are written to a temporary folder on demand. A context manager that removes the folder on exit."""
+    """A commit whose files are written to a temporary folder on demand. On exit, this context manager removes the folder."""
 
     def __init__(self, repository: Repository, name: str, commit: str) -> None:
         self.repository, self.name, self.commit = repository, name, commit
@@ -88,12 +88,12 @@ class Revision:
         return path in self._files
 
     def documents(self, folder: str) -> list[str]:
-        """Return the paths of the files below a folder (its path in the repository) that may be documents."""
+        """Return the paths of possible documents below a folder. All paths are relative to the repository."""
         above = "" if folder == "." else f"{folder}/"
         return [path for path in self._files if path.startswith(above) and path.lower().endswith(DOCUMENTS)]
 
     def file(self, path: str) -> str:
-        """Return the absolute path to which a file of the repository is written."""
+        """Return the absolute path in the temporary folder of a file of the repository."""
         return os.path.join(self.root, *path.split("/"))
 
     def lay_out(self, documents: Collection[str]) -> None:
@@ -115,11 +115,11 @@ class Revision:
             ]
 
     def everything(self) -> bool:
-        """Write all files. Return whether any of them had not been written before."""
+        """Write all files. Return False if all files had been written before."""
         return bool(self._bring(self._files))
 
     def _bring(self, paths: Iterable[str]) -> dict[str, bytes]:
-        """Write the files that have not been written yet, and return their contents."""
+        """Write those of the files that do not exist yet, and return their contents."""
         wanted = [path for path in dict.fromkeys(paths) if path in self._files and path not in self._there]
         self._there.update(wanted)
         contents = dict(self._contents(wanted))
@@ -129,7 +129,7 @@ class Revision:
         return contents
 
     def _contents(self, paths: list[str]) -> Iterator[tuple[str, bytes]]:
-        """Yield paths and contents as in a checkout, with converted line endings and with large files fetched by filters."""
+        """Yield paths and contents as in a checkout: git converts line endings and runs filters, for example to fetch large files."""
         if not paths:
             return
         asked = b"".join(self._files[path][1].encode() + b" " + os.fsencode(path) + b"\n" for path in paths)
@@ -145,7 +145,7 @@ class Revision:
 
 
 def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
-    """Return the mode and hash of each file in a commit by path, without submodules and names that a checkout cannot have.
+    """Return the mode and hash of each file in a commit by path, except submodules and files with invalid names.
 
     Raises `NotARepository` if a path is both a file and a folder.
     """
@@ -164,7 +164,7 @@ def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
 
 
 def _above(path: str) -> Iterator[str]:
-    """Yield the folders that contain a file, the nearest first. The last one is the repository itself, with an empty path."""
+    """Yield the folders that contain a file, the nearest first. The last folder is the repository, whose path is empty."""
     folder = posixpath.dirname(path)
     while folder:
         yield folder
@@ -187,7 +187,7 @@ def _parts(path: str, data: bytes) -> Iterator[str]:
 
 
 def _reads(path: str, data: bytes) -> Iterator[str]:
-    """Yield the files that the parts in a lock have read. They are used to check without running code whether a part is up to date."""
+    """Yield the files that the parts in a lock have read. thingc checks them to decide whether the locked parts are up to date."""
     try:
         for thing in json.loads(data)["things"].values():
             for read in thing["reads"]:
