@@ -94,7 +94,7 @@ class _Matching:
     def _around(self) -> bool:
         """Match assemblies that contain matched components, and components of the same name in matched assemblies.
 
-        Return whether any were found.
+        Return whether the method found a match.
         """
         before = len(self.found)
         for path in [one for one in self.old.left if self.old.nodes[one].kind == "assembly"]:
@@ -154,7 +154,7 @@ class _Matching:
     def _colours(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
         """Match all components with a unique colour. If no colour is unique, match one group of equal colour by isomorphism or by position.
 
-        Return whether any were found.
+        Return whether the method found a match.
         """
         if not self.old.left or not self.new.left:
             return False
