@@ -150,8 +150,7 @@ def _wrong(diagnostics: Sequence[Diagnostic]) -> bool:
 
 
 def _with_addition(root: Document, addition: DocumentEdit) -> Document:
-    """Return the document with the addition, in canonical layout if it had this layout. Raises `WrongCommandLine` if this is impossible.
-    """
+    """Return the document with the addition, in canonical layout if it had this layout. Raises `WrongCommandLine` if this is impossible."""
     document = root
     try:
         for keys in addition.placed:

@@ -279,8 +279,7 @@ def _section(tree: MappingNode | None, section: str) -> dict[str, object]:
 
 
 def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = ()) -> dict[str, object]:
-    """Return the contents of a mode, merged with the modes that it extends. `thingc check` reports missing modes and cycles.
-    """
+    """Return the contents of a mode, merged with the modes that it extends. `thingc check` reports missing modes and cycles."""
     mode = modes.get(name)
     if not isinstance(mode, dict) or name in above:
         return {}
@@ -297,8 +296,7 @@ def _base(root: Document) -> str:
 
 
 def _placement_keys(arguments: argparse.Namespace, root: Document, name: str, mount: str) -> dict[str, Written]:
-    """Return the placement of a new component: its mount --by (default: `mount`) is on --on, at the frame --at, or above the base.
-    """
+    """Return the placement of a new component: its mount --by (default: `mount`) is on --on, at the frame --at, or above the base."""
     _new(root, "components", name, hint="choose another name with --name")
     if arguments.on is not None:
         return {"attach": {arguments.by or mount: arguments.on}}

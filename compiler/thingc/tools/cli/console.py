@@ -246,8 +246,7 @@ def require_document(path: str) -> None:
 def _document_meant(path: str, folder: str, beside: Sequence[str]) -> Hint:
     """Return a suggestion of existing documents in place of a missing document.
 
-    The suggestion is a document with a similar name in `beside`, else in the rest of the workspace. If no name is similar, the suggestion
-    lists all documents.
+    Suggest a document with a similar name in `beside`, else in the rest of the workspace, else list all documents.
     """
     from thingc.documents.load.discovery import documents_near
     from thingc.documents.workspace import Workspace

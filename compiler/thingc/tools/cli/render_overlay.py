@@ -65,8 +65,7 @@ def _mount(robot: Robot, q: Mapping[str, float], occurrence: int, name: str) -> 
 
 
 def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) -> tuple[str, Pose]:
-    """Return the body of an occurrence, and `pose` in the frame of the body at `q`. A massless intermediate link has the previous body.
-    """
+    """Return the body of an occurrence (of the preceding link if its link is massless), and `pose` in the frame of the body at `q`."""
     assembly, number = robot.assembly, robot.assembly.link_of[occurrence]
     body = next(body for body in robot.bodies if body.link == number)
     pose = in_link(assembly)[occurrence] @ pose

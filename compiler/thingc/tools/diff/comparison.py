@@ -183,7 +183,7 @@ class _Following:
         )
 
     def _hung(self, occurrence: OccurrenceSnapshot) -> dict[str, None]:
-        """Return the changes that affect how a part is attached: changes of its mate or joint, of the two mounts, and of the two parts."""
+        """Return the changes that affect the attachment of a part: changes of the mate or joint, the two mounts, and the two parts."""
         ends = [occurrence.path, *([occurrence.parent] if occurrence.parent is not None else [])]
         above = [path for end in ends for path in above_of(end)]
         causes = self.changes.causes("mate", above) | self.changes.causes_of_mounts(above)
@@ -346,7 +346,7 @@ class _Following:
                 self._add("test", paths, (f"passed{at}", old.passed, new.passed), because)
             for name in {**old.measured, **new.measured}:
                 before, after = old.measured.get(name), new.measured.get(name)
-                if before is None or after is None or not _near(before, after, 1e-2):  # coarse, and ignores changes below about a nanometre
+                if before is None or after is None or not _near(before, after, 1e-2):  # ignores changes below about a nanometre
                     self._add("test", paths, (f"measured.{name}{at}", before, after), because)
 
 

@@ -1,4 +1,4 @@
-"""Snapshots of robots for comparison (facts of documents with source locations, and results), and changes between two snapshots."""
+"""Snapshots of robots (values in documents with source locations, and results), and changes between two snapshots."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ PERHAPS = "perhaps"
 
 
 class Change(OneLineRepr, FrozenStruct):
-    """A change.
+    """A change of the robot, of one of its elements, or of one value.
 
     Attributes:
         path: The path of the element in the old robot, or in the new robot if it was added.
-        new_path: The path in the new robot, if it differs.
+        new_path: The path in the new robot, if it differs from `path`.
         field: The key whose value changed from `old` to `new` (SI units).
-        words: Both values in display units, if their dimension is known.
-        because: The paths of the changes that caused it, none for a change made in a document. Contains `perhaps` for an uncertain match.
+        words: Both values in display units, if their physical dimension is known.
+        because: The paths of the changes that caused this change. Empty if the user made the change in a document. Contains `perhaps` for
+            an uncertain match.
         reason: Why a renamed element was matched.
         span: The location in the new robot, or in the old robot if the element was removed.
     """
@@ -53,7 +54,7 @@ class Change(OneLineRepr, FrozenStruct):
 
     @property
     def caused(self) -> bool:
-        """Whether it is a consequence of other changes."""
+        """Whether this change is a consequence of other changes."""
         return any(word != PERHAPS for word in self.because)
 
 
@@ -83,8 +84,8 @@ Value = Union[None, bool, int, float, str, Named, tuple["Value", ...]]
 class Fact(OneLineRepr, FrozenStruct):
     """A value in a document.
 
-    `written` is its text, or None if it is not in the document. `scope` is the path of the assembly in which names in an expression are
-    resolved. `words` is the value in display units, if its dimension is known.
+    `written` is the text of the value, or None if the document does not contain the value. `scope` is the path of the assembly that
+    resolves names in an expression. `words` is the value in display units, if its physical dimension is known.
     """
 
     value: Value
@@ -97,7 +98,8 @@ class Fact(OneLineRepr, FrozenStruct):
 class SnapshotElement(OneLineRepr, FrozenStruct):
     """An element of a document, with its facts by dotted key.
 
-    `label` is its description in reports. `of` is the path of its component, or an empty string for elements of the whole document.
+    `label` is the description of the element in reports. `of` is the path of its component, or an empty string for elements of the whole
+    document.
     """
 
     what: What
@@ -109,10 +111,10 @@ class SnapshotElement(OneLineRepr, FrozenStruct):
 
 
 class ComponentNode(OneLineRepr, FrozenStruct):
-    """A component with the properties used to match it.
+    """A component with the properties that `match` compares.
 
-    `kind` is `part`, `file`, `assembly`, `link` or `frame`. `reference` is its class, file or document, and `text` its definition. `place`
-    is its pose in the frame of the base at q = 0, or None for an assembly.
+    `kind` is `part`, `file`, `assembly`, `link` or `frame`. `reference` is the class, file or document of the component, and `text` is its
+    definition. `place` is the pose of the component in the frame of the base at q = 0, or None for an assembly.
     """
 
     path: str
@@ -123,12 +125,12 @@ class ComponentNode(OneLineRepr, FrozenStruct):
 
     @property
     def parent(self) -> str:
-        """The path of the assembly that contains it, or an empty string at the top level."""
+        """The path of the assembly that contains the component, or an empty string at the top level."""
         return self.path.rpartition("/")[0]
 
 
 class Edge(OneLineRepr, FrozenStruct):
-    """A mate between two mounts of two components (paths). `joint` is the kind of joint, `fixed`, or empty if it is not a joint."""
+    """A mate between two mounts of two components (paths). `joint` is the kind of joint, `fixed`, or empty if the mate is not a joint."""
 
     parent: str
     child: str
@@ -139,7 +141,7 @@ class Edge(OneLineRepr, FrozenStruct):
 class PartShape(OneLineRepr, FrozenStruct):
     """The geometry of a part: volume [m^3], area [m^2], centre [m], inertia at density 1 [m^5], corners of its bounding box [m].
 
-    `mesh` is the SHA-256 of the visual mesh, or None if unknown. `made` is the location of its code.
+    `mesh` is the SHA-256 of the visual mesh, or None if unknown. `made` is the location of the part's code.
     """
 
     volume: float
@@ -155,13 +157,13 @@ class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
     """A part or frame of the linked assembly.
 
     Attributes:
-        properties: The mass properties in its own frame, like `mass` [kg].
+        properties: The mass properties in the frame of the occurrence, such as `mass` [kg].
         source: The source of the mass.
-        shape: None without geometry.
-        mounts: The mounts of its part.
-        place: Its pose at q = 0.
-        parent: The occurrence that it is attached to, or None for the base.
-        joint: The joint that attaches it, or None for a rigid mate.
+        shape: The geometry, or None if the part has none.
+        mounts: The mounts of the occurrence's part.
+        place: The pose of the occurrence in the frame of the base at q = 0.
+        parent: The path of the occurrence that this occurrence is attached to, or None for the base.
+        joint: The joint that attaches the occurrence, or None for a rigid mate.
     """
 
     path: str
@@ -189,7 +191,7 @@ class LinkOf(OneLineRepr, FrozenStruct):
 class Row(OneLineRepr, FrozenStruct):
     """A row of the bill of materials: the quantity of a definition, and the paths of its pieces.
 
-    `stem` is the base name of its print file, or None if it has none.
+    `stem` is the base name of the print file, or None if the row has no print file.
     """
 
     definition: str
@@ -213,8 +215,9 @@ class TestOutcome(OneLineRepr, FrozenStruct):
 class Snapshot(OneLineRepr, FrozenStruct):
     """A robot in a form that can be compared.
 
-    `things` are elements by kind and path, in document order. `lacks` lists what is unknown. `coordinates` are the joints of each mode in
-    model order. `prints` are the SHA-256 of print files by path, only for a build folder. `outcomes` is None if no tests were run.
+    `things` are elements by kind and path, in document order. `lacks` lists the kinds of information that the snapshot does not contain.
+    `coordinates` are the joints of each mode in model order. `prints` are the SHA-256 of print files by path; only snapshots of build
+    folders have them. `outcomes` is None if no tests were run.
     """
 
     name: str
@@ -232,7 +235,7 @@ class Snapshot(OneLineRepr, FrozenStruct):
 
 
 def told(value: Value) -> DisplayValue:
-    """Convert a value to its form in reports."""
+    """Convert a value to the form that reports contain."""
     if isinstance(value, Named):
         return value.text
     return tuple(map(told, value)) if isinstance(value, tuple) else value

@@ -28,7 +28,7 @@ class DocumentTrees:
         self._by_key: dict[str, dict[Span, str]] = {}
 
     def note_component(self, path: str, document: str, component: Component) -> Section:
-        """Return the nodes of a component of a document (path in the workspace), and remember them by the path of the component."""
+        """Return the nodes of a component of a document (path in the workspace), and store the nodes by the path of the component."""
         tree = self._trees.get(document)
         components = tree.entries.get("components") if tree is not None else None
         if not isinstance(components, MappingNode):
@@ -41,11 +41,11 @@ class DocumentTrees:
         return section
 
     def component(self, prefix: str) -> Section:
-        """Return the nodes of the nested assembly at a prefix (`hand/`), or nothing if unknown."""
+        """Return the nodes of the nested assembly at a prefix (`hand/`), or an empty result if the assembly is unknown."""
         return self._components.get(prefix.rstrip("/"), ())
 
     def section(self, document: str, *keys: str) -> Section:
-        """Return the node at the given keys, and the nodes that it inherits from."""
+        """Return the node at the given keys, and the nodes from which this node inherits."""
         *above, name = keys
         nodes: dict[str, Node | None] = {}
         while name not in nodes:
@@ -71,9 +71,9 @@ class DocumentTrees:
         return {} if node is None else {"value": _node_text(node)}
 
     def fact(self, value: Value, section: Section, keys: Sequence[str], *, scope: str = "", otherwise: Span | None = None) -> Fact:
-        """Create a fact for a value at the given keys of a section. If the keys do not exist, its location is `otherwise`.
+        """Create a fact for the value at the given keys of a section. If the keys do not exist, the location of the fact is `otherwise`.
 
-        The key `rpy` also finds an orientation given as `quat`; `words` is then its text.
+        The key `rpy` also finds an orientation that is given as `quat`. In this case, `words` is the text of the quaternion.
         """
         for node in section:
             place = _at(node, keys)
@@ -87,7 +87,7 @@ class DocumentTrees:
         return Fact(value=value, scope=scope, span=otherwise)
 
     def number(self, text: str) -> Value:
-        """Parse a bound to a number [SI]. Return expressions and texts that are not quantities unchanged."""
+        """Parse a bound to a number [SI]. Return expressions and other strings unchanged."""
         try:
             return parse_quantity(text).value
         except UnitError:
@@ -95,12 +95,12 @@ class DocumentTrees:
 
 
 def names_in(written: str) -> list[str]:
-    """Return the names in an expression or other text, sorted. Dots in names are replaced by `/`, as in paths."""
+    """Return the sorted names in an expression or other text. Replace dots in names by `/`, as in paths."""
     return sorted({name.replace(".", "/") for name in _NAME.findall(written)})
 
 
 def _at(node: Node | None, keys: Sequence[str]) -> Node | None:
-    """Return the node at the given keys. If a scalar is found on the way, it is the result (`mass: 12 g` for `mass.value`)."""
+    """Return the node at the given keys. If one of the first keys has a scalar, return the scalar (`mass: 12 g` for `mass.value`)."""
     for key in keys:
         if isinstance(node, ScalarNode):
             return node

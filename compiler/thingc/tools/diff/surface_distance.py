@@ -21,7 +21,7 @@ MOST = 60_000_000
 
 
 class SurfaceDistances:
-    """Distances between meshes in a store, cached in the store."""
+    """Distances between meshes in a store. The store caches the distances."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -30,7 +30,8 @@ class SurfaceDistances:
     def farthest(self, old: str, new: str) -> float | None:
         """Return the largest distance [m] of a vertex of either mesh (SHA-256 of OBJ files) from the surface of the other mesh.
 
-        This is the Hausdorff distance if it is attained at a vertex. Return None if a mesh is missing or both meshes are too fine.
+        The result is the Hausdorff distance if a vertex attains it, else a lower bound. Return None if a mesh is missing or both meshes are
+        too fine.
         """
         pair = (min(old, new), max(old, new))
         if pair not in self._known:
@@ -63,7 +64,8 @@ def _from_surface(points: Array, triangles: Array) -> float:
 def _squared(points: Array, triangles: Array) -> Array:
     """Return the squared distance [m^2] of each point `(n, 3)` from the nearest triangle `(m, 3, 3)`.
 
-    This is the distance to the plane if the point projects into the triangle, else the distance to the nearest edge.
+    If the projection of the point on the plane of a triangle is inside the triangle, the distance is the distance to the plane, else the
+    distance to the nearest edge.
     """
     import numpy as np
 

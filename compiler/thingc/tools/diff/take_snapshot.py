@@ -26,7 +26,7 @@ KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
 
 
 def take_snapshot(compilation: Compilation) -> Snapshot:
-    """Return the snapshot of a compilation without errors. It does not contain test results."""
+    """Return the snapshot of a compilation without errors. The snapshot does not contain test results."""
     assembly, documents = compilation.assembly, compilation.documents
     assert assembly is not None and documents is not None, "the compilation failed"
     reader = _Reader(assembly, DocumentTrees(documents))
@@ -60,7 +60,7 @@ class _Reader:
     # --- assemblies ----------------------------------------------------------------------------------------------
 
     def assembly_at(self, prefix: str, definition: AssemblyDefinition) -> None:
-        """Collect the elements of a document placed at `prefix` (`hand/`), and of nested documents."""
+        """Collect the elements of the document at the path `prefix` (`hand/`), and of its nested documents."""
         place = prefix.rstrip("/")
         self._parameters(prefix, definition)
         for component in definition.components:
@@ -199,7 +199,7 @@ class _Reader:
     # --- the top document --------------------------------------------------------------------------------------------
 
     def top(self) -> None:
-        """Collect the elements that only the top document has."""
+        """Collect the kinds of elements that only the top document can have."""
         assembly, definition = self.assembly, self.assembly.definition
         raw = {one.dotted: Fact(value=one.value, span=one.origin[0]) for one in assembly.raw}
         raw |= tendon_facts(assembly)
@@ -232,7 +232,7 @@ class _Reader:
         self._materials(definition)
 
     def _placed(self, value: Value, origin: Origin) -> Fact:
-        """Create a fact for a value in the top document at the first location of an origin."""
+        """Create a fact for a value in the top document. The location of the fact is the first location of an origin."""
         span = origin[0] if origin else None
         return Fact(value=value, written=self.written.words_at(span), span=span)
 
@@ -298,7 +298,7 @@ class _Reader:
         self._add("mode", mode.name, facts, span=mode.origin[0])
 
     def _materials(self, top: AssemblyDefinition) -> None:
-        """Collect the materials of all documents by name. If definitions of a name differ, the name of the document is added."""
+        """Collect the materials of all documents by name. If several definitions of a name differ, add the name of the document."""
         known: dict[str, Mapping[str, Fact]] = {}
         for definition in assemblies_of(top):
             for name, material in definition.materials.items():

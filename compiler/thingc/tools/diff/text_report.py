@@ -1,4 +1,4 @@
-"""Format the result of a comparison as text for a terminal, as Markdown for a comment, or as an HTML page."""
+"""Format the result of a comparison as text for a terminal, as Markdown for a pull-request comment, or as an HTML page."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _ANGLES = ("rpy", "turn", "fovy", "cone")
 class ReportLine(FrozenStruct):
     """Equal changes of several elements with the paths `paths` and the description `words`.
 
-    `decides` marks a test that now passes or fails.
+    If `decides` is true, the change is a test that newly passes or newly fails.
     """
 
     what: What
@@ -60,7 +60,7 @@ class ReportLine(FrozenStruct):
 
     @property
     def named(self) -> str:
-        """The paths, abbreviated if there are many."""
+        """The paths. A long list of paths is abbreviated."""
         return _listed(self.paths)
 
 
@@ -90,8 +90,8 @@ def as_text(answer: DiffResult) -> Iterator[str]:
 def as_markdown(answer: DiffResult, pictures: Callable[[str, str], str] | None = None) -> str:
     """Format the result as Markdown of at most `LARGEST` bytes.
 
-    It contains changes in documents, changed test results, and other consequences, folded by kind. `pictures` returns the address of a
-    picture by the name of the document and `before`, `after` or `overlay`.
+    The result contains changes in documents, changed test results, and other consequences, folded by kind. The function `pictures` returns
+    the address of a picture for the name of a document and `before`, `after` or `overlay`.
     """
     for most in (10_000, 200, 50, 20, 5, 1):
         text = "\n".join(_markdown(answer, most, pictures)) + "\n"
@@ -140,7 +140,7 @@ def _plain(text: str) -> str:
 
 
 def _code(text: str) -> str:
-    """Format a text as a code span, so that text from documents is not parsed as Markdown."""
+    """Format a string as a code span, so that strings from documents are not parsed as Markdown."""
     return f"`{escape_control(text).replace('`', chr(39))}`"
 
 
@@ -149,12 +149,12 @@ def _listed(paths: Sequence[str]) -> str:
 
 
 def made(comparison: Comparison) -> Iterator[ReportLine]:
-    """Return the changes made in documents."""
+    """Return the changes that the user made in documents."""
     return _lines(change for change in comparison.changes if not change.caused)
 
 
 def following(comparison: Comparison) -> Iterator[ReportLine]:
-    """Yield the consequences, the most important first: changed test results, then others by kind, the whole robot before its parts."""
+    """Yield the consequences by importance: changed test results, then other consequences by kind, the whole robot before its parts."""
     consequences = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
     consequences.sort(key=lambda c: (0 if _decides(c) else _RANK[c.what], c.path != ""))
     return _lines(consequences)
@@ -175,7 +175,7 @@ def _decides(change: Change) -> bool:
 
 
 def _of_a_part(change: Change) -> bool:
-    """Return whether the change concerns the centre or inertia of a part or link, which are only in JSON output."""
+    """Return whether the change is a change of the centre or inertia of a part or link. Only JSON output contains such changes."""
     return change.what == "mass" and change.field in ("centre", "inertia", "link.centre", "link.inertia")
 
 
@@ -202,7 +202,7 @@ def _lines(changes: Iterable[Change]) -> Iterator[ReportLine]:
 def _motion(change: Change) -> tuple[float, float]:
     """Return the distance [m] and the angle [rad] of a motion.
 
-    The value is a translation in a `place`, three angles (roll, pitch, yaw) in a `turn`, and both in a `pose`.
+    The value of a `place` is a translation. The value of a `turn` is three angles (roll, pitch, yaw). The value of a `pose` contains both.
     """
     values: Any = (change.old, change.new)
     pairs = {"place": [(value, (0.0,) * 3) for value in values], "turn": [((0.0,) * 3, value) for value in values]}
@@ -240,7 +240,7 @@ def _share(old: DisplayValue, new: DisplayValue) -> str:
 
 
 def _value(field: str, value: DisplayValue) -> str:
-    """Format a value, with the unit that its field implies."""
+    """Format a value with the unit of its field."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):

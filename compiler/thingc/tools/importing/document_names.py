@@ -23,8 +23,8 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 def plain_name(name: str, kind: str) -> str:
     """Convert a name to letters, digits and `_`.
 
-    Prepend `kind` if the result does not start with a letter. Append it if the result is a reserved word, or if YAML parses it as a value
-    other than a string.
+    Prepend `kind` if the result does not start with a letter. Append `kind` if the result is a reserved word, or if YAML does not parse the
+    result as a string.
     """
     word = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")[:LONGEST] or kind
     if not _NAME.fullmatch(word):
@@ -33,9 +33,10 @@ def plain_name(name: str, kind: str) -> str:
 
 
 def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return a unique document name for each of `names`, not in `taken`; case is ignored.
+    """Return a unique document name for each of `names`. No result is in `taken`; comparisons ignore case.
 
-    Elements of an `earlier` import keep their names. A valid name does not change, even if another name is converted to it.
+    The names of elements of an `earlier` import do not change. A valid name does not change, even if the conversion of another name gives
+    the same name.
     """
     used, wanted = {one.lower() for one in taken}, list(dict.fromkeys(names))
     words: dict[str, str] = {}
@@ -60,8 +61,8 @@ def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier
 class DocumentNaming:
     """The document names of all elements, by their names in the source.
 
-    `links` are components, and `frames` are links that become mounts. `order` lists the attachments from the root on, and `shown` the
-    exported mounts. `meshes` maps the meshes of shapes to files. Elements of an `earlier` import keep their names.
+    `links` are components, and `frames` are links that become mounts. `order` lists the attachments, starting at the root, and `shown`
+    lists the exported mounts. `meshes` maps the meshes of shapes to files. The names of elements of an `earlier` import do not change.
     """
 
     def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: PreviousImport | None) -> None:
@@ -81,13 +82,13 @@ class DocumentNaming:
         moving = [joint.name for one in self.order for joint in one.joints]
         self.joints = distinct(moving, "joint", earlier=None if earlier is None else earlier.joints)
         self.loops = distinct([loop.name for loop in robot.loops], "loop", taken=self.joints.values())
-        # mounts of joints are next to the exported mounts, so their names must differ
+        # a component has mounts of joints and exported mounts, so their names must differ
         self.shown = [*self.frames.values(), *self.sites.values()]
         self.mounts = distinct(moving, "joint", taken=self.shown, earlier=self.joints)
         self.ends = distinct(self.loops.values(), "loop", taken=[*self.shown, *self.mounts.values()])
         taken = [*self.shown, *self.mounts.values(), *self.ends.values()]
         self.magnets: dict[str, str] = {}
-        for link in self.links:  # mounts of joints are not exported, so two links may use the same name
+        for link in self.links:  # mounts of joints are not exported, so mounts of two links may have the same name
             on = [one.name for one in robot.adhesions if one.link == link]
             self.magnets |= distinct(on, "magnet", taken=taken, earlier=self._paths(on))
         taken += self.magnets.values()
@@ -125,7 +126,7 @@ class DocumentNaming:
     def _added(self, drives: list[str]) -> dict[tuple[str, str], str]:
         """Return the names of elements added to the MuJoCo model, by section and source name.
 
-        The names of actuators must differ from `drives`.
+        The name of an actuator must differ from all names in `drives`.
         """
         added: dict[tuple[str, str], str] = {}
         for element in self.robot.added:
@@ -135,7 +136,7 @@ class DocumentNaming:
         return added
 
     def _paths(self, names: Sequence[str]) -> dict[str, str]:
-        """Return the mounts of sites whose names are paths, as in models written by thingc.
+        """Return the mounts of sites whose names are paths. Models that thingc wrote contain such names.
 
         The site `hand/tip` becomes the mount `tip` of the link `hand`, unless the name `tip` is taken or reserved.
         """
@@ -145,7 +146,7 @@ class DocumentNaming:
         return {name: mount for name, mount in mounts.items() if wanted[mount] == 1 and mount.lower() not in RESERVED}
 
     def _placed(self, places: Mapping[str, tuple[str, Pose]], kind: str, taken: Iterable[str]) -> dict[str, str]:
-        """Return a mount for each place: the mount of a site or link if one has the same pose, else a new one.
+        """Return a mount for each place: the mount of a site or link with the same pose if one exists, else a new mount.
 
         `places` maps names to a link and a pose in it.
         """
@@ -167,7 +168,7 @@ class DocumentNaming:
     def in_files(self) -> dict[str, dict[str, str]]:
         """Return the section `names` of the document: source names that differ from the default names in models, by kind.
 
-        If two elements would get the same name in a model, the first one gets it; links precede sites.
+        If two elements request the same name in a model, the first element gets the name. Links precede sites.
         """
         moving = {one.name: self.loops[one.name] for one in self.robot.loops if one.kind != "fixed"}  # welds are not joints
         kinds: dict[str, list[tuple[str, str, str]]] = {  # entries: document name, source name, default name in models
@@ -195,7 +196,7 @@ class DocumentNaming:
         return names
 
     def others(self) -> dict[str, dict[str, str]]:
-        """Return the source names of all other elements that have a different name by default, by kind."""
+        """Return the source names of all other elements whose default name differs from the source name, by kind."""
         drives = {drive.name: word for word, _, drive in self.driven}
         magnets = {one.name: f"{self.links[one.link]}/{self.magnets[one.name]}" for one in self.robot.adhesions}
         parts = {of: f"{word}:{part}" for one, word in zip(self.robot.sensors, self.sensors, strict=True) for of, part in one.parts}
@@ -238,7 +239,8 @@ class DocumentNaming:
     def items(self, link: SourceLink) -> Iterator[tuple[SourceShape, SourceShape | None]]:
         """Yield the items of `shapes` of a link: a shape, and its collision shape if any.
 
-        The collision shape is the shape itself or another one of the same form. Visual shapes keep their order, and so do collision shapes.
+        The collision shape is the shape itself or another shape of the same form. The order of visual shapes and the order of collision
+        shapes do not change.
         """
         shown = [shape for shape in link.shapes if self.is_shown(shape)]
         alone = [shape for shape in shown if shape.use == "collision"]
@@ -263,10 +265,10 @@ class DocumentNaming:
                 yield shape, alone.pop(0)
 
     def is_shown(self, shape: SourceShape) -> bool:
-        """Return whether a shape is imported. Only shapes of omitted meshes are not."""
+        """Return whether the document contains a shape. Only shapes of omitted meshes are missing."""
         return shape.mesh is None or shape.mesh in self.meshes
 
 
 def _form(shape: SourceShape) -> tuple[object, ...]:
-    """Return the properties that a visual and a collision shape must have in common to become one item."""
+    """Return the properties that must be equal for a visual and a collision shape to become one item."""
     return shape.kind, shape.size, shape.pose, shape.mesh

@@ -34,7 +34,7 @@ _METRES = "check the unit: lengths are in metres"
 
 
 def refuse_endless(robot: SourceRobot, report: Report) -> None:
-    """Report masses that are not finite, and sizes, distances and masses that are so large that products overflow."""
+    """Report masses that are not finite, and sizes, distances and masses whose products overflow."""
     for link in robot.links:
         far = {shape.where: shape for shape in link.shapes if shape.kind != "mesh" and not max(map(abs, shape.size)) <= FARTHEST}
         for where, shape in far.items():
@@ -65,7 +65,7 @@ ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")
 
 
 class Imported(FrozenStruct):
-    """An imported robot and the `files` of its workspace by path; `document` is one of the paths.
+    """An imported robot and the `files` of its workspace by path. `document` is the path of its document.
 
     `earlier` is the previous import, if any.
     """
@@ -88,7 +88,8 @@ def import_robot(
     """Import the file at `path`. Return None after errors, which are added to `report`.
 
     Each link in `roots` gets a mode. `repair` is the method for invalid inertias. `packages` maps package names to folders, `arguments` are
-    for xacro, `mesh_roots` are further folders of meshes. Without `meshes`, meshes are omitted. `earlier` returns the previous import.
+    arguments of xacro, and `mesh_roots` are further folders of meshes. If `meshes` is false, the result contains no meshes. The function
+    `earlier` returns the previous import.
     """
     data = _content(path, report)
     path = os.path.abspath(path)
@@ -163,7 +164,7 @@ def _load_source(
 def _record(imported: Imported, written: WrittenDocument, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
     """Return the content of `import.json`.
 
-    It contains the source, the options, the names, the repairs, the losses, and the document as written, so that the next import can
+    The file contains the source, the options, the names, the repairs, the losses, and the original document, so that the next import can
     compare them.
     """
     losses = [

@@ -1,4 +1,4 @@
-"""Check the inertias of an imported robot, and repair those that no solid can have.
+"""Check the inertias of an imported robot, and repair each inertia that no solid can have.
 
 Links that are rigidly connected form one body, and the total inertia of the body is checked. Invalid inertias are errors unless a repair
 method is given, which is applied to each link. `nearest` uses the nearest inertia that a solid of the same mass can have. `shapes` computes
@@ -48,8 +48,8 @@ def repaired(
 ) -> tuple[SourceRobot, tuple[RepairedLink, ...]]:
     """Return the robot with valid inertias, and the repaired links.
 
-    Bodies are checked in the mode `source` and in the modes with these `roots`. Invalid inertias are reported if `how` is None or if the
-    method cannot repair them. `matter` returns the mass properties of a mesh.
+    The function checks the bodies in the mode `source` and in the modes with these `roots`. It reports an invalid inertia if `how` is None
+    or if the method cannot repair the inertia. The function `matter` returns the mass properties of a mesh.
     """
     between = _between(robot)
     bodies, done = _bodies(robot), dict[str, RepairedLink]()
@@ -76,7 +76,7 @@ def repaired(
 
 
 def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
-    """Return the links of each body, with their poses in its first link, by the name of the first link."""
+    """Return the links of each body by the name of its first link, with their poses in the first link."""
     links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
     bodies: dict[str, list[tuple[SourceLink, Pose]]] = {robot.root: [(links[robot.root], NO_POSE)]}
     waiting = [(robot.root, robot.root, NO_POSE)]
@@ -99,7 +99,7 @@ def _between(robot: SourceRobot) -> set[str]:
 
 
 def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
-    """Return why a moving body cannot be simulated, or None if it can."""
+    """Return why simulators reject a moving body, or None if they accept it."""
     whole = _whole(members)
     if whole.mass <= LEAST_MASS:
         return "it has no mass"
@@ -113,7 +113,7 @@ def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
 
 
 def _misstated(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
-    """Return why the inertia of a static body is invalid, or None if it is valid or missing. Documents are checked in the same way."""
+    """Return why the inertia of a static body is invalid, or None if it is valid or missing. The compiler uses the same check."""
     stated = [link.weight.properties.inertia for link, _ in members if link.weight is not None]
     if all(one == ZERO or physical_fault(one) is None for one in stated):
         return None
@@ -170,9 +170,7 @@ def nearest(inertia: Matrix, mass: float) -> Matrix:
 
 
 def _solid(shapes: Sequence[SourceShape], matter: Matter) -> MassProperties | None:
-    """Return the mass properties of shapes at density 1, or None if no volume is known. Visual shapes are used only if no collision shape
-    exists.
-    """
+    """Return the mass properties of shapes at density 1, or None if no volume is known. Prefer collision shapes to visual shapes."""
     chosen = [shape for shape in shapes if shape.use == "collision"] or list(shapes)
     bodies = [one for shape in chosen if (one := _volume(shape) if shape.kind != "mesh" else _held(shape, matter)) is not None]
     return total(bodies) if bodies and len(bodies) == len(chosen) else None

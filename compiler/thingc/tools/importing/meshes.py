@@ -1,4 +1,4 @@
-"""Collect the meshes of a robot in `meshes/`. Meshes with equal content share one file, which keeps its original name."""
+"""Collect the meshes of a robot in `meshes/`. Meshes with equal content share one file, which has its original name."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SAMPLE = 1000
 def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | None]:
     """Return a function that computes the mass properties of the mesh of a shape at density 1 [m].
 
-    It returns None for open or unreadable meshes, and caches the meshes in the store for the first build.
+    The returned function returns None for open or unreadable meshes. It caches the meshes in the store for the first build.
     """
 
     def matter(shape: SourceShape) -> MassProperties | None:
@@ -51,7 +51,7 @@ def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | No
 
 
 def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping[str, str], report: Report) -> None:
-    """Warn about the first mesh that is so large compared with the distances between joints that it is probably in millimetres.
+    """Warn about the first mesh whose size, compared with the distances between joints, suggests that its unit is the millimetre.
 
     `files` maps paths to contents, `paths` maps the URIs of the source to paths.
     """
@@ -134,8 +134,7 @@ def gathered(
 
 
 def _copy_libraries(uri: str, shape: SourceShape, packages: Packages, files: dict[str, bytes], lost: Losses) -> None:
-    """Add the `.mtl` files that an OBJ mesh refers to, under the names used in the mesh. Files that cannot be added are recorded in `lost`.
-    """
+    """Add the `.mtl` files that an OBJ mesh refers to, under the names in the mesh. Record other files in `lost`."""
     for name in libraries(packages.find(uri)):
         path = f"{FOLDER}/{name}"
         try:

@@ -13,9 +13,9 @@ from thingc.tools.importing.source_model import SOURCE_MODE, SourceDrive, Source
 
 
 def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
-    """Return the nonzero start values of joints, and the first pose that can replace them, or None.
+    """Return the nonzero start values of joints, and the first pose that can replace these values, or None.
 
-    A pose can replace them if it is within the limits of all joints whose start value in the source is outside.
+    A pose can replace the start values if it satisfies the limits of each joint whose start value violates the limits.
     """
     moving = [joint for one in words.order for joint in one.joints if joint.follows is None]
     outside = {
@@ -51,7 +51,7 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
     moved = {words.poses[state.name]: pose_words(state.at) or "xyz: 0 0 0" for state in words.robot.poses if state.at is not None}
     place += f", at_in: {{{', '.join(f'{name}: {{{said}}}' for name, said in moved.items())}}}" if moved else ""
     yield f"  {SOURCE_MODE}: {{root: {words.links[words.robot.root]}, base: {words.robot.base}{place}{begin}{more}}}"
-    # a new mode holds the robot at another link, so it could be below the floor; with collision shapes, `on: floor` computes the height
+    # a new mode holds another link, so the robot could be below the floor; with collision shapes, `on: floor` computes the height
     floor = any(shape.use == "collision" for link in words.robot.links for shape in link.shapes)
     taken = [SOURCE_MODE]
     for name in roots:
@@ -79,7 +79,7 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
 
 
 def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
-    """Format the values of a pose. Zeros are omitted if the robot has no loops, because unspecified joints may move to close a loop."""
+    """Format the values of a pose. Omit zeros if the robot has no loops: an unspecified joint may move to close a loop."""
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
     said: dict[str, str] = {}
     for name, value in state.q.items():
@@ -92,7 +92,7 @@ def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
 
 
 def _shared(words: DocumentNaming) -> dict[str, str]:
-    """Return the keys that all modes have in common, without defaults."""
+    """Return the keys that all modes have in common, except keys with default values."""
     robot, contacts = words.robot, []
     if robot.excluded:
         pairs = ", ".join(f"[{words.links[one]}, {words.links[other]}]" for one, other in robot.excluded)
@@ -106,7 +106,7 @@ def _shared(words: DocumentNaming) -> dict[str, str]:
 
 
 def sensor_lines(words: DocumentNaming) -> Iterator[str]:
-    """Yield the lines of `sensors`, if any."""
+    """Yield the lines of the section `sensors`, or nothing without sensors."""
     if words.robot.sensors:
         yield from ("", "sensors:")
     turning = {joint.name for hanging in words.order for joint in hanging.joints if joint.kind in TURNS}
@@ -153,9 +153,9 @@ UNITS = {ACCELERATION: "m/s^2", ANGULAR_VELOCITY: "rad/s", VELOCITY: "m/s", FORC
 
 
 def dynamics_words(of: SourceMotion, turns: bool) -> dict[str, str]:
-    """Return the nonzero keys of `dynamics`. `turns` specifies that q, or the length of the tendon, is an angle.
+    """Return the nonzero keys of `dynamics`. `turns` specifies whether q, or the length of the tendon, is an angle.
 
-    `rest` is always included for a path with stiffness.
+    If a tendon along a path has stiffness, the result always contains `rest`.
     """
     units = ("N*m*s/rad", "N*m", "kg*m^2", "N*m/rad") if turns else ("N*s/m", "N", "kg", "N/m")
     values = {"damping": of.damping, "friction": of.friction, "armature": of.armature, "stiffness": of.stiffness}
@@ -174,7 +174,7 @@ def drive_words(drive: SourceDrive, turns: bool) -> dict[str, str]:
 
 
 def tendon_lines(words: DocumentNaming) -> Iterator[str]:
-    """Yield the lines of `tendons`, if any."""
+    """Yield the lines of the section `tendons`, or nothing without tendons."""
     if words.robot.tendons:
         yield "tendons:"
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
@@ -201,7 +201,7 @@ def tendon_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _factor(tendon: SourceTendon, turns: bool, value: float) -> str:
-    """Format the factor of a joint, always with a unit: length per q."""
+    """Format the factor of a joint in a tendon with its unit: length per unit of q."""
     unit = "" if tendon.turns or not turns else "m/rad"
     return f"{scaled(value, 0)} {unit}".rstrip()
 

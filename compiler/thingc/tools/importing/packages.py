@@ -1,4 +1,4 @@
-"""Find the files that a robot's file refers to: `package://NAME/...`, `model://NAME/...`, `file://...`, or a relative path."""
+"""Find the files that a source file refers to: `package://NAME/...`, `model://NAME/...`, `file://...`, or a relative path."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NAME_OF = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
 
 
 class NotFound(Exception):
-    """Raised if a file is missing or must not be read. Contains an error message and a help text."""
+    """Raised if a file is missing or if reading the file is not allowed. The exception contains an error message and a help text."""
 
     def __init__(self, message: str, help: Hint | None = None) -> None:
         super().__init__(message)
@@ -32,11 +32,11 @@ class NotFound(Exception):
 
 
 class Packages:
-    """Finds the files that the robot's file at the absolute path `source` refers to.
+    """Finds the files that the source file at the absolute path `source` refers to.
 
-    `given` maps package names to folders and has precedence. A missing file is searched for by the end of its path, below `given`, `roots`
-    and `meshes` (a folder relative to the folder of the source). After resolving symbolic links, every file must be below the robot's own
-    folder, a known package, or one of `given` and `roots`.
+    `given` maps package names to folders and has precedence. If a file is missing, `find` searches for the end of its path below `given`,
+    `roots` and `meshes` (a folder relative to the folder of the source). After resolving symbolic links, every file must be below the
+    folder of the source, a known package, or a folder in `given` or `roots`.
     """
 
     def __init__(
@@ -113,8 +113,7 @@ class Packages:
         return map(str, (folder, *folder.parents))
 
     def readable(self) -> list[str]:
-        """Return the folders that expressions in the file may read: its own folder, known packages, and packages next to it or to its
-        parents.
+        """Return the folders that expressions in the source may read: its folder, known packages, and packages next to it or its parents.
         """
         beside = (found for folder in self._above() for found in glob(os.path.join(escape(folder), "*", MANIFEST)))
         return [*self.allowed, *map(os.path.dirname, beside)]

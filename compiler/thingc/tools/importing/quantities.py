@@ -1,8 +1,8 @@
 """Format numbers of the source as quantities of a document, in common units and with as few digits as possible.
 
-A length of 0.0388353 m is written as `38.8353 mm`, which is parsed as the same double, because documents convert units exactly and round
-once. A double with 16 or 17 digits that is a short number except for rounding errors is written as the short number. Angles that are round
-numbers of degrees are written in degrees.
+The module writes a length of 0.0388353 m as `38.8353 mm`. The compiler parses this quantity as the same double, because it converts units
+exactly and rounds once. If a double with 16 or 17 digits is a short number except for rounding errors, the module writes the short number.
+It writes angles in degrees if they are round numbers of degrees.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def _format_decimal(value: Decimal) -> str:
 def scaled(value: float, power: int, beside: float = 0.0) -> str:
     """Format a number times a power of ten, exactly: `scaled(0.0388353, 3)` is `38.8353`.
 
-    A number that was computed together with a larger number `beside` has the rounding error of the larger number.
+    If the number was computed together with a larger number `beside`, it has the rounding error of the larger number.
     """
     return _format_decimal(_short(float(value), ROUNDED * math.ulp(max(abs(value), abs(beside)))).scaleb(power))
 
@@ -120,15 +120,15 @@ def quantity(value: float, unit: str) -> str:
 
 
 def was(word: str, name: str) -> str:
-    """Return a comment with the name in the source, or an empty string if it is the same."""
+    """Return a comment with the name in the source, or an empty string if both names are equal."""
     return "" if word == name else f"  # {escape_control(repr(name))} in the source"
 
 
 def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> str:
-    """Format a pose as `xyz: 0 0 50 mm, rpy: -90 0 0 deg`, without zero values. `before` is a prefix for nonempty results.
+    """Format a pose as `xyz: 0 0 50 mm, rpy: -90 0 0 deg`, without zero vectors. A result that is not empty starts with `before`.
 
-    `rpy` [rad] are the angles of the source, if known. Otherwise, the rotation is written in round degrees, or as `quat`, which preserves
-    all digits.
+    `rpy` [rad] are the angles of the source, if known. Otherwise, the function writes the rotation in round degrees if possible, else as
+    `quat`, which preserves all digits.
     """
     turned = ("rpy", angles(rpy if rpy is not None else rpy_of(pose.rotation)))
     if rpy is None and turned[1].endswith("rad"):
@@ -141,8 +141,8 @@ def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> st
 def quaternion_words(pose: Pose) -> str:
     """Format the rotation as a quaternion `[1, 0, 0, 0]`.
 
-    The largest component is computed from the other components after rounding them, so parsing and formatting the result does not change
-    it.
+    The function rounds the other components and then computes the largest component from them. Therefore, parsing and formatting the result
+    gives the same result.
     """
     q = pose.quaternion()
     largest = max(range(4), key=lambda k: abs(q[k]))

@@ -1,4 +1,4 @@
-"""Format attributes and elements for the MuJoCo model only (`raw:`), and names in files (`names:`), as lines of a document."""
+"""Format the sections `raw:` (attributes and elements for the MuJoCo model only) and `names:` (names in files) of a document."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from thingc.tools.importing.source_model import Raw, SourceAdded, SourceJoint, S
 
 
 def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
-    """Return the attributes of the MuJoCo model by path. Attributes that all collision shapes have in common are set in their class."""
+    """Return the attributes of the MuJoCo model by path. Set attributes that all collision shapes have in common in their class."""
     robot, by_path = words.robot, dict[tuple[str, ...], str]()
 
     def lay(kind: str, name: str, raw: Raw) -> None:
@@ -92,7 +92,7 @@ def name_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def quoted(name: str) -> str:
-    """Format a string for YAML, with quotes unless it is a plain word."""
+    """Format a string for YAML. Add quotes unless the string is a plain word."""
     plain = re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) and isinstance(core_value(name), str)
     return name if plain else json.dumps(name, ensure_ascii=False)
 
@@ -127,7 +127,7 @@ def raw_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _element(words: DocumentNaming, one: SourceAdded) -> dict[str, str]:
-    """Return the attributes of an element, with references by document names."""
+    """Return the attributes of an element. References use the names in the document."""
     name = words.added[one.section, one.name]
     return ({"name": name} if name else {}) | {key: _name_text(words, value) for key, value in one.attributes}
 
@@ -144,6 +144,6 @@ def _flow(value: Any) -> str:
 
 
 def _text(word: str) -> str:
-    """Format a string for YAML, with quotes if YAML would parse it differently. Numbers are not quoted."""
+    """Format a string for YAML. Add quotes if YAML does not parse it as the same string; numbers have no quotes."""
     plain = re.fullmatch(r"[A-Za-z0-9_.+-]+( [A-Za-z0-9_.+-]+)*", word) and not isinstance(core_value(word), (bool, type(None)))
     return word if plain and not word.startswith("-") or re.fullmatch(r"-[0-9.e+ -]+", word) else f'"{word}"'

@@ -1,8 +1,8 @@
 """Read SDF 1.4 to 1.12 (http://sdformat.org/spec): links and joints of one model, in SI units.
 
-Poses are relative to any frame of the model (`relative_to`). They are first converted to the frame of the model
-(http://sdformat.org/tutorials?tut=pose_frame_semantics). Nested models are merged into their parents, with link names such as `arm::hand`.
-Included models follow http://sdformat.org/tutorials?tut=composition.
+A pose in SDF can be relative to any frame of the model (`relative_to`). The reader first converts all poses to the frame of the model
+(http://sdformat.org/tutorials?tut=pose_frame_semantics). It merges nested models into their parents, with link names such as `arm::hand`.
+For included models, see http://sdformat.org/tutorials?tut=composition.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Includes:
                     element.children[number] = self._model(child) or child
                 except NotFound as fault:
                     uri = self.values.place(child, "uri")
-                    if element.tag == "world":  # it may be the sun or the ground
+                    if element.tag == "world":  # the included model may be the sun or the ground
                         self.report.warn(Code.SOURCE_DOUBT, f"this is not imported: {fault}", uri, help="if it is scenery, remove it")
                     else:
                         self.report.add(Code.SOURCE_FILE, str(fault), uri, help=fault.help)
@@ -160,7 +160,7 @@ class _Sdf:
         if model is None:
             return None
         name, frames = self.values.word(model, "name"), Frames(model, self.values)
-        if name is None or self.report.failed:  # further errors would follow from these
+        if name is None or self.report.failed:  # these errors cause further errors
             return None
         self.frames = frames
         links = [self._link(key, frame.element) for key, frame in frames.all("link")]
@@ -183,7 +183,7 @@ class _Sdf:
         return match is not None and int(match[1]) <= 4
 
     def _model(self) -> SourceElement | None:
-        """Return the only non-static model of the file or its world. Report an error and return None if there are none or several."""
+        """Return the only non-static model of the file or its world. Report an error and return None unless exactly one exists."""
         worlds = [*self.root.all("world")]
         models = [model for around in (self.root, *worlds) for model in around.all("model")]
         robots = models if len(models) == 1 else [model for model in models if not self._is(model, "static")]
@@ -268,7 +268,7 @@ class _Sdf:
         return [f"{key}_{number}" for number in range(len(kinds))] if len(kinds) > 1 else [key]
 
     def _hangings(self, key: str, frame: NamedFrame) -> Iterator[source_model.Attachment]:
-        """Yield the attachments for a joint, from parent to child, with massless links between its axes. Report errors."""
+        """Yield the attachments for a joint, from parent to child, with massless links between the axes of the joint. Report errors."""
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
         if kind is not None and kind not in KINDS:
@@ -284,7 +284,7 @@ class _Sdf:
         around = NO_POSE if parent == WORLD else self.frames.poses[parent]
         pose, names = _clean(around.inverse() @ self.frames.poses[child]), self._coordinates(key)
         joints = [self._joint(name, key, one, tag) for name, one, tag in zip(names, KINDS[kind], AXES, strict=False)] or [None]
-        for number in reversed(range(len(names))):  # from the child up, since `spanned` reverses all of them or none
+        for number in reversed(range(len(names))):  # start at the child, because `spanned` reverses all attachments of a joint or none
             above = f"{key} link" if number else parent
             if number:
                 self.between.append(source_model.SourceLink(name=above, where=element.where))
@@ -417,9 +417,9 @@ class _Sdf:
     def _stood(
         self, model: SourceElement, name: str, links: list[source_model.SourceLink], hangings: list[source_model.Attachment],
     ) -> source_model.SourceRobot | None:
-        """Return the robot with its root link. The base is fixed if a joint attaches a link to the world, else free.
+        """Return the robot with its root link. If a joint attaches a link to the world, the base is fixed, else free.
 
-        If the robot moves along joints of the world, a massless root link is added.
+        If a joint of the world moves the robot, this method adds a massless root link.
         """
         sites: dict[str | None, tuple[source_model.SourceSite, ...]] = {}
         for key, frame in self.frames.all("frame"):
@@ -437,7 +437,7 @@ class _Sdf:
             links = [source_model.SourceLink(name=WORLD, where=model.place("name")), *links]
             hangings = [replace(one, pose=_clean(here @ one.pose)) if one in grounded else one for one in hangings]
         screws = [one for one in hangings if any(joint.kind == "screw" for joint in one.joints)]
-        tree, closing = spanned([*screws, *(one for one in hangings if one not in screws)])  # another joint closes a loop
+        tree, closing = spanned([*screws, *(one for one in hangings if one not in screws)])  # a joint that is not in the tree closes a loop
         root = root_of(links, tree, model.where, self.report)
         if root is None:
             return None
@@ -450,7 +450,7 @@ class _Sdf:
         )
 
     def _loop(self, one: source_model.Attachment) -> source_model.SourceLoop:
-        """Convert a joint between two links of the tree to a loop."""
+        """Convert a joint that is not in the tree to a loop."""
         joint = next(iter(one.joints), None)
         at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
         unlimited = source_model.SourceLimits()

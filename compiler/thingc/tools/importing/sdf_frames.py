@@ -1,4 +1,4 @@
-"""Frames of an SDF model: their poses in the model, and the links to which they are attached.
+"""Frames of an SDF model: the pose of each frame in the model, and the link to which the frame is attached.
 
 See http://sdformat.org/tutorials?tut=pose_frame_semantics.
 """
@@ -22,7 +22,7 @@ MODEL = "__model__"
 
 
 class NamedFrame(FrozenStruct):
-    """A frame: its element (link, joint, frame or model), the key of the enclosing model, and the key of the frame that its pose refers to.
+    """A frame: its element (link, joint, frame or model), the key of the enclosing model, and the key of its reference frame.
 
     The key of the outermost model is an empty string.
     """
@@ -66,9 +66,9 @@ class Frames:
                 self._find(child, key)
 
     def _relative_to(self, frame: NamedFrame) -> str:
-        """Return the key of the frame that the pose of `frame` is relative to. The default is the frame that it is attached to."""
+        """Return the key of the frame that the pose of `frame` is relative to. The default is the frame to which `frame` is attached."""
         pose = self.values.one(frame.element, "pose")
-        for attribute in ("relative_to", "frame"):  # `frame` is the old name, before SDF 1.7
+        for attribute in ("relative_to", "frame"):  # before SDF 1.7, the attribute was called `frame`
             if pose is not None and pose.attributes.get(attribute, "").strip():
                 return self.known(pose, attribute, pose.attributes[attribute], frame.scope)
         return self._carrier(frame)
@@ -82,7 +82,7 @@ class Frames:
         return frame.scope if attribute is None or not name else self.known(frame.element, attribute, name, frame.scope)
 
     def known(self, element: SourceElement, attribute: str, name: str, scope: str) -> str:
-        """Return the key of a frame by its name in a model. If the frame does not exist, report it and return the key of the model."""
+        """Return the key of a frame by its name in a model. If the frame does not exist, report an error and return the model's key."""
         key = key_of(name.strip(), scope)
         if key and key not in self.named:
             inside = [one.removeprefix(f"{scope}::") for one, frame in self.named.items() if frame.scope == scope]
@@ -92,7 +92,7 @@ class Frames:
         return key
 
     def _put(self, key: str) -> None:
-        """Compute the pose of a frame in the robot, and the poses of all frames that it is relative to."""
+        """Compute the pose of a frame in the robot, after the poses of all frames that this pose depends on."""
         way: dict[str, NamedFrame] = {}
         while key not in self.poses:
             if key in way:

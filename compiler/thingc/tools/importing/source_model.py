@@ -1,7 +1,8 @@
-"""The source model: an imported robot in SI units with source locations. All readers return it, and the writer converts it to a document.
+"""The source model: an imported robot in SI units with source locations. Readers return it, and the writer converts it to a document.
 
-A link is a rigid body. An `Attachment` attaches it to its parent by a sequence of joints: none if it is fixed, at most one in URDF, and
-possibly several in MJCF. Defaults of the format are resolved. Names are the names in the source.
+A link is a rigid body. An `Attachment` attaches a link to its parent by a sequence of joints. The sequence is empty if the link is fixed,
+has at most one joint in URDF, and can have several joints in MJCF. The source model contains the default values of the format explicitly.
+Names are the names in the source.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class SourceShape(FrozenStruct):
     Attributes:
         size: The dimensions [m], depending on `kind`: the sides of a box, the radius of a sphere, the radius and the length along z of a
             cylinder or capsule, the half axes of an ellipsoid, the two sides of a plane, or the scale factors of a mesh.
-        pose: The pose in the link. `rpy` [rad] are its angles in the source, if specified.
+        pose: The pose in the link. `rpy` [rad] are the angles of this pose in the source, if specified.
         mesh: The URI in the source.
         color: Red, green, blue and alpha from 0 to 1.
         friction: The specified coefficients, in the order sliding, torsional, rolling.
@@ -73,14 +74,14 @@ class SourceShape(FrozenStruct):
 
 
 class SourceSite(SourceThing):
-    """A named frame on a link. `others` are alternative names."""
+    """A named frame on a link. `others` are alternative names of the frame."""
 
     pose: Pose
     others: tuple[str, ...] = ()
 
 
 class SourceLink(OneLineRepr, SourceThing):
-    """A rigid body, massless if `weight` is None. `frames` are additional names of its frame in the source."""
+    """A rigid body, massless if `weight` is None. `frames` are additional names of the link's frame in the source."""
 
     weight: Weight | None = None
     shapes: tuple[SourceShape, ...] = ()
@@ -97,7 +98,8 @@ class SourceLink(OneLineRepr, SourceThing):
 class SourceLimits(FrozenStruct):
     """The limits of a joint or tendon: position [rad or m], effort [N m or N] and velocity [rad/s or m/s]. None means not specified.
 
-    For a ball joint, `upper` is the maximum angle of its cone. `made_up` marks limits that were added to a slide without limits.
+    For a ball joint, `upper` is the maximum angle of its cone. If `made_up` is true, the source has no limits, and the reader added limits
+    to the slide.
     """
 
     lower: float | None = None
@@ -112,7 +114,7 @@ class SourceLimits(FrozenStruct):
 
 
 class SourceMimic(FrozenStruct):
-    """The coupling of a joint to another one: q is `multiplier * q(joint) + offset`, or the `polynomial` of q(joint).
+    """The coupling of a joint to another joint: q is `multiplier * q(joint) + offset`, or the `polynomial` of q(joint).
 
     The coefficients start with the constant term. Their units are rad and m. `name` is the name of the equality in MJCF.
     """
@@ -149,8 +151,8 @@ class SourceDrive(SourceThing):
 class SourceMotion(OneLineRepr, SourceThing):
     """The dynamic properties of a joint or tendon, for q of the joint or the length of the tendon.
 
-    These are limits, drive, `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], and the `stiffness` [N m/rad
-    or N/m] of a spring that is relaxed at `rest` [rad or m].
+    The properties are limits, drive, `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], and the `stiffness`
+    [N m/rad or N/m] of a spring that is relaxed at `rest` [rad or m].
     """
 
     ends: SourceLimits = SourceLimits()
@@ -166,8 +168,8 @@ class SourceMotion(OneLineRepr, SourceThing):
 class SourceJoint(SourceMotion):
     """A motion of a link about or along the unit vector `axis` through `anchor` [m], both in the frame of the link at q = `start`.
 
-    The robot starts at q = `start` [rad or m] if this is within the limits, else at `begin` (None: in the middle of the limits). `lead` is
-    the travel of a screw joint per turn [m].
+    If `start` [rad or m] is within the limits, the robot starts at q = `start`, else at q = `begin` (None: the middle of the limits).
+    `lead` is the travel of a screw joint per turn [m].
     """
 
     kind: Kind
@@ -182,7 +184,7 @@ class SourceJoint(SourceMotion):
 class SourceAround(FrozenStruct):
     """A shape that a tendon wraps around: a sphere or an infinite cylinder along z, of `radius` [m] at `pose` in `link`.
 
-    The tendon passes on the side of the site `side` if given, else along the shorter path. `name` is the name of the shape.
+    If `side` is given, the tendon passes the shape on the side of this site, else along the shorter path. `name` is the name of the shape.
     """
 
     name: str
@@ -194,7 +196,7 @@ class SourceAround(FrozenStruct):
 
 
 class SourceStep(FrozenStruct):
-    """A step of the path of a tendon: a `site`, a shape to go `around`, or a pulley whose `divisor` applies to the following steps."""
+    """A step of the path of a tendon: a `site`, a shape to wrap `around`, or a pulley whose `divisor` applies to the following steps."""
 
     site: str | None = None
     around: SourceAround | None = None
@@ -204,7 +206,8 @@ class SourceStep(FrozenStruct):
 class SourceTendon(SourceMotion):
     """A tendon over joints (`moves`) or along a path (`steps`).
 
-    Over joints, its length is the sum of each q times a factor, an angle if it `turns`. `width` is its diameter [m].
+    The length of a tendon over joints is the sum of each q times a factor. If `turns` is true, this length is an angle. `width` is the
+    diameter of the tendon [m].
     """
 
     moves: tuple[tuple[str, float], ...] = ()
@@ -214,10 +217,10 @@ class SourceTendon(SourceMotion):
 
 
 class Attachment(SourceThing):
-    """The attachment of the link `child` to the link `parent`, at `pose` when all joints are at `start`. The joints move it in sequence.
+    """The attachment of the link `child` to the link `parent`, at `pose` when all joints are at `start`. The joints act in sequence.
 
-    `name` is the name in the source, and `rpy` [rad] are the angles of the pose in the source, if specified. A `floating` child can move
-    freely; its parent must be the world.
+    `name` is the name in the source, and `rpy` [rad] are the angles of the pose in the source, if specified. If `floating` is true, the
+    child can move freely, and the parent must be the world.
     """
 
     parent: str
@@ -228,7 +231,7 @@ class Attachment(SourceThing):
     floating: bool = False
 
     def turned(self) -> Attachment:
-        """Return the attachment with parent and child exchanged and the same q. It must have at most one joint."""
+        """Return the attachment with parent and child exchanged and the same q. The attachment must have at most one joint."""
         joints = tuple(
             replace(
                 joint, anchor=self.pose.apply(joint.anchor),
@@ -251,7 +254,7 @@ class SourceLoop(SourceThing):
 
 
 class SourceAdhesion(SourceThing):
-    """An adhesion. It pulls a link to the surface in contact with a force of at most `force` [N]."""
+    """An adhesion, which pulls a link to the surface in contact with a force of at most `force` [N]."""
 
     link: str
     force: float
@@ -277,7 +280,8 @@ class SourceSensor(SourceThing):
     """A sensor at a `site`, of a `joint` or of a `tendon`, or a camera at `pose` in `link`.
 
     `seen_from` is the reference site. `fovy` is the vertical field of view of a camera [rad]. `volume` is a shape and its size, as in
-    `SourceShape`. `noise` and `cutoff` are by reading [SI]. `parts` are pairs of a sensor in the source and the reading that it provides.
+    `SourceShape`. `noise` and `cutoff` map readings to values [SI]. `parts` are pairs of a sensor in the source and the reading that this
+    sensor provides.
     """
 
     kind: SensorType
@@ -295,10 +299,10 @@ class SourceSensor(SourceThing):
 
 
 class SourcePose(SourceThing):
-    """A named state: q of joints and controls of drives and adhesions, by name in the source.
+    """A named state: q of joints, and controls of drives and adhesions, by name in the source.
 
-    The unit of q is rad or m, and q of a ball joint is a unit quaternion (w, x, y, z). `at` is the pose of the base if it differs from the
-    pose of the robot.
+    The unit of q is rad or m, and q of a ball joint is a unit quaternion (w, x, y, z). `at` is the pose of the base if this pose differs
+    from the pose of the robot.
     """
 
     q: Mapping[str, float | Quaternion]
@@ -319,7 +323,7 @@ class SourceRobot(OneLineRepr, SourceThing):
 
     Attributes:
         excluded: Pairs of links that never touch.
-        gravity: [m/s^2], None for 9.81 downwards.
+        gravity: The gravitational acceleration [m/s^2], or None for 9.81 downwards.
         simulation: The options that documents support.
         options: MuJoCo's other options, by path.
         added: Elements for the MuJoCo model only.

@@ -1,4 +1,4 @@
-"""Contact pairs, equalities, actuators and sensors that documents cannot express. They are added to the MuJoCo model."""
+"""Add contact pairs, equalities, actuators and sensors that documents cannot express to the MuJoCo model."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ INERTIAL, OF_AXES = 1, ("framequat", "framexaxis", "frameyaxis", "framezaxis")
 
 
 class Added:
-    """Collects the elements to add, in order.
+    """Collects the elements to add to the MuJoCo model, in source order.
 
     `kept` contains the numbers of imported joints, sites, geoms and actuators. `tendons` are the imported tendons. `heads` maps each body
     to the first body of its link. References to bodies are allowed only if merging did not change their inertial frames.
@@ -32,19 +32,19 @@ class Added:
     def __init__(self, original: CompiledSource, kept: Mapping[str, Set[int]], tendons: Tendons, heads: Mapping[int, int]) -> None:
         self.original, self.model, self.tendons = original, original.model, tendons.of
         masses = [heads[body] for body in heads if self.model.body_mass[body] > 0.0]
-        whole = {head for head in heads.values() if masses.count(head) < 2}  # merging bodies changes the inertial frame
+        whole = {head for head in heads.values() if masses.count(head) < 2}  # merging bodies changes the frame of the inertia
         self.kept: dict[str, Set[int]] = {**kept, "tendon": tendons.of.keys(), "body": whole}
         self.elements: list[SourceAdded] = []
 
     def _target(self, kind: Kind, number: int) -> SourceTarget | None:
-        """Return a reference to an element, or None if it is not imported."""
+        """Return a reference to an element, or None if the element is not imported."""
         return SourceTarget(kind=kind, name=self.original.names[kind][number]) if number in self.kept[kind] else None
 
     def _add(
         self, section: Literal["contact", "equality", "actuator", "sensor"], tag: str, number: int,
         attributes: Sequence[tuple[str, str | SourceTarget | None]],
     ) -> bool:
-        """Add an element unless one of its targets is not imported. Return whether it was added."""
+        """Add an element if all its targets are imported. Return whether the element was added."""
         said = tuple((key, value) for key, value in attributes if value is not None)
         if len(said) < len(attributes):
             return False
@@ -57,7 +57,7 @@ class Added:
         return True
 
     def actuator(self, number: int) -> bool:
-        """Add an actuator if its targets are imported. Return whether it was added."""
+        """Add an actuator if its targets are imported. Return whether the actuator was added."""
         model, acts_on = self.model, self._acts_on(number)
         words = [
             names[at] if (at := int(getattr(model, f"actuator_{word}type")[number])) < len(names) else ""
@@ -89,10 +89,10 @@ class Added:
         return [(key, self._target("site", site)) for key, site in zip(keys, ends, strict=True) if site >= 0] if keys else []
 
     def equality(self, number: int) -> bool:
-        """Add an equality of tendons if possible. Return whether it was added.
+        """Add an equality of tendons if possible. Return whether the equality was added.
 
-        The lengths in a MuJoCo equality are relative to the reference pose. In a document the reference pose is q = 0, so none is
-        added if an imported joint has another reference.
+        The lengths in a MuJoCo equality are relative to the reference pose. In a document, the reference pose is q = 0. If an imported
+        joint has another reference, this method adds no equality.
         """
         model = self.model
         ends = [at for at in (int(model.eq_obj1id[number]), int(model.eq_obj2id[number])) if at >= 0]
@@ -105,7 +105,7 @@ class Added:
         return self._add("equality", "tendon", number, (*tied, *differing(said, {"solref": SOLREF, "solimp": SOLIMP})))
 
     def pair(self, number: int) -> bool:
-        """Add a contact pair with its explicit and inherited properties if both geoms are imported. Return whether it was added."""
+        """Add a contact pair with its explicit and inherited properties if both geoms are imported. Return whether the pair was added."""
         model, place = self.model, int(self.original.spec.pairs[number].id)
         ends = [(f"geom{k}", self._target("geom", int(getattr(model, f"pair_geom{k}")[place]))) for k in (1, 2)]
         said = [(word, floats(getattr(model, f"pair_{word}")[place])) for word in ("friction", "solref", "solreffriction", "solimp")]
@@ -114,7 +114,7 @@ class Added:
         return self._add("contact", "pair", number, (*ends, ("condim", numbers([model.pair_dim[place]])), *values))
 
     def sensor(self, number: int) -> bool:
-        """Add a sensor unchanged if all elements that it refers to are imported. Return whether it was added."""
+        """Add an unchanged sensor if all its targets are imported. Return whether the sensor was added."""
         model, element, attributes = self.model, self.original.element("sensor", number), list[tuple[str, str | SourceTarget | None]]()
         for name, value in element.attributes.items():
             if name.rstrip("12") in REFERRING:

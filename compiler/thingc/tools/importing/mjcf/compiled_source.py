@@ -33,8 +33,9 @@ OF_LOOP = re.compile(r":(parent|child|held)(_1)?")
 class CompiledSource:
     """A MuJoCo model before (`spec`) and after compilation (`model`). Elements are identified by their index in `model`.
 
-    All elements have names, which are generated if the source has none. `geoms_of` and `sites_of` are lists by body. `frames_of` contains
-    the sites that coincide with the frame of their body. `second_names` maps the name of a site to the names of its duplicates.
+    All elements have names. If an element has no name in the source, its name is generated. `geoms_of` and `sites_of` are the geoms and
+    sites of each body. `frames_of` contains the sites that coincide with the frame of their body. `second_names` maps the name of a site to
+    the names of its duplicates.
     """
 
     def __init__(self, flat: FlattenedSource, spec: Any, model: Any) -> None:
@@ -60,8 +61,8 @@ class CompiledSource:
     def _speeds(self) -> Iterator[tuple[str, float]]:
         """Yield the velocity limits [rad/s or m/s] of joints by name.
 
-        MJCF has no velocity limits. Models written by thingc store them in numeric elements `NAME:velocity`. Other numeric elements are
-        losses.
+        MJCF has no velocity limits. Models that thingc wrote contain velocity limits in numeric elements `NAME:velocity`. Other numeric
+        elements are losses.
         """
         for one in self.spec.numerics:
             joint, speed = one.name.removesuffix(":velocity"), floats(one.data)
@@ -71,7 +72,7 @@ class CompiledSource:
                 self.losses.note(f"the number `{one.name}`", "documents cannot store custom data", self.flat.place(one.info))
 
     def _leave_out_doubles(self) -> None:
-        """Remove redundant sites. References to a duplicate use the name of the original."""
+        """Remove redundant sites. Replace references to a removed site by references to the original site."""
         poses = {site: pose_of(self.model.site_pos[site], self.model.site_quat[site]) for site in self.sites}
         second, frames, closed = _doubles(self.model, self.sites, self.bodies, poses)
         for site, other in second.items():
@@ -104,11 +105,11 @@ class CompiledSource:
         self.losses.note(what, why, self.where(kind, number))
 
     def element(self, kind: str, number: int) -> SourceElement:
-        """Return the source element, or the root if the location is unknown."""
+        """Return the XML element of an element of the model, or the root if the location is unknown."""
         return self.flat.element(self.written[kind][number].info)
 
     def bounds(self, name: str, number: int) -> tuple[float, float] | None:
-        """Return the range `name` of an element, such as `actuator_ctrl`, or None if it is unlimited."""
+        """Return the range `name` of an element, such as `actuator_ctrl`, or None if the element is unlimited."""
         if not getattr(self.model, f"{name}limited")[number]:
             return None
         low, high = floats(getattr(self.model, f"{name}range")[number])
@@ -180,7 +181,7 @@ def _doubles(
     `names` are the names of sites, `bodies` the names of bodies, and `poses` the poses of sites in their bodies.
 
     Returns:
-        The original of each duplicate, the sites that coincide with the frame of their body, and the sites at the ends of loops.
+        The original site of each redundant site, the sites that coincide with the frame of their body, and the sites at the ends of loops.
     """
     second: dict[int, int] = {}
     kept: dict[int, list[int]] = {}
@@ -202,7 +203,7 @@ def _doubles(
 
 
 def _is_second(name: str, other: str, body: str) -> bool:
-    """Return whether `name` can be a duplicate of the site `other` that thingc wrote."""
+    """Return whether thingc may have written the site `name` as a duplicate of the site `other`."""
     return "/" in name and ("/" not in other or name.startswith(f"{body}/")) or name.endswith(":volume")
 
 

@@ -22,7 +22,7 @@ UNSAID = ("actlimited", "actearly", "armature", "delay")
 
 
 class _Length(FrozenStruct, kw_only=False):
-    """The limits [rad or m] of a driven coordinate or tendon, and the limits of the total force on it [N m or N]; None if unlimited."""
+    """The limits [rad or m] of a driven coordinate or tendon, and of the total force on this element [N m or N]; None if unlimited."""
 
     ends: tuple[float, float] | None
     most: tuple[float, float] | None
@@ -39,9 +39,9 @@ class _Length(FrozenStruct, kw_only=False):
 class Actuators:
     """The imported actuators.
 
-    `of_joint` and `of_tendon` are drives by the index of the joint or tendon, and `driven` are their targets by the index of the actuator.
-    Other actuators are `adhesions`, `added` elements, or losses. `kept` contains the indices of all actuators that are not losses. `joints`
-    and `tendons` are the imported ones. `on` maps each imported body to its link and its pose in the link.
+    `of_joint` and `of_tendon` are drives by the index of the joint or tendon. `driven` are the targets of drives by the index of the
+    actuator. Other actuators are `adhesions`, `added` elements, or losses. `kept` contains the indices of all actuators that are not
+    losses. `joints` and `tendons` are the imported joints and tendons. `on` maps each imported body to its link and its pose in the link.
     """
 
     def __init__(
@@ -141,7 +141,7 @@ class Actuators:
         self, number: int, gain: float, gear: float, control: tuple[float, float] | None, force: tuple[float, float] | None,
         length: _Length,
     ) -> SourceDrive:
-        """Return a motor. Motors in documents have no gain, so the gain is multiplied into the gear. The control range does not change."""
+        """Return a motor. A motor in a document has no gain, so its gear is gain times gear. The control range does not change."""
         original, ends = self.original, force
         if gain != 1.0:
             ends = None if force is None else (force[0] / gain, force[1] / gain)

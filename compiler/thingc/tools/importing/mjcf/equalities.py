@@ -23,8 +23,8 @@ STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
 class Equalities:
     """The imported equalities.
 
-    `follows` are mimics by the index of the following joint, and `loops` are loops. Other equalities are `added` elements or losses. `on`
-    maps each imported body to its link and its pose in the link.
+    `follows` are mimics by the index of the joint that mimics another joint, and `loops` are loops. Other equalities are `added` elements
+    or losses. `on` maps each imported body to its link and its pose in the link.
     """
 
     def __init__(self, original: CompiledSource, drives: Actuators, on: Mapping[int, tuple[int, Pose]], added: Added) -> None:
@@ -51,14 +51,14 @@ class Equalities:
         return differing(wanted, otherwise)
 
     def _follow(self, number: int) -> str:
-        """Add an equality of joints to `follows`. Return why documents cannot express it, or an empty string."""
+        """Add an equality of joints to `follows`. Return an empty string, or why documents cannot express the equality."""
         model, original = self.model, self.original
         one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
         a, b, *higher = floats(model.eq_data[number][:5])
         if other < 0 or not b and not any(higher):
             return "a joint in a document can only mimic another joint, not a constant"
         if one in self.drives.of_joint and other not in self.drives.of_joint and abs(b) == 1.0 and not any(higher):
-            one, other, a = other, one, -a * b  # the inverse relation
+            one, other, a = other, one, -a * b  # use the inverse relation
         if one in self.drives.of_joint:
             return f"joint `{original.joints[one]}` is driven, but a joint with `mimic` cannot be"
         if one in self.follows or other in self.follows:
@@ -87,7 +87,7 @@ class Equalities:
         )
 
     def _ends(self, number: int) -> Iterator[tuple[str, Pose]]:
-        """Yield the two imported links of an equality, each with the pose of the connection in the link."""
+        """Yield the two imported links that an equality connects, each with the pose of the connection in the link."""
         model, data = self.model, floats(self.model.eq_data[number])
         kind = int(model.eq_type[number])
         for index, thing in enumerate((int(model.eq_obj1id[number]), int(model.eq_obj2id[number]))):
@@ -166,7 +166,7 @@ def free_joint(original: CompiledSource, joint: int) -> Raw:
 
 
 def _raw(model: Any, joint: int, dof: int, effort: float | None) -> Raw:
-    """Return the attributes that documents cannot express, besides an `effort` limit [N m or N]."""
+    """Return the attributes of a joint that documents cannot express. `effort` is the effort limit in the document [N m or N]."""
     wanted = [
         ("solreflimit", numbers(model.jnt_solref[joint])), ("solimplimit", numbers(model.jnt_solimp[joint])),
         ("solreffriction", numbers(model.dof_solref[dof])), ("solimpfriction", numbers(model.dof_solimp[dof])),

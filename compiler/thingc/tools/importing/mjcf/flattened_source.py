@@ -1,7 +1,8 @@
 """Flatten an MJCF file and its included files to one text with one tag per line, so that MuJoCo's line numbers can be mapped to the source.
 
-MuJoCo would open every file that the source refers to. Instead, included files and meshes are read here, with limits, and passed in memory.
-Elements that documents do not support, and elements that could use unlimited memory, are omitted and recorded as losses.
+Without this module, MuJoCo opens every file that the source refers to. This module reads included files and meshes with limits, and passes
+the contents to MuJoCo in memory. It omits elements that documents do not support and elements that could use unlimited memory, and records
+these elements as losses.
 """
 
 from __future__ import annotations
@@ -43,9 +44,9 @@ FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 class FlattenedSource(FrozenStruct):
     """A flattened source.
 
-    `lines` are the source elements by line of `text`. `files` are the contents passed to MuJoCo, by their names in the text, and `meshes`
-    maps these names to paths relative to the folder of the source. `models` are the texts of attached models. `included` are the roots of
-    included files.
+    `lines` are the source elements by line of `text`. `files` are the contents of files for MuJoCo, by their names in the text, and
+    `meshes` maps these names to paths relative to the folder of the source. `models` are the texts of attached models. `included` are the
+    roots of included files.
     """
 
     root: SourceElement
@@ -58,12 +59,12 @@ class FlattenedSource(FrozenStruct):
     losses: tuple[SourceLoss, ...]
 
     def element(self, said: str) -> SourceElement:
-        """Return the element at the line number in a MuJoCo message (`line 7`), or the root if the message has none."""
+        """Return the element at the line number in a MuJoCo message (`line 7`), or the root if the message has no line number."""
         number = [int(one) for one in re.findall(r"line\s*=?\s*(\d{1,9})\b", said)]
         return self.lines[number[-1] - 1] if number and 1 <= number[-1] <= len(self.lines) else self.root
 
     def named(self, element: SourceElement) -> SourceElement:
-        """Return the root element with the model name for an element: the root of its own file if it has a name, else the main root."""
+        """Return the root element that contains the model name for an element: the root of its own file if named, else the main root."""
         roots = (one for one in self.included if one.where.file == element.where.file and one.attributes.get("model", "").strip())
         return next(roots, self.root)
 
@@ -74,7 +75,7 @@ class FlattenedSource(FrozenStruct):
 
 
 class Flattening:
-    """Flattens a file. If `meshes` is false, unreadable meshes are replaced by a small solid."""
+    """Flattens a file. If `meshes` is false, a small solid replaces each unreadable mesh."""
 
     def __init__(self, root: SourceElement, packages: Packages, report: Report, meshes: bool) -> None:
         self.root, self.packages, self.report, self.with_meshes = root, packages, report, meshes
@@ -124,7 +125,7 @@ class Flattening:
         return "\n" * start + "\n".join(self.texts[start:])
 
     def _children(self, element: SourceElement) -> Iterator[SourceElement]:
-        """Yield the child elements. `<include>` is replaced by the elements of the included file."""
+        """Yield the child elements. The elements of an included file replace its `<include>`."""
         for child in element.children:
             if id(child) in self.elements:
                 for one in self.elements[id(child)]:
@@ -150,7 +151,7 @@ class Flattening:
     def _read(self, element: SourceElement) -> SourceElement | None:
         """Read an included file and return its root, or None after reporting errors.
 
-        The path is relative to the including file, or else to the main file.
+        If the file does not exist relative to the including file, the path is relative to the main file.
         """
         name, where = element.attributes.get("file", ""), element.place("file")
         if element.children:
@@ -172,7 +173,7 @@ class Flattening:
         return read_xml(path, data, self.report)
 
     def _write(self, element: SourceElement, copies: int) -> None:
-        """Add the lines of an element that will be copied `copies` times.
+        """Add the lines of an element that MuJoCo copies `copies` times.
 
         If the model exceeds the maximum number of elements, report it once and add nothing.
         """
@@ -184,7 +185,7 @@ class Flattening:
             self.report.add(Code.SOURCE_VALUE, message, element.where, help="reduce their number")
             return
         if element.tag == "replicate":
-            written = re.match(r"\s*\+?(\d{1,12})", element.attributes.get("count", ""))  # MuJoCo ignores the rest
+            written = re.match(r"\s*\+?(\d{1,12})", element.attributes.get("count", ""))  # MuJoCo ignores text after the number
             copies *= 1 if written is None else int(written[1])
             if copies > MOST_COPIES:
                 message = f"this makes {copies:,} copies, but at most {MOST_COPIES:,} are supported"
@@ -218,7 +219,7 @@ class Flattening:
         self._line(f"</{element.tag}>", element)
 
     def _look_at_numbers(self, element: SourceElement) -> None:
-        """Report numbers that are not finite. MuJoCo accepts them."""
+        """Report numbers that are not finite, which MuJoCo accepts."""
         for name, value in element.attributes.items():
             wrong = next((word for word in value.split() if word.lower().lstrip("+-") in NOT_FINITE), None)
             if wrong is not None and name != "name" and value not in self.names:
@@ -231,10 +232,10 @@ class Flattening:
         self.lines.append(element)
 
     def _mesh(self, element: SourceElement) -> dict[str, str]:
-        """Return the attributes of a mesh, including its name (by default the name of its file) and its file name in the text.
+        """Return the attributes of a mesh: its name (by default the name of its file), its file name in the text, and other attributes.
 
-        The file name contains a hash of the content and the attributes. With a constant name, MuJoCo could return another mesh from its
-        cache.
+        The file name contains a hash of the content and the attributes. Otherwise, MuJoCo could return another mesh with the same name from
+        its cache.
         """
         file = element.attributes["file"]
         file = os.path.basename(file.replace("\\", "/")) if self.strip else file

@@ -1,4 +1,4 @@
-"""Read MJCF: bodies, their tree, masses and shapes, from the compiled model."""
+"""Read MJCF: the tree of bodies, the masses and the shapes of the compiled model."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _ALIKE = 1e-9
 
 
 def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> SourceRobot | None:
-    """Read the robot of a file with the root element `<mujoco>`. Return None after reporting that MuJoCo cannot read it.
+    """Read the robot of a file with the root element `<mujoco>`. Return None after reporting that MuJoCo cannot read the file.
 
-    If `meshes` is false, unreadable meshes are massless.
+    If `meshes` is false, unreadable meshes have no mass.
     """
     flat = Flattening(root, packages, report, meshes).flat()
     original = None if flat is None else _compiled(flat, report)
@@ -41,7 +41,7 @@ def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes
 
 
 def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
-    """Compile the model. Errors of MuJoCo are reported at the line in the message."""
+    """Compile the model. Report errors of MuJoCo at the line in their message."""
     import mujoco
 
     try:
@@ -84,7 +84,7 @@ class _Reader:
         self.link_names = {*original.bodies.values()}
 
     def robot(self) -> SourceRobot | None:
-        """Return the robot: all bodies attached to the world, or else the floating body with the most joints."""
+        """Return the robot, which is the group of bodies with the most joints (see `_kept`)."""
         if len(self.parents) > MOST_LINKS:
             message = f"the robot has {len(self.parents):,} bodies, but at most {MOST_LINKS:,} are supported"
             self.report.add(Code.SOURCE_TREE, message, self.original.flat.root.where)
@@ -152,8 +152,7 @@ class _Reader:
         return [*self.joints[root][: root in self.free], *(numbers_of[joint.name] for one in tree for joint in one.joints)]
 
     def _lose_indices(self, array: str, sizes: Sequence[int], kept: Sequence[int]) -> None:
-        """Record the entries of an array whose indices differ in a model generated from the document, where only the elements `kept` exist.
-        """
+        """Record array entries whose indices change in a model generated from the document. `kept` are the elements in that model."""
         starts, runs, here = [0, *accumulate(map(int, sizes))], list[list[int]](), 0
         for there, size in ((starts[number], int(sizes[number])) for number in kept):
             if runs and runs[-1][0] + runs[-1][2] == there:
@@ -169,8 +168,7 @@ class _Reader:
     def _hangings(
         self, body: int, on: dict[int, tuple[int, Pose]], between: list[SourceLink], drives: Actuators, couplings: Equalities,
     ) -> Iterator[Attachment]:
-        """Yield the attachments of a body to its parent, one per joint. The massless links between these joints are appended to `between`.
-        """
+        """Yield the attachments of a body to its parent, one per joint. Append the massless links between these joints to `between`."""
         original, (parent, pose) = self.original, on[self.parents[body]]
         name, above, place, where = original.bodies[body], original.bodies[parent], pose @ self._pose(body), original.where("body", body)
         *inner, last = self.joints[body] or [-1]
@@ -194,8 +192,8 @@ class _Reader:
     def _kept(self) -> set[int]:
         """Return the bodies of the robot.
 
-        All bodies attached to the world form one group, and each floating body forms another. The group with the most joints is the robot.
-        All other bodies are losses. If the world is not part of the robot, its geoms and sites are losses, too.
+        All bodies attached to the world form one group, and each floating body forms another group. The group with the most joints is the
+        robot. All other bodies are losses. If the world is not part of the robot, geoms and sites of the world are losses, too.
         """
         tops = [body for body, parent in enumerate(self.parents) if parent == WORLD and body != WORLD]
         groups: dict[int, set[int]] = {WORLD: {WORLD}} | {body: set() for body in tops if body in self.free or body in self.mocap}
@@ -222,7 +220,7 @@ class _Reader:
         return kept
 
     def _on_world(self, *, planes: bool) -> list[tuple[str, int]]:
-        """Return the kind and index of geoms and sites of the world: only planes if `planes`, else all others."""
+        """Return the kind and index of geoms and sites of the world: only planes if `planes` is true, else everything but planes."""
         model = self.model
         geoms = [("geom", k) for k in range(model.ngeom) if model.geom_bodyid[k] == WORLD and (model.geom_type[k] == PLANE) == planes]
         sites = [] if planes else [("site", k) for k in range(model.nsite) if model.site_bodyid[k] == WORLD]
@@ -231,7 +229,7 @@ class _Reader:
     def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
         """Return the link of each body, and the pose of the body in the link.
 
-        A body becomes a mount of its parent if it is fixed and has no mass and no shapes, and the same holds for all bodies below it.
+        A body becomes a mount of its parent if the body and all bodies below it are fixed and have no mass and no shapes.
         """
         bare = {
             body for body in kept if body != root and not self.joints[body] and self.model.body_mass[body] <= 0.0
@@ -285,7 +283,7 @@ class _Reader:
         rows = ((moments[0], 0.0, 0.0), (0.0, moments[1], 0.0), (0.0, 0.0, moments[2]))
         inertia = symmetric(multiply(multiply(turn, rows), transpose(turn)))
         full = floats(written.fullinertia)
-        if all(map(math.isfinite, full)):  # MuJoCo rotates the values to principal axes and back: prefer those of the source
+        if all(map(math.isfinite, full)):  # MuJoCo rotates the values to principal axes and back: prefer the values in the source
             a, b, c, d, e, f = full
             said = ((a, d, e), (d, b, f), (e, f, c))
             largest = max(map(abs, full))
@@ -296,7 +294,7 @@ class _Reader:
 
 
 def _name(root: SourceElement) -> str:
-    """Return the name of the model, without the name of the mode that thingc appends."""
+    """Return the name of the model. Remove the name of the mode that thingc appends."""
     name = root.attributes.get("model", "").strip()
     ours = mode_of(root.source[: root.start]) == SOURCE_MODE
     return (name.removesuffix(f"_{SOURCE_MODE}") if ours else name) or "robot"

@@ -33,7 +33,7 @@ LOOKING = turned_y(math.pi)
 
 
 class _Place(FrozenStruct):
-    """A kind of sensor of a document with its target: a site and an optional reference site, a joint, or a tendon."""
+    """A kind of sensor and its target: a site and an optional reference site, a joint, or a tendon."""
 
     kind: SensorType
     site: str | None = None
@@ -54,8 +54,7 @@ class _Sensing:
         self.kinds: dict[int, str] = {int(value): name.removeprefix("mjSENS_").lower() for name, value in types}
 
     def all(self) -> tuple[SourceSensor, ...]:
-        """Return the supported sensors; sensors at the same place are combined. Other sensors and duplicates are added elements or losses.
-        """
+        """Return the supported sensors. Combine sensors at the same place. Other sensors and duplicates become added elements or losses."""
         read: list[tuple[int, _Place, ReadingName]] = []
         placed_before: set[tuple[_Place, ReadingName] | None] = {None}
         for number in range(self.model.nsensor):
@@ -140,7 +139,7 @@ def sensors(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], kept: set[int], added: Added, driven: Mapping[int, SourceTarget],
     root: int,
 ) -> tuple[SourceSensor, ...]:
-    """Return the sensors that documents support, and the cameras. Other sensors are added elements or losses.
+    """Return the sensors that documents support, and the cameras. Other sensors become added elements or losses.
 
     `driven` are the targets of drives by the index of the actuator, and `root` is the root body.
     """

@@ -41,7 +41,7 @@ def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
 
 
 def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]:
-    """Return all other options that differ from MuJoCo's defaults, by path: `("option", "flag", "contact")`."""
+    """Return the options that only MuJoCo models have and that are not defaults, by path: `("option", "flag", "contact")`."""
     import mujoco
 
     ours, usual = original.model.opt, mujoco.MjSpec().option
@@ -68,10 +68,10 @@ def _format_setting(name: str, value: Any) -> str:
 def touching(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int], still: int | None, added: Added,
 ) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of links that never touch, except pairs connected by a joint.
+    """Return the pairs of links whose contacts are excluded, except pairs connected by a joint.
 
-    In a document, links connected by a joint never touch. In MuJoCo, this depends on an option, and children of the static body `still` can
-    touch it. These differences are losses if the shapes could touch.
+    In a document, contacts between links connected by a joint are always excluded. In MuJoCo, an option controls these contacts, and
+    children of the static body `still` can touch the static body. If the shapes could touch, these differences are losses.
     """
     import mujoco
 
@@ -92,7 +92,7 @@ def touching(
     masks = {body: _masks(original, body) for body in heads}
 
     def meet(head: int, other: int) -> bool:
-        """Return whether two links have shapes that could touch, disregarding excluded pairs of bodies."""
+        """Return whether two links have shapes that could touch. Ignore excluded pairs of bodies."""
         pairs = ((one, two) for one in members[head] for two in members[other] if _pair(one, two) not in written)
         return any(_meet(masks[one], masks[two]) for one, two in pairs)
 
@@ -128,7 +128,7 @@ def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> I
 
 
 def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touch: Set[int]) -> None:
-    """Record losses of effects that MuJoCo computes per body, for links that consist of several bodies.
+    """For links that consist of several bodies, record losses of effects that MuJoCo computes per body.
 
     `touch` are the moving links with collision shapes.
     """
@@ -170,7 +170,7 @@ def _meet(ours: tuple[int, int], theirs: tuple[int, int]) -> bool:
 def poses(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], root: int, base: SourceBase, joints: Mapping[str, SourceJoint],
 ) -> tuple[SourcePose, ...]:
-    """Return the keyframes as poses, clamped to the joint limits. Velocities and activations are losses."""
+    """Convert keyframes to poses, clamped to the joint limits. Velocities and activations are losses."""
     model, poses = original.model, []
     places = [one.where for one in original.flat.lines if one.tag == "key"][::2]
     following = {joint.name: joint.follows for joint in joints.values() if joint.follows is not None}
@@ -217,7 +217,7 @@ def _open_loops(original: CompiledSource, key: int) -> Iterator[tuple[str, float
     mujoco.mj_fwdPosition(model, data)
     between = {int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)}
     for number in (number for number in range(model.neq) if int(model.eq_type[number]) in between):
-        rows = [k for k in range(data.ne) if data.efc_id[k] == number]  # equalities come first, and positions before rotations
+        rows = [k for k in range(data.ne) if data.efc_id[k] == number]  # the first rows are equalities; positions precede rotations
         gap = hypot(*floats(data.efc_pos[rows[:3]]))
         if gap > _OPEN:
             yield original.equalities[number], gap

@@ -1,4 +1,4 @@
-"""Read geoms as visual and collision shapes."""
+"""Convert geoms to visual and collision shapes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Geoms:
         return tuple(shapes)
 
     def _shapes(self, geom: int) -> list[SourceShape]:
-        """Return the visual shape of a geom if it is visible, and its collision shape if it can collide."""
+        """Return the visual shape of a visible geom, and the collision shape of a geom that can collide."""
         model, where = self.model, self.original.where("geom", geom)
         kind = KINDS.get(int(model.geom_type[geom]))
         if kind is None:
@@ -77,8 +77,8 @@ class Geoms:
     def _mesh(self, geom: int, centred: Pose) -> tuple[Vector, Pose, str]:
         """Return the scale, pose and URI of a mesh.
 
-        MuJoCo moves the vertices of a mesh to its principal axes. In the source, vertices are as in the file, transformed by
-        `scale R^T (v - p)` with the reference pose.
+        MuJoCo transforms the vertices of a mesh to its principal axes. In the source, the vertices v of the file are transformed to `scale
+        R^T (v - p)` with the reference pose.
         """
         written = self.original.written["geom"][geom]
         mesh = self.original.spec.mesh(written.meshname)
@@ -93,7 +93,7 @@ class Geoms:
         return (x, y, z), self.original.frame(written) @ at, uri
 
     def _anew(self, mesh: int, name: str, geom: int) -> str:
-        """Write MuJoCo's version of a mesh to a new file and return its URI. Used if the file of the source is not supported."""
+        """Write MuJoCo's version of a mesh to a new file and return its URI. Use this for unsupported file formats."""
         file = f"mujoco://{name}.obj"
         if file not in self.files:
             model = self.model
@@ -107,14 +107,14 @@ class Geoms:
         return file
 
     def _friction(self, geom: int) -> tuple[float, ...]:
-        """Return the friction coefficients of a geom that contacts use, or an empty tuple for MuJoCo's defaults."""
+        """Return the friction coefficients of a geom that affect contacts, or an empty tuple for MuJoCo's defaults."""
         slide, torsion, roll = floats(self.model.geom_friction[geom])
         dimensions = int(self.model.geom_condim[geom])
         said = (slide, torsion, roll) if dimensions == 6 else (slide, torsion) if dimensions == 4 else (slide,)
         return () if said == (FRICTION[0],) or dimensions == 1 else said
 
     def _raw(self, geom: int, friction: tuple[float, ...]) -> Raw:
-        """Return the other contact attributes. thingc gives geoms with friction a higher priority, so it applies on any floor."""
+        """Return the other contact attributes. thingc gives geoms with friction a priority, so that their friction applies on any floor."""
         model = self.model
         wanted = [(name, numbers(values if getattr(values, "shape", ()) else [values])) for name in USUAL
                   for values in [getattr(model, f"geom_{name}")[geom]]]

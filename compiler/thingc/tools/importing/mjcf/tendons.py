@@ -1,4 +1,4 @@
-"""Read tendons over joints and on paths."""
+"""Read tendons that couple joints, and tendons along paths."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Tendons:
     """The tendons that documents support, by index (`of`). Other tendons are losses.
 
     `joints` and `sites` are the indices of imported elements. `on` maps each imported body to its link and its pose in the link. `heads`
-    maps it to the first body that it is rigidly connected to.
+    maps each body to the first body of its rigidly connected group.
     """
 
     def __init__(
@@ -44,11 +44,11 @@ class Tendons:
                 self.of[number] = self._tendon(number, wraps)
 
     def driven(self, drives: Mapping[int, SourceDrive]) -> tuple[SourceTendon, ...]:
-        """Return all tendons with their drives, which are given by index of the tendon."""
+        """Return all tendons with their drives. `drives` are the drives by the index of the tendon."""
         return tuple(replace(one, drive=drives.get(number)) for number, one in self.of.items())
 
     def _unsaid(self, wrap: int) -> str:
-        """Return why a document cannot express a step of a path, or an empty string."""
+        """Return an empty string, or why a document cannot express a step of a path."""
         model = self.model
         kind, thing, side = (int(one[wrap]) for one in (model.wrap_type, model.wrap_objid, model.wrap_prm))
         gone = "it uses elements that are not imported"
@@ -73,7 +73,7 @@ class Tendons:
         return "it wraps inside a shape, but tendons of a document wrap around the outside" if inside else ""
 
     def _fixed(self, body: int) -> Pose:
-        """Return the pose of a body in the first body that it is rigidly connected to."""
+        """Return the pose of a body in the first body of its rigidly connected group."""
         pose = pose_of(self.model.body_pos[body], self.model.body_quat[body])
         return pose if self.heads[body] == body else self._fixed(int(self.model.body_parentid[body])) @ pose
 
@@ -123,7 +123,7 @@ class Tendons:
         ))
 
     def _raw(self, number: int, made: SourceTendon) -> Raw:
-        """Return the attributes that documents cannot express or for which they have another default."""
+        """Return the attributes that documents cannot express, and attributes whose default in documents differs."""
         model = self.model
         plain = ("stiffness", "damping", "frictionloss", "armature", "margin", "group", *(() if made.moves else ("width",)))
         wanted = [(word, numbers([getattr(model, f"tendon_{word}")[number]])) for word in plain]
