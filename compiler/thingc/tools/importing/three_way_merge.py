@@ -1,8 +1,9 @@
 """Merge two versions of a document with a common ancestor, key by key. Text, layout and comments of `ours` are preserved.
 
-`base` is the document of the last import, `new` is the document of this import, and `ours` is `base` with edits by the user. Changes only
-in the source are applied, and changes by the user are preserved. If both changed a value differently, the value of the user is preserved
-and a conflict is reported. Mappings, and lists of mappings with equal lengths, are merged recursively. Everything else is one value.
+`base` is the document of the last import, `new` is the document of this import, and `ours` is `base` with edits by the user. The merge
+applies changes in the source, and preserves changes by the user. If the source and the user changed the same value differently, the merge
+preserves the value of the user and reports a conflict. Mappings, and lists of mappings with equal lengths, are merged recursively. Every
+other value is merged as a whole.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ class Text(FrozenStruct):
         return MISSING if node is None else node.plain()
 
     def written(self, path: Path) -> str:
-        """Return the text of the value at a path on one line, shortened."""
+        """Return the text of the value at a path as one shortened line."""
         node = node_at(self.tree, path)
         return NOTHING if node is None else shortened(inline(self, node))
 
 
 class Conflict(FrozenStruct):
-    """A value that was changed differently by the user and in the source, with the text of each version on one line."""
+    """A value that the user and the source changed differently, with the text of each version on one line."""
 
     path: Path
     ours: str
@@ -47,7 +48,7 @@ class Conflict(FrozenStruct):
 
 
 class Merged(FrozenStruct):
-    """A merged text.
+    """The result of a merge.
 
     `taken` contains the paths changed in the source, each with the old and the new value. `kept` contains the paths changed by the user.
     """
@@ -59,7 +60,7 @@ class Merged(FrozenStruct):
 
 
 class MergeConflict(Exception):
-    """Raised if the merged text would be wrong because of the way the document is written. The message contains the path."""
+    """Raised if the layout of the document prevents a correct merge. The message contains the path of the value."""
 
 
 def read_text(path: str, text: str, report: Report) -> Text | None:
@@ -88,7 +89,7 @@ class Merge:
         expected = self._whole((), self.base.tree.plain(), self.new.tree.plain(), self.ours.tree.plain())
         text = self.ours.source.text
         parts, at, line_end = list[str](), 0, "\r\n" if "\r\n" in text else "\n"
-        for start, end, replacement in sorted(self.edits, key=lambda edit: edit[:2]):  # at equal positions, insertions come first
+        for start, end, replacement in sorted(self.edits, key=lambda edit: edit[:2]):  # at equal positions, insertions precede other edits
             parts += [text[at:start], replacement.replace("\n", line_end)]
             at = end
         whole = "".join([*parts, text[at:]])
@@ -100,7 +101,7 @@ class Merge:
         return Merged(text=whole, taken=tuple(self.taken), kept=tuple(self.kept), conflicts=tuple(self.conflicts))
 
     def _whole(self, path: Path, base: Any, new: Any, ours: Any) -> Any:
-        """Return the merged value at a path, and record the edit or conflict. Each value can be `MISSING`."""
+        """Return the merged value at a path, and record the edit or conflict. The arguments and the result can be `MISSING`."""
         if _alike(new, base) or _alike(new, ours):
             if not _alike(ours, base) and not _alike(new, ours):
                 self.kept += _changed(path, base, ours)
@@ -174,7 +175,7 @@ class Merge:
             self.edits.append((self._start(first), self._start(last + 1), text))
 
     def _add(self, path: Path, parent: Node, key: Any) -> None:
-        """Insert a new entry after the entry that precedes it in `new`, or at the beginning."""
+        """Insert a new entry. Its position is after the entry that precedes it in `new`, or at the beginning."""
         wanted = node_at(self.new.tree, path)
         assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
         order = list(wanted.entries)
@@ -203,7 +204,7 @@ class Merge:
 
 
 def inline(text: Text, node: Node) -> str:
-    """Format a value on one line, without changing the text of scalars."""
+    """Format a value on one line. The text of scalars does not change."""
     match node:
         case ScalarNode():
             return text.source.text[slice(*text.source.range(node.span))]
@@ -223,8 +224,8 @@ def _alike(one: Any, other: Any) -> bool:
 def _keys(base: Any, new: Any, ours: Any) -> list[Any] | None:
     """Return the keys to merge if all three are mappings, or lists of mappings with equal lengths, else None.
 
-    Keys are in the order of `ours`, followed by new keys. A list of numbers is one value, because merging the components of two versions of
-    an axis would give a third one.
+    Keys are in the order of `ours`, followed by new keys. A list of numbers is merged as a whole, because merging the components of two
+    versions of an axis gives a third axis.
     """
     if all(isinstance(one, dict) for one in (base, new, ours)):
         return [*dict.fromkeys([*ours, *new, *base])]
@@ -237,7 +238,7 @@ def _get(values: Any, key: Any) -> Any:
 
 
 def _changed(path: Path, base: Any, ours: Any) -> Iterator[Path]:
-    """Yield the paths at which two values differ. The paths are as deep as possible."""
+    """Yield the paths of the smallest values that differ."""
     keys = _keys(base, base, ours)
     if keys is None:
         yield path

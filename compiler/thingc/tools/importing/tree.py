@@ -21,7 +21,7 @@ MOST_BELOW = 496
 def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: Span, report: Report) -> str | None:
     """Return the name of the root link of the tree, or None after reporting errors.
 
-    Errors are duplicate names, joints of missing links, links with two parents, cycles, and no root or several roots.
+    The function reports duplicate names, joints of missing links, links with two parents, cycles, and zero or several roots.
     """
     before = len(report.diagnostics)
     if len(links) > MOST_LINKS:
@@ -78,9 +78,9 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
 
 
 def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tuple[Attachment, ...]]:
-    """Split joints that may form loops into a spanning tree and the joints that close loops. Joints of the tree are reversed if necessary.
+    """Split joints that may form loops into a spanning tree and the joints that close loops. Reverse joints of the tree if necessary.
 
-    Joints that cannot be connected are part of the first group, so that `root_of` reports them.
+    The first group also contains joints that are not connected to the root, so that `root_of` reports these joints.
     """
     tree: list[Attachment] = []
     closing: list[Attachment] = []
@@ -123,7 +123,7 @@ def look_at_mimics(hangings: Sequence[Attachment], moving: Set[str], report: Rep
 
 
 def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, Named]:
-    """Return the elements by name. If a name occurs several times, report it and use the first element."""
+    """Return the elements by name. If several elements have the same name, report an error and use the first element."""
     first: dict[str, Named] = {}
     for one in things:
         if first.setdefault(one.name, one) is not one:

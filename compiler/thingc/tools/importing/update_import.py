@@ -54,7 +54,7 @@ class PreviousImport(FrozenStruct):
 
 
 class Update(FrozenStruct):
-    """An update: the changed files by absolute path and in order, the merged document, and the files that the user has edited."""
+    """An update: the changed files by absolute path, in writing order, the merged document, and the files that the user has edited."""
 
     changes: Mapping[str, Change]
     merged: Merged
@@ -83,8 +83,8 @@ def earlier_import(folder: str) -> PreviousImport | None:
 def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], report: Report) -> Update | None:
     """Merge an import with its new `files`, which include `document`.
 
-    Conflicts are reported and resolved in favour of the user. Return None after reporting that the document cannot be merged. A deleted
-    document is written again.
+    If values conflict, report the conflict and use the value of the user. Return None after reporting that the document cannot be merged.
+    If the user has deleted the document, write the new document.
     """
     path = os.path.join(earlier.folder, document)
     new = files[document].decode()
@@ -103,7 +103,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
         return None
     try:
         one = Merge(*texts).merged()
-        if ours == earlier.text:  # also update the comments
+        if ours == earlier.text:  # the comments in the new document may have changed, too
             one = replace(one, text=new)
     except MergeConflict as fault:
         report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write it in plain form, and import again")
@@ -124,7 +124,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
 
 
 def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report: Report) -> dict[str, Change]:
-    """Return the changes of mesh files that changed in the source. Files that the user has changed, too, are reported and not changed."""
+    """Return the new contents of mesh files that changed in the source. Report files that the user has changed, and omit them."""
     written: dict[str, Change] = {}
     for name, content in meshes.items():
         there = earlier.read(name)

@@ -1,6 +1,6 @@
 """Read URDF (https://wiki.ros.org/urdf/XML): the links and joints of one tree, in SI units.
 
-A separate process expands xacro files to URDF. The elements that xacro generates have locations in the xacro files.
+A separate process expands xacro files to URDF. Source locations of generated elements refer to the xacro files.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class _Urdf:
             self.report.warn(Code.SOURCE_DOUBT, message, limit.place("effort"), help=help)
         look_at_mimics(hangings, self.moving, self.report)
         self.losses.unread(self.root, ATTRIBUTES, INSIDE, {}, [one.where for one in self.root.children if one.tag in TAGS])
-        if self.report.failed:  # errors about the tree would follow from these
+        if self.report.failed:  # these errors cause errors about the tree
             return None
         root = root_of(links, hangings, self.root.where, self.report)
         if root is None:
@@ -119,8 +119,7 @@ class _Urdf:
     def _sensed(
         self, links: tuple[source_model.SourceLink, ...], hangings: tuple[source_model.Attachment, ...],
     ) -> tuple[tuple[source_model.SourceLink, ...], tuple[source_model.SourceSensor, ...]]:
-        """Return the links, with added mounts for sensors, and the sensors. A sensor on a bare frame moves to the link that the frame is
-        fixed to.
+        """Return the links, with added mounts for sensors, and the sensors. A sensor on a bare frame moves to the link that has the frame.
         """
         named, above = {link.name: link for link in links}, {one.child: one for one in hangings}
         carrying, sensors = {one.parent for one in hangings}, list[source_model.SourceSensor]()
@@ -265,7 +264,7 @@ class _Urdf:
         )
 
     def _mimic(self, mimic: SourceElement, name: str) -> source_model.SourceMimic | None:
-        """Read the coupling to the joint that this joint mimics. As in Pinocchio and MoveIt, return None if that joint does not move."""
+        """Read the coupling of a mimic joint to its leader. As in Pinocchio and MoveIt, return None if the leader does not move."""
         joint = self.values.word(mimic, "joint")
         multiplier, offset = self.values.number(mimic, "multiplier", 1.0), self.values.number(mimic, "offset", 0.0)
         if joint is None or multiplier is None or offset is None:
@@ -374,7 +373,7 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
 
 
 def _are_known(arguments: Mapping[str, str], files: Sequence[str], report: Report) -> bool:
-    """Return whether the files use all arguments. Report unused arguments, which xacro ignores; uses in loaded YAML files are not found."""
+    """Return whether the files use all arguments. Report unused arguments, which xacro ignores. Do not search loaded YAML files."""
     texts = [Path(file).read_text(encoding="utf-8", errors="replace") for file in files]
     if any("load_yaml" in text for text in texts):
         return True
@@ -386,7 +385,7 @@ def _are_known(arguments: Mapping[str, str], files: Sequence[str], report: Repor
 
 
 def _by_packages(text: str, folders: Mapping[str, str]) -> str:
-    """Replace the paths inserted by `$(find NAME)` by `package://NAME`, so that the output does not contain absolute paths."""
+    """Replace the absolute paths from `$(find NAME)` by `package://NAME`."""
     for name, folder in sorted(folders.items(), key=lambda one: -len(one[1])):
         for before in ("file://", ""):
             text = text.replace(f'"{before}{folder}/', f'"package://{name}/')

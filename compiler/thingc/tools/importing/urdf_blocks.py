@@ -1,4 +1,4 @@
-"""Read blocks of URDF files that are intended for other programs: `<gazebo>`, `<transmission>`, `<ros2_control>` and `<mujoco>`.
+"""Read the blocks of URDF files for other programs: `<gazebo>`, `<transmission>`, `<ros2_control>` and `<mujoco>`.
 
 Elements that a document cannot express are losses with a reason. Elements that only control how a program reads the file are ignored.
 """
@@ -46,8 +46,8 @@ class Blocks:
         friction: The sliding friction by name of the link.
         free: Whether Gazebo's `<static>` is false, so that the base is not fixed to the world.
         sensors: The sensors by name, with poses in their links.
-        driven: The joints with a drive; None if the file has no blocks that define drives.
-        meshes: The folder in which MuJoCo looks for meshes, None if not stated.
+        driven: The joints with a drive, or None if the file has no blocks that define drives.
+        meshes: The folder in which MuJoCo searches for meshes, or None if the file does not specify it.
     """
 
     def __init__(self, root: SourceElement, values: Values, losses: Losses) -> None:
@@ -120,7 +120,7 @@ class Blocks:
             self.losses.note(f"rate, noise and plugins of {what}", "sensors in a document only have a type and a mount", element.where)
 
     def _fovy(self, element: SourceElement) -> float:
-        """Return the vertical field of view [rad], computed from the horizontal one and the size of the image."""
+        """Return the vertical field of view [rad], computed from the horizontal field of view and the size of the image."""
         cameras = [*element.all("camera")]
         images = [image for camera in cameras for image in camera.all("image")]
         sizes = [FIELD_OF_VIEW, WIDTH, HEIGHT]
@@ -142,7 +142,7 @@ class Blocks:
         return number
 
     def _is_joint(self, name: str, block: SourceElement) -> bool:
-        """Return whether the driven joint exists. If not, report it."""
+        """Return whether the driven joint exists. Report an error if it does not exist."""
         joints = [one.attributes.get("name", "") for one in self.root.all("joint")]
         if name not in joints:
             self.losses.note(f"the drive of joint `{name}`", "there is no such joint", block.where)

@@ -1,9 +1,10 @@
 """Write the document of an imported robot: concise, in tree order and in canonical layout.
 
 A link becomes a component of the same name: a `link` if it has shapes, else a `frame`. A fixed link without mass, shapes and children
-becomes a mount of its parent. The mount is exported, so that other documents can attach something to it. A joint connects two mounts with
-its name, or the origins of two components, which coincide at q = 0 as in the source. It has the `axis` of the source. The axis of a planar
-joint is z of the parent's mount. The child's mount of a planar or ball joint is rotated (`MATE`) so that the frames coincide.
+becomes a mount of its parent. The document exports this mount, so that other documents can attach components to the mount. A joint connects
+two mounts that have the name of the joint, or the origins of two components. These frames coincide at q = 0, as in the source. The joint
+has the `axis` of the source. The axis of a planar joint is z of the parent's mount. The child's mount of a planar or ball joint is rotated
+(`MATE`) so that the frames coincide.
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ class WrittenDocument(FrozenStruct):
 class DocumentWriter(DocumentNaming):
     """Writes the document of a robot with the mode `source` and one mode for each link in `roots`.
 
-    `origin` is the source mentioned in the first line. `repaired` maps repaired links to the method. `meshes` maps meshes to files; other
-    meshes are omitted. Elements of an `earlier` import keep their names.
+    The first line of the document mentions the source `origin`. `repaired` maps repaired links to the method of repair. `meshes` maps
+    meshes to files. The document omits other meshes. The names of elements of an `earlier` import do not change.
     """
 
     def __init__(
@@ -86,14 +87,14 @@ class DocumentWriter(DocumentNaming):
             if mounts:
                 yield "    mounts:"
                 yield from (f"      {word}: {{{pose}}}{comment}" for word, pose, comment in mounts)
-            if name in self.points:  # as mass of the link, it would be distributed over the shapes
+            if name in self.points:  # thingc distributes the mass of a link over its shapes
                 yield f"  {self.points[name]}:  # the mass of the link, which has no inertia in the source"
                 yield "    frame: true"
                 yield from self._weight(link)
                 yield f"    at: {{in: {self.links[name]}.origin}}"
 
     def _weight(self, link: SourceLink, *, shapes: bool = False) -> Iterator[str]:
-        """Yield the mass properties of a link. With shapes, `com` is always written, because its default is the centre of the shapes."""
+        """Yield the mass properties of a link. If it has shapes, always include `com`, whose default is the centre of the shapes."""
         if link.weight is None:
             return
         of = link.weight.properties
@@ -139,8 +140,8 @@ class DocumentWriter(DocumentNaming):
     def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
         """Yield the mounts of a link with pose and comment.
 
-        These are mounts of joints, links that are mounts, sites, loops and magnets. Shapes of tendons and cameras get a mount unless one
-        exists at the same place.
+        The mounts belong to joints, to links that become mounts, and to sites, loops and magnets. A shape of a tendon or a camera gets a
+        mount unless a mount with the same pose exists.
         """
         above = self.above.get(name)
         for joint in above.joints if above is not None else ():
@@ -266,7 +267,7 @@ def _child_mount(joint: SourceJoint) -> str:
 
 
 def _onto(joint: SourceJoint) -> Pose:
-    """Return the rotation from z to the axis of a planar joint. Other joints have an `axis`, so it is the identity."""
+    """Return the rotation from z to the axis of a planar joint. The result for other joints, which have an `axis`, is the identity."""
     axis = _clean(joint.axis)
     return NO_POSE if joint.kind != "planar" or axis == (0.0, 0.0, 1.0) else along(axis, (0.0, 0.0, 0.0))
 

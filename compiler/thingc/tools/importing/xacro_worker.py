@@ -3,7 +3,8 @@
 xacro evaluates Python expressions in the file, so a sandboxed child process runs it. The child can write only to a temporary folder, read
 only the robot's folder and known packages, and cannot run programs. All processes that it starts end with it.
 
-Before xacro reads a file, every element gets an attribute with its location. Macros copy the attribute, so it is part of the output.
+Before xacro reads a file, this module adds an attribute with the location to every element. Macros copy the attribute, so the output
+contains it.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ def main() -> int:
 def is_plausible(answer: Mapping[str, Any], readable: Sequence[str]) -> bool:
     """Return whether an answer contains only files that the source may read.
 
-    Code in the xacro file may have forged the answer, and the files are read again outside the sandbox.
+    Code in the xacro file may have forged the answer, and thingc later reads the files outside the sandbox.
     """
     files = [*answer.get("files", ()), *filter(None, [answer.get("file")])]
     return all(os.path.isfile(one) and any(within(one, folder) for folder in readable) for one in files)
@@ -103,7 +104,7 @@ class _Expanding:
             return {"fault": said, "file": file, "line": line}
 
     def _place(self, top: str, said: str) -> tuple[str, int]:
-        """Return the file and line of the first occurrence of an expression or name quoted in the message, or the first line of `top`."""
+        """Return the file and line of the first occurrence of an expression or name that the message quotes, or the first line of `top`."""
         quoted = sorted({one or other for one, other in re.findall(r"'([^']+)'|`([^`]+)`", said)}, key=len, reverse=True)
         files = list(dict.fromkeys([top, *self.files]))
         texts = {}

@@ -22,7 +22,7 @@ NOT_FINITE = {"nan", "inf", "infinity"}
 
 
 class Values:
-    """Parses attributes of elements. Errors are reported, and invalid values are treated as missing."""
+    """Parses attributes of elements. Reports errors, and treats invalid values as missing."""
 
     def __init__(self, report: Report) -> None:
         self.report = report
@@ -45,7 +45,7 @@ class Values:
         self.report.add(Code.SOURCE_VALUE, message, where, help=help)
 
     def word(self, element: SourceElement, attribute: str) -> str | None:
-        """Read a required name. Return None after reporting an error."""
+        """Read a required name. Return None after reporting that the name is missing."""
         text = (self.written(element, attribute) or "").strip()
         if not text:
             self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f"write {self.example(attribute, '...')}")
@@ -60,7 +60,7 @@ class Values:
         return None if re.fullmatch(rf"(({links}){suffix})?(_\d+)*", name) else name
 
     def number(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
-        """Read a finite number. If it is missing, return `default`; if there is no default, report the error."""
+        """Read a finite number. If the number is missing, return `default`, or report an error if no default is given."""
         values = self.numbers(element, attribute, 1, None if default is None else (default,))
         return None if values is None else values[0]
 
@@ -70,7 +70,7 @@ class Values:
         return (x, y, z)
 
     def number_of(self, element: SourceElement, text: str, what: str) -> float | None:
-        """Parse a text in an element as a finite number. Return None after reporting an error, which names the number `what`."""
+        """Parse a string in an element as a finite number. Return None after reporting an error that calls the number `what`."""
         number = float(text) if _NUMBER.fullmatch(text) else math.nan
         if not math.isfinite(number):
             self.fault(element, None, f"{what}: expected a number, found {f'`{text}`' if text else 'nothing'}")
@@ -102,7 +102,7 @@ class Values:
         return values
 
     def from_zero(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
-        """Read a nonnegative number. If it is missing, return `default`; if there is no default, report the error."""
+        """Read a nonnegative number. If the number is missing, return `default`, or report an error if no default is given."""
         value = self.number(element, attribute, default)
         if value is not None and value < 0.0:
             self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected a number of at least 0, found {value:g}")
@@ -110,7 +110,7 @@ class Values:
         return value
 
     def direction(self, axis: SourceElement, attribute: str, default: Vector) -> Vector:
-        """Read an axis as a unit vector. Return `default` if it is missing or invalid. The zero vector is reported."""
+        """Read an axis as a unit vector. Return `default` if the axis is missing or invalid. Report an error for the zero vector."""
         x, y, z = self.vector(axis, attribute, default)
         length = hypot(x, y, z)
         if length == 0.0:
@@ -136,7 +136,7 @@ class Values:
         return Pose(translation=xyz, rotation=self.rotation(origin, "quat_xyzw", quaternion)), None
 
     def rotation(self, element: SourceElement, attribute: str, quaternion: Sequence[float]) -> Matrix:
-        """Convert a quaternion (x, y, z, w) of any length to a rotation. Zero is reported."""
+        """Convert a quaternion (x, y, z, w) of any length to a rotation. Report an error for the zero quaternion."""
         length = hypot(*quaternion)
         if length == 0.0:
             self.fault(element, attribute, "the quaternion of this pose is 0 0 0 0, which is not a rotation", "write 0 0 0 1")
@@ -145,7 +145,7 @@ class Values:
         return rotation_of((w, i, j, k))
 
     def one(self, element: SourceElement, tag: str) -> SourceElement | None:
-        """Return the only child element with this tag, or None. A second one is reported."""
+        """Return the only child element with this tag, or None. Report an error if a second child element has this tag."""
         first, *others = [*element.all(tag), None]
         if first is not None and len(others) > 1 and others[0] is not None:
             self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "remove one of the two")
@@ -154,7 +154,7 @@ class Values:
     def shape(self, element: SourceElement, form: SourceElement, file: str, pose: Pose, losses: Losses) -> SourceShape | None:
         """Read a `<visual>` or `<collision>` with the geometry `form`. The attribute `file` contains its mesh.
 
-        Return None if the shape is invalid, or if it has no volume, which is a loss.
+        Return None if the shape is invalid or has no volume. A shape without volume is a loss.
         """
         sized, mesh = self._sized(form), self.word(form, file) if form.tag == "mesh" else None
         if sized is None or form.tag == "mesh" and mesh is None:

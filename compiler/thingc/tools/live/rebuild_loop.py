@@ -1,7 +1,8 @@
 """Rebuild a document whenever a file that it depends on is saved, with workers that have loaded the geometry kernel.
 
-A round is equivalent to a single build. It reuses cached results of pure functions (`memo`), and the geometry service unless files of parts
-have changed. If files change during a round, its result is discarded, and the next round starts immediately.
+A round gives the same result as a single build. A round reuses cached results of pure functions (`memo`). It also reuses the geometry
+service unless files of parts have changed. If files change during a round, the loop discards the result and starts the next round
+immediately.
 """
 
 from __future__ import annotations
@@ -46,15 +47,15 @@ class Rebuild(FrozenStruct):
     """The result of one round.
 
     Attributes:
-        saved: The absolute paths of the changed files; none in the first round.
-        seconds: The duration of the round, from the last save on.
-        good: Whether there are no errors.
-        folder: The build folder; None after errors, or if nothing is written.
+        saved: The absolute paths of the changed files. Empty in the first round.
+        seconds: The duration [s] from the last save to the end of the round.
+        good: Whether the round has no errors.
+        folder: The build folder, or None after errors or if the loop writes no files.
         built: The result of the build, if any.
-        changed: The artifacts, by path in the folder, that were changed or removed since the last good round.
-        recovered: Whether the previous round had errors and this one does not.
+        changed: The artifacts that have been changed or removed since the last good round, by path in the folder.
+        recovered: Whether the previous round had errors and this round has no errors.
         kept: Whether this round has errors, so the folder contains the output of an earlier round.
-        modelled: The labels of the parts that were built, including interrupted attempts, by definition text.
+        modelled: The labels of the parts that were built in this round, including interrupted attempts, by definition text.
         kernel: The part of `seconds` during which parts were built.
     """
 
@@ -73,11 +74,12 @@ class Rebuild(FrozenStruct):
 
 
 class RebuildLoop:
-    """A document that is rebuilt in rounds. A context manager that ends the workers on exit.
+    """A document that is rebuilt in rounds. On exit, this context manager ends the workers.
 
-    `wish` returns the build request or errors; it is called in every round, because the settings of the workspace can change. `refused`
-    converts an exception to a diagnostic. `on_wait` is called if another build of the folder is in progress. The build folder is written
-    only if `writes`. `turn` is a lock that each round acquires, so that threads for several documents do not run at the same time.
+    The function `wish` returns the build request or errors. The loop calls `wish` in every round, because the settings of the workspace can
+    change. The function `refused` converts an exception to a diagnostic. The loop calls `on_wait` if another build of the folder is in
+    progress. It writes the build folder only if `writes` is true. `turn` is a lock that each round acquires, so that loops of several
+    documents do not run at the same time.
     """
 
     def __init__(
@@ -128,7 +130,7 @@ class RebuildLoop:
                 saved = self._settled(saved)
             with self._turn:
                 made, more = self._round(saved)
-            if more:  # files changed during the round, which may have read both versions
+            if more:  # files changed during the round, so the round may have read both versions
                 saved = tuple(dict.fromkeys((*saved, *more)))
                 continue
             self._modelled = {}
@@ -142,13 +144,13 @@ class RebuildLoop:
             gc.collect()
 
     def _small(self, saved: tuple[str, ...]) -> bool:
-        """Return whether only one document or file of parts was saved and is not empty. Then the round starts without a delay."""
+        """Return whether the only saved file is a nonempty document or file of parts. If so, the round starts without a delay."""
         one = saved[0] if len(saved) == 1 else ""
         of_parts = self._geometry is not None and one in self._geometry.inputs
         return (one in self._documents or of_parts) and (_time_and_size(one) or (0.0, 0))[1] > 0
 
     def _settled(self, saved: tuple[str, ...]) -> tuple[str, ...]:
-        """Wait until no file has been saved for a while. Return all saved files."""
+        """Wait until no file has been saved for the time `QUIET`. Return all saved files."""
         began = time.monotonic()
         while True:
             absent = any((_time_and_size(path) or (0.0, 0))[1] == 0 for path in saved) and time.monotonic() - began < ABSENT
@@ -158,7 +160,7 @@ class RebuildLoop:
             saved = tuple(dict.fromkeys((*saved, *self._watched.changed())))
 
     def _round(self, saved: tuple[str, ...]) -> tuple[Rebuild, tuple[str, ...]]:
-        """Run one round. Return its result, and the files saved during the round. If there are any, nothing was written."""
+        """Run one round. Return its result, and the files saved during the round. If files were saved, the round wrote no output."""
         started, clock, begun = time.perf_counter(), time.time(), time.monotonic()
         self._abandoned, self._saved = (), saved
         with contextlib.suppress(OSError):  # the folder may have been replaced, for example by checking out a branch
@@ -184,7 +186,7 @@ class RebuildLoop:
                 if not more and built is not None and built.files is not None and isinstance(wish, BuildRequest):
                     folder = build_document.write(self.environment, built, wish, self._on_wait) if self._writes else None
                     good = True
-        except Exception as fault:  # the next save may fix it
+        except Exception as fault:  # the next save may fix the error
             said = [self._refused(fault)]
             more = self._look(clock, built) or self._abandoned
         self._modelled |= _modelled(built)
@@ -214,7 +216,7 @@ class RebuildLoop:
                 self.environment = Environment(self.document, self.options, self._lent, self._memo)
                 return build_document.build(self.environment, wish)
             finally:
-                self._workers.forget()  # if the build ended early
+                self._workers.forget()  # needed if the build ended early
                 if self._geometry is not None and self._geometry.wanted:
                     self._last_geometry = self._geometry
 
@@ -222,7 +224,7 @@ class RebuildLoop:
     def _abandoning(self) -> Iterator[None]:
         """End the workers if a watched file is saved after `IMPATIENT`, and store the saved files in `_abandoned`.
 
-        Otherwise, a part that never finishes would block the save that fixes it.
+        Without this method, a part that never finishes would block the next round.
         """
         before = {path: stat_of(path) for path in self._watched.paths}
         done = threading.Event()
@@ -247,7 +249,7 @@ class RebuildLoop:
                 self._workers, self._geometry = self._fresh_workers(), None
 
     def _lent(self, workspace: Workspace, store: Store) -> GeometryService:
-        """Return the geometry service of the last round if it can be reused, or a new one."""
+        """Return the geometry service of the last round if it can be reused, else a new geometry service."""
         if self._geometry is None or self._geometry.workspace != workspace:
             self._geometry = geometry_of(workspace, self.options, store, workers=self._workers)
             if self._last_geometry is not None:
@@ -255,7 +257,7 @@ class RebuildLoop:
         return self._geometry
 
     def _look(self, clock: float, built: BuildResult | None) -> tuple[str, ...]:
-        """Watch all files that this round has read. Return the files saved since it began at `clock` [s]."""
+        """Watch all files that this round has read. Return the files saved since the start `clock` [s] of the round."""
         assert self.environment is not None
         nothing = pipeline.Compilation(settings=pipeline.settings_of(self.options), report=Report())
         compilation = built.compilation if built is not None else nothing
@@ -281,7 +283,7 @@ def _modelled(built: BuildResult | None) -> dict[str, str]:
 
 
 def _unquiet(saved: Sequence[str]) -> float:
-    """Return the time [s] until the saved files have been unchanged for long enough. File times in the future are ignored."""
+    """Return the remaining time [s] until the saved files have been unchanged for `QUIET`. Ignore file times in the future."""
     since = time.time() - max((stat[0] for path in saved if (stat := _time_and_size(path)) is not None), default=0.0)
     return QUIET - since if 0.0 <= since < QUIET else 0.0
 

@@ -1,7 +1,7 @@
 """HTTP server for the live page of a document. Only browsers on this machine can connect.
 
 The server listens on the loopback interface. Every address starts with a secret token, requests for other host names are refused (DNS
-rebinding), and other pages cannot read the responses. It serves a few texts from memory and no files.
+rebinding), and other pages cannot read the responses. It serves only content in memory, and no files.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class _Shown(FrozenStruct, kw_only=False):
 class _Quiet(ThreadingHTTPServer):
     """An HTTP server that ignores closed connections.
 
-    If there are more than `IDLE` idle connections, it closes the oldest one, so that new browsers can always connect.
+    If more than `IDLE` connections are idle, the server closes the oldest connection, so that new browsers can always connect.
     """
 
     daemon_threads = True
@@ -77,7 +77,7 @@ class _Quiet(ThreadingHTTPServer):
             longest = next(iter(self._idle)) if len(self._idle) > IDLE else None
         if longest is not None:
             self.wait_no_more(longest)
-            with suppress(OSError):  # it has already ended
+            with suppress(OSError):  # the connection has already ended
                 longest.shutdown(socket.SHUT_RDWR)
 
     def wait_no_more(self, connection: socket.socket) -> None:
@@ -92,7 +92,7 @@ class _Quiet(ThreadingHTTPServer):
 
 
 class Server:
-    """An HTTP server on a free port of this machine, or on `port`. A context manager that serves requests while it is active.
+    """An HTTP server on a free port of this machine, or on `port`. This context manager serves requests while it is active.
 
     Raises OSError if the port is in use. `editor` is passed to `Page.html`, and `document` is the path of the document. The token in the
     address is random, unless a secret `key` is given. With a key, it depends only on the document and the port, so that open pages
@@ -139,8 +139,8 @@ class Server:
     def tell(self, page: Page | None, seconds: float, findings: Sequence[Finding], *, kernel: float = 0.0) -> None:
         """Publish the result of a round.
 
-        `page` is None after errors; then the last good page remains. `seconds` is the duration of the round, and `kernel` the part of it in
-        which parts were built [s].
+        After errors, `page` is None, and the last good page remains. `seconds` is the duration of the round, and `kernel` is the time in
+        the round for building parts [s].
         """
         with self._news:
             self._own = self._own.after(page, findings)
@@ -149,14 +149,14 @@ class Server:
             self._news.notify_all()
 
     def tell_against(self, page: Page | None, findings: Sequence[Finding] = ()) -> None:
-        """Publish a round of the overlay. Browsers are notified after the first round of the document."""
+        """Publish a round of the overlay. Browsers receive it after the first round of the document."""
         with self._news:
             self._other = self._other.after(page, findings)
             self._number += 1 if self._number > 0 else 0
             self._news.notify_all()
 
     def hosted(self, host: str | None) -> bool:
-        """Return whether the host name of a request is the name of this server."""
+        """Return whether the host name in a request is the name of this server."""
         return host in (f"{LOOPBACK}:{self.port}", f"localhost:{self.port}")
 
     def inside(self, path: str) -> str | None:
@@ -175,7 +175,7 @@ class Server:
         return (JSON, asked.news()) if asked is not None else None
 
     def news(self, after: int) -> tuple[int, str] | None:
-        """Wait for an event later than `after`. Return its number and text, or None when the server closes.
+        """Wait for an event with a number above `after`. Return its number and text, or None when the server closes.
 
         After `SILENCE` without events, return the same number.
         """

@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 
 class OpenText(FrozenStruct):
-    """A file that is open in the editor, with its URI as given by the editor, and the version of its text."""
+    """A file that is open in the editor, with the URI from the editor and the version of the text."""
 
     uri: str
     version: int
@@ -41,15 +41,17 @@ class OpenText(FrozenStruct):
 class Analysis(FrozenStruct, eq=False):
     """The results of checking a document (absolute `path`) with the `open` texts, by absolute path.
 
-    A file that is not a document (Python code of a part) only has its text. Parts without a cached result are missing in all attributes.
+    If the file is not a document (Python code of a part), the analysis contains only the text. All attributes omit parts without a cached
+    result.
 
     Attributes:
-        workspace: The workspace, or None if none was found.
+        workspace: The workspace of the document, or None if there is no workspace.
         documents: The document and the documents that it refers to, or None if the text cannot be parsed.
-        schemas: The schemas of its parts, by reference.
-        model: The result of a pass, if its input is valid. So are `records` (by definition text), `assembly` and `robots`.
+        schemas: The schemas of the parts in the document, by reference.
+        model: The result of a compiler pass, or its default if the input of the pass is invalid. `records` (by definition text), `assembly`
+            and `robots` are results of further passes.
         findings: The diagnostics of `check`, in order.
-        whole: Whether the text is well-formed. If not, names may be missing because of a syntax error.
+        whole: Whether the text is well-formed. If it has a syntax error, names may be missing.
         last: The last analysis of well-formed text, if `whole` is false.
         in_reach: A function that returns further names of the workspace.
     """
@@ -73,7 +75,7 @@ class Analysis(FrozenStruct, eq=False):
 
     @property
     def known(self) -> Analysis:
-        """The analysis that provides names: this one, or the last one with well-formed text. Its spans refer to its own text."""
+        """The analysis that provides names: this analysis, or the last analysis of well-formed text, whose spans refer to that text."""
         return self if self.whole or self.last is None else self.last
 
     @property
@@ -92,7 +94,7 @@ class Analysis(FrozenStruct, eq=False):
         return "" if self.documents is None else self.documents.root.kind
 
     def document(self, path: str) -> Document | None:
-        """Return the document at an absolute path if it is this document or one that it refers to, else None."""
+        """Return the document at an absolute path if it is this document or a referenced document, else None."""
         by_path = {} if self.documents is None else self.documents.by_path
         return next((one for one in by_path.values() if one.path == path), None)
 
@@ -119,7 +121,7 @@ class Analysis(FrozenStruct, eq=False):
         return self.open[path].uri if path in self.open else Path(path).as_uri()
 
     def once(self, name: str, make: Callable[[], T]) -> T:
-        """Return a cached result of this analysis, and compute it at the first call."""
+        """Return a result of this analysis. Compute it at the first call and cache it."""
         if name not in self._kept:
             self._kept[name] = make()
         kept: T = self._kept[name]
@@ -144,8 +146,9 @@ def analyse(
 ) -> Analysis:
     """Check the document at an absolute path, with the `opened` texts instead of the files on disk.
 
-    `options` specify the store and whether code may run. `lend` returns the source of parts; by default, it is the same as for `check`.
-    `cached_parts` describes pending parts. `memo` caches results of the previous analysis, `last`. Errors are part of the findings.
+    `options` specify the store and whether code may run. The function `lend` returns the source of parts; the default is the source that
+    `check` uses. See `cached_parts` for pending parts. `memo` caches results of the previous analysis, `last`. The findings of the result
+    include all errors.
     """
     if not is_document_path(path):
         return Analysis(path=path, open=opened)

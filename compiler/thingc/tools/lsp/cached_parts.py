@@ -1,6 +1,6 @@
-"""Provide schemas and records of parts without waiting, from the store and the lock. Background workers compute missing ones.
+"""Provide schemas and records of parts from the store and the lock without waiting. Background workers compute missing results.
 
-This module also provides the names that documents of a workspace can use: their own, available parts, other documents, and their schemas.
+This module also provides the names that documents of a workspace can use: available parts, other documents, and their schemas.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ WAITED_FOR: FailureKind = "unlocked"
 class PendingRequests:
     """Requests to workers.
 
-    `references` are parts to describe. `definitions` are parts to build, by text, and whether convex pieces are needed. `slices` are the
-    slicings of records.
+    `references` are parts to describe. `definitions` maps the texts of parts to build to whether convex pieces are needed. `slices` are the
+    requested slicings of records.
     """
 
     references: dict[str, None] = field(default_factory=dict)
@@ -67,8 +67,8 @@ class PendingRequests:
 class CachedParts:
     """A source of parts that does not start workers.
 
-    Parts without a cached result fail with `WAITED_FOR`, and the compiler omits diagnostics that depend on them. `failed` and `undescribed`
-    are failures that the store does not cache, such as crashes and timeouts. `unanswered` are the requests without a result.
+    A part without a cached result fails with `WAITED_FOR`, and the compiler omits diagnostics that depend on this part. `failed` and
+    `undescribed` are failures that the store does not cache, such as crashes and timeouts. `unanswered` are the requests without a result.
     """
 
     def __init__(self, service: GeometryService) -> None:
@@ -91,11 +91,11 @@ class CachedParts:
         return self.service.inputs
 
     def anticipate(self) -> bool:
-        """Do nothing: no parts are built here."""
+        """Do nothing, because this source does not build parts."""
         return False
 
     def close(self) -> None:
-        """Do nothing: nothing was started."""
+        """Do nothing, because this source starts no workers."""
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """Return the schema of each `module:Class`, by reference."""
@@ -143,8 +143,8 @@ def _waited_for(answer: object) -> bool:
 class AvailableNames:
     """The names that documents of one workspace can use.
 
-    `at_hand` is the source of parts, or None if no code may run. Without it, only parts used by a document are known. `wake` is called when
-    there are new requests for workers.
+    `at_hand` is the source of parts, or None if no code may run. If it is None, only parts that a document uses are known. The function
+    `wake` is called after new requests for workers.
     """
 
     def __init__(self, workspace: Workspace, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
@@ -166,7 +166,7 @@ class AvailableNames:
 
 
 class _Parts:
-    """The available parts with cached results. Missing schemas are requested from workers. No parts are built."""
+    """The available parts with cached results. This source requests missing schemas from workers, and does not build parts."""
 
     def __init__(self, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
         self._at_hand = at_hand
@@ -204,7 +204,7 @@ Answered = Callable[["Workspace", Mapping[str, PartFailure], Mapping[str, PartFa
 
 
 class BackgroundWorkers:
-    """A thread that sends the latest requests to workers and then calls `answered`."""
+    """A thread that sends the latest requests to workers and calls `answered` with the results."""
 
     def __init__(self, workspace: Workspace, store: Store, options: Options, answered: Answered) -> None:
         self.workspace = workspace
@@ -218,7 +218,7 @@ class BackgroundWorkers:
         self._thread: threading.Thread | None = None
 
     def want(self, wanted: PendingRequests) -> None:
-        """Replace the pending requests. Requests that already have results are not repeated."""
+        """Replace the pending requests. Ignore requests that already have results."""
         with self._changed:
             if self._ended or wanted == self._wanted or wanted.within(self._asked):
                 return
@@ -230,7 +230,7 @@ class BackgroundWorkers:
             self._give_up_soon()
 
     def renew(self) -> None:
-        """Forget all requests. They are sent again, because a file of parts was saved."""
+        """Discard all requests and their results. Use this after a file of parts was saved."""
         with self._changed:
             self._asked, self._wanted = PendingRequests(), PendingRequests()
             self._give_up_soon()
@@ -249,7 +249,7 @@ class BackgroundWorkers:
             timer.start()
 
     def _give_up(self, work: PendingRequests) -> None:
-        """End the workers if they still process an obsolete request."""
+        """End the workers if they are still processing an obsolete request."""
         with self._changed:
             if self._at_work is not work or self._wanted is work or self._ended:
                 return
@@ -269,10 +269,10 @@ class BackgroundWorkers:
                 workers = self._workers
             undescribed, failed = self._found_out(work, workers)
             with self._changed:
-                if self._at_work is not work:  # ended by `_give_up`
+                if self._at_work is not work:  # `_give_up` has ended the workers
                     continue
                 self._at_work = None
-                if self._wanted is not work:  # replaced meanwhile, or a file of parts was saved
+                if self._wanted is not work:  # the requests were replaced, or a file of parts was saved
                     undescribed, failed = {}, {}
                 else:
                     self._wanted = PendingRequests()

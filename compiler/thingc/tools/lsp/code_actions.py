@@ -44,7 +44,7 @@ def _start(lines: TextLines, number: int) -> int:
 
 
 def formatted(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the edits that format a document, or None if it is not a well-formed document."""
+    """Return the edits that format a document, or None if the text is not a well-formed document."""
     after = format_document(analysis.path, text.encode(errors="surrogatepass"), Report()) if analysis.documents is not None else None
     return None if after is None else edits(analysis.lines(), after.decode())
 
@@ -56,7 +56,8 @@ _TOP = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 0}
 def by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
     """Return the diagnostics in LSP format by the absolute path of their file.
 
-    Diagnostics whose file does not exist (such as a missing lock file) are assigned to the document. The document is always included.
+    If the file of a diagnostic does not exist (such as a missing lock file), assign the diagnostic to the document. The result always
+    contains the document.
     """
     return analysis.once("said", lambda: _by_file(analysis))
 
@@ -72,7 +73,7 @@ def _by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
 def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -> dict[str, Any]:
     """Convert a diagnostic to LSP. If `span` is None, use the beginning of the file.
 
-    The help is a separate line. Notes with a location become related information.
+    The help of the diagnostic is a separate line. Notes with a location become related information.
     """
     loose = [note.message for note in diagnostic.notes if note.span is None]
     words = [diagnostic.message, *([] if diagnostic.help is None else [diagnostic.help]), *loose]
@@ -94,7 +95,7 @@ KIND = "quickfix"
 
 
 def actions(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the quick fixes for diagnostics in a range. Unambiguous ones are preferred."""
+    """Return the quick fixes for diagnostics in a range. Mark unambiguous fixes as preferred."""
     wanted = params["context"].get("only")
     if wanted and not any(kind == KIND or KIND.startswith(f"{kind}.") or kind == "" for kind in wanted):
         return []
@@ -118,7 +119,7 @@ def _fixes(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any
 
 
 def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
-    """Return the edits that `--fix` makes for a diagnostic."""
+    """Return the edits with which `thingc check --fix` fixes a diagnostic."""
     documents = () if analysis.documents is None else tuple(analysis.documents.by_path.values())
     return safe_edits(
         CheckResult(found=[diagnostic], documents=documents), {}, is_document_path,
@@ -127,7 +128,7 @@ def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
 
 
 def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
-    """Yield the action that adds a missing component: a part of this name if it exists, else a frame with the mounts in use."""
+    """Yield the action that adds a missing component: a part with this name if one exists, else a frame with the referenced mounts."""
     document = None if analysis.documents is None else analysis.documents.root
     if diagnostic.code is not Code.UNKNOWN_COMPONENT or diagnostic.span is None or document is None or document.text != analysis.text:
         return

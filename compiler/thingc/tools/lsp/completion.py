@@ -1,7 +1,7 @@
 """Complete keys, names, words, mounts, units, and names in expressions.
 
-Most items come from the schema of the document (`tools/schemas/`) at the path of the cursor. Other items require the robot: frames of
-mounts, units that fit, and numbered items of a `repeat`.
+Most items are from the schema of the document (`tools/schemas/`) at the path of the cursor. Other items require the robot: frames of
+mounts, units of the right physical dimension, and numbered items of a `repeat`.
 """
 
 from __future__ import annotations
@@ -188,7 +188,7 @@ class _Asked:
         return self._item(word, text, kind, rank=rank, detail=detail, description=description)
 
     def _params(self, part: str) -> str:
-        """Return the text of the required `params:` of a part with example values, or an empty string if none are required."""
+        """Return the text of `params:` with example values of the required parameters of a part, or an empty string."""
         owner = self.cursor.path[:-1]
         needed = self.walk.needed_parameters(part)
         if not needed or "params" in self.cursor.keys.get(owner, ()) or self.cursor.quote:
@@ -210,7 +210,7 @@ class _Asked:
         for offer in self.walk.value_offers(self.cursor.path):
             if isinstance(offer.value, str) and offer.value.startswith(head) and not self._own(offer.value):
                 mounts.setdefault(offer.value, offer.description)
-        if not mounts and self.walk.takes_mounts(self.cursor.path):  # the component is not in the last valid document
+        if not mounts and self.walk.takes_mounts(self.cursor.path):  # the last valid document does not contain the component
             mounts = dict(self.walk.mounts_of(head.rstrip(".")))
         for number, (word, description) in enumerate(mounts.items()):
             rest = word[len(head) :]
@@ -254,7 +254,7 @@ class _Asked:
         return len(path) > 2 and path[-1] in ("extends", "joint") and word == path[1]
 
     def _taken(self, word: str) -> bool:
-        """Return whether another value of the same kind already uses the word. Such items are listed last."""
+        """Return whether another value of the same kind already uses the word. Completion lists such items last."""
         kind = self.cursor.path[-1:]
         if kind not in (("drive",), ("parent",), ("child",)) and self.cursor.path[2:3] != ("attach",):
             return False
@@ -265,7 +265,7 @@ class _Asked:
     # --- quantities and expressions ----------------------------------------------------------------------------------
 
     def _dimensions(self) -> tuple[Dimension, ...]:
-        """Return the possible dimensions of the value. For limits of a joint, they depend on its type."""
+        """Return the possible physical dimensions of the value. The dimension of joint limits depends on the type of the joint."""
         path = self.cursor.path
         dimensions = self.walk.dimensions(path)
         if set(dimensions) != {ANGLE, LENGTH}:
@@ -277,7 +277,7 @@ class _Asked:
         return ((ANGLE,) if known[-1].angle else (LENGTH,)) if known else dimensions
 
     def _units(self, start: int, end: int, close: bool) -> Iterator[CompletionItem]:
-        """Yield the units that fit a number that ends at `start`. `close` specifies that no space follows the number."""
+        """Yield the possible units of a number that ends at `start`. `close` specifies whether the cursor directly follows the number."""
         dimensions = self._dimensions()
         for number, unit in enumerate(_by_use(dimensions)):
             space = " " if close and unit != "°" else ""
@@ -287,7 +287,7 @@ class _Asked:
             )
 
     def _in_expression(self) -> Iterator[CompletionItem]:
-        """Yield the names that an expression can use here: parameters, functions and constants, or units after a number."""
+        """Yield the names that an expression can use at the cursor: parameters, functions and constants, or units after a number."""
         match = _IN_EXPRESSION.search(self.cursor.typed)
         if match is None:
             return
@@ -319,7 +319,7 @@ class _Asked:
             yield offer(shown=name, text=name, kind=_CONSTANT, rank=201, detail=quantity.shown(6))
 
     def _parameters(self) -> Iterator[tuple[str, Quantity]]:
-        """Yield the parameters of the document that an expression can use here."""
+        """Yield the parameters of the document that an expression can use at the cursor."""
         for name, quantity in parameters_of(self.analysis).items():
             if isinstance(quantity, Quantity) and self.cursor.path[:2] != ("parameters", name):
                 yield name, quantity
@@ -345,7 +345,7 @@ class _Asked:
 
 
 def _by_use(dimensions: tuple[Dimension, ...]) -> list[str]:
-    """Return the units of these dimensions, the most common units first."""
+    """Return the units of these physical dimensions, the most common units first."""
     fitting = [name for name, one in _DIMENSIONS.items() if one in dimensions or any(fits(one, other) for other in dimensions)]
     return sorted(fitting, key=lambda name: _FIRST.index(name) if name in _FIRST else len(_FIRST))
 

@@ -1,8 +1,8 @@
 """Find the context of the cursor in a document that may not be parsable, and the keys and scalars of the document.
 
-For incomplete keys and values, open brackets or quotes, and empty lines, this module finds the path of keys, the kind of token that is
-expected (key or value), the typed text, and the characters that a completion replaces. It contains the readers for YAML and TOML. Their
-common code is in `scan.py`.
+This module finds the path of keys, the expected kind of token (key or value), the typed text, and the characters that a completion
+replaces. It supports incomplete keys and values, open brackets or quotes, and empty lines. It contains the scanners for YAML and TOML. The
+common code of these scanners is in `scan.py`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LINE_OF_TABLE = re.compile(
 
 @dataclass(slots=True)
 class TomlScan(Scan):
-    """Scanner of TOML that may not be parsable. It reads headers of tables and lines `key = value`, and other text as far as possible."""
+    """Scanner of TOML that may not be parsable. It reads headers of tables, lines `key = value`, and as much other text as possible."""
 
     table: Path = ()
     counts: dict[Path, int] = field(default_factory=dict)
@@ -96,7 +96,7 @@ class TomlScan(Scan):
             at += 1
 
     def ends_flow(self, line: int, column: int) -> bool:
-        """Return whether the line has its own key or is a header (see `Scan`)."""
+        """Return whether the line is a header or contains a key (see `Scan`)."""
         return _LINE_OF_TABLE.match(self.text, line) is not None
 
     def quotes(self, at: int, column: int) -> tuple[int, int, int]:
@@ -142,7 +142,7 @@ class _Frame:
 
 @dataclass(slots=True)
 class YamlScan(Scan):
-    """Scanner of YAML that may not be parsable. It reads blocks by their columns, and other text as far as possible."""
+    """Scanner of YAML that may not be parsable. It reads blocks by their columns, and as much other text as possible."""
 
     stack: list[_Frame] = field(default_factory=lambda: [_Frame(0, (), False)])
 
@@ -176,7 +176,7 @@ class YamlScan(Scan):
         return self.text[here] == "-" and (here + 1 >= end or self.text[here + 1] in " \t")
 
     def _blank(self, column: int) -> None:
-        """Process a cursor on an empty line or in its indentation."""
+        """Find the context of a cursor on an empty line or in the indentation of a line."""
         top = self.stack[-1]
         if top.state == "open" and (column > top.column or (top.sequence and column >= top.column)):
             self.place = CursorPlace(role="key", path=top.inner(), start=self.target, end=self.target, either=True)
@@ -303,7 +303,7 @@ class Cursor(CursorPlace):
     """The cursor in a text. Positions are offsets in characters.
 
     `typed` is the text from `start` to the cursor. A completion replaces the text from `start` to before `end`, on the same line.
-    `separated` specifies that a key already has its `:` or `=`. `toml` specifies that the language is TOML.
+    `separated` specifies whether `:` or `=` already follows the key. `toml` specifies whether the language is TOML, not YAML.
 
     `keys` are the keys of every mapping in the text, without the key at the cursor, and `scalars` the text of every scalar.
     """
@@ -316,7 +316,7 @@ class Cursor(CursorPlace):
 
 
 def cursor_at(text: str, offset: int, *, toml: bool) -> Cursor | None:
-    """Return the cursor at the offset `offset`, or None in comments and multi-line strings, where nothing is completed."""
+    """Return the cursor at the offset `offset`, or None in comments and multi-line strings, which have no completion."""
     scan: Scan = (TomlScan if toml else YamlScan)(text, offset)
     scan.run()
     place = scan.place

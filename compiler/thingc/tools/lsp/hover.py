@@ -34,7 +34,7 @@ def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, 
 
 
 def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
-    """Return the Markdown for the key or value `written` at a cursor, or an empty string."""
+    """Return the hover text for the key or value `written` at a cursor, or an empty string."""
     if cursor.role == "key" and written in _CODES:
         code = _CODES[written]
         return f"**{code.code}**: {code.title}\n\nFix: {code.cure}\n\nRun `thingc explain {code.code}` for details."
@@ -86,7 +86,7 @@ def _referred(analysis: Analysis, path: Path, written: str) -> str:
         return _of_mode(analysis, written)
     if key == "joint":
         return _of_joint(analysis, written)
-    if written.count("$") == 1:  # inside a repeat, use the first match
+    if written.count("$") == 1:  # inside a repeat, use the first matching name
         items = re.compile(re.sub(r"\\\$[A-Za-z]\w*", r"\\w+", re.escape(written)))
         written = next(filter(items.fullmatch, analysis.facts.mounts), written)
     return _of_mount(analysis, written) or _of_component(analysis, written) or (_of_joint(analysis, written) if key == "drive" else "")
@@ -181,7 +181,7 @@ def _motion(edge: JointEdge) -> str:
 
 
 def _of_pose(analysis: Analysis, name: str) -> str:
-    """Describe a pose: the joint values, with patterns and nested poses resolved, and the modes that start in it."""
+    """Describe a pose: the joint values, with patterns and nested poses resolved, and the modes that start in this pose."""
     model = analysis.model
     pose = None if model is None else next((one for one in model.poses if one.name == name and name in analysis.facts.poses), None)
     if model is None or pose is None:

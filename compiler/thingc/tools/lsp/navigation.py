@@ -1,6 +1,7 @@
 """Navigation and renaming of names in documents and in modules of parts, and symbols, folding and semantic tokens of a document.
 
-If the text cannot be parsed, the names of the last parsable text are used on lines that have not changed. Renaming is not possible then.
+If the text cannot be parsed, this module uses the names of the last parsable text on lines that have not changed. In this case, renaming is
+not possible.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class _Names:
 def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:
     """Return the names visible from a document, or None if it is not in a workspace.
 
-    With `near`, only the document and the documents that it refers to are searched.
+    If `near` is true, search only the document and the documents to which it refers.
     """
     workspace = analysis.known.workspace or Workspace.find(analysis.path, Report())
     if workspace is None:
@@ -79,7 +80,7 @@ def _found(analysis: Analysis, place: TextPlace, *, near: bool = False) -> tuple
 
 
 def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the declaration of the name at a position. For a declaration in Python, return the documents that use it."""
+    """Return the declaration of the name at a position. If a Python file declares the name, return the documents that use it."""
     named = _found(analysis, place, near=not analysis.path.endswith(".py"))
     if named is None:
         return []
@@ -94,7 +95,7 @@ def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 
 def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return all uses of the name at a place, including patterns that match it."""
+    """Return all uses of the name at a position, including patterns that match the name."""
     named = _found(analysis, place)
     if named is None:
         return []
@@ -104,7 +105,7 @@ def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 
 def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the uses of the name at a place in the document itself."""
+    """Return the uses of the name at a position in the same document."""
     named = _found(analysis, place, near=True)
     if named is None:
         return []
@@ -115,7 +116,7 @@ def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 
 def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the name at a position, or None. Raises `RenameRefused` if it cannot be renamed."""
+    """Return the name at a position, or None. Raises `RenameRefused` if the name cannot be renamed."""
     named = _found(analysis, place)
     if named is None:
         return None
@@ -178,7 +179,7 @@ def symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any
 
 
 def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> list[dict[str, Any]]:
-    """Return the keys of a mapping as symbols of a `kind`. If it is None, the keys are sections, which contain names."""
+    """Return the keys of a mapping as symbols of a `kind`. If `kind` is None, the keys are sections, which contain names."""
     if not isinstance(mapping, MappingNode):
         return []
     listed = []
@@ -195,7 +196,7 @@ def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> l
 
 
 def folds(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the folding ranges: comments, and values on several lines, which start at the line of the key."""
+    """Return the folding ranges: comments, and values on several lines. The range of a value starts at the line of its key."""
     ends: dict[int, int] = {}
     for key, node in _inside(analysis.known.tree):
         whole = _now(analysis, _around(key, node))

@@ -1,4 +1,4 @@
-"""Manage the open documents of an editor and their analyses, which are repeated when a dependency changes."""
+"""Manage the open documents of an editor, and repeat the analysis of a document when a dependency changes."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ class OpenDocuments:
     """The open texts of an editor and their analyses.
 
     One thread changes the texts (`put`, `take_away`, `saved`). Another thread analyses them: `next` analyses one document and publishes its
-    diagnostics, and `analysis` serves a request. `options` specify the store and whether code of workspaces may run. `refused` converts an
-    exception to a diagnostic. `wake` is called if `next` has work for another reason: workers have finished, or another program saved a
-    file.
+    diagnostics, and `analysis` serves a request. `options` specify the store and whether code of workspaces may run. The function `refused`
+    converts an exception to a diagnostic. The function `wake` is called if `next` has new work because workers have finished or because
+    another program saved a file.
     """
 
     def __init__(self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic], wake: Callable[[], None]) -> None:
@@ -80,17 +80,17 @@ class OpenDocuments:
             self._note(path)
 
     def take_away(self, path: str) -> None:
-        """Close a file. Its content on disk is used from now on."""
+        """Close a file. Later analyses use its content on disk."""
         with self._lock:
             self.texts = {one: text for one, text in self.texts.items() if one != path}
             self._note(path)
 
     def saved(self, path: str) -> None:
-        """Update after a file on disk has changed. Open documents keep the text in the editor."""
+        """Update after a file on disk has changed. The text of an open document is still the text in the editor."""
         with self._lock:
             if path not in self.texts or not is_document_path(path):
                 for root in [root for root, one in self._at_hand.items() if path in one.inputs]:
-                    del self._at_hand[root]  # its results are outdated
+                    del self._at_hand[root]  # results of the workers are outdated
                     self._workers[root].renew()
                 self._note(path)
 
@@ -154,14 +154,15 @@ class OpenDocuments:
             return analysis if analysis.workspace is None else replace(analysis, in_reach=self._reach_of(analysis.workspace))
         except Superseded:
             raise
-        except Exception as fault:  # the next change may fix it
+        except Exception as fault:  # the next change may fix the error
             self._memos.pop(path, None)
             return Analysis(path=path, open=texts, findings=(self._refused(fault),), whole=False, last=known and known.known)
 
     def _ours(self, path: str, texts: Mapping[str, OpenText], known: Analysis | None) -> bool:
         """Return whether a file is a document. Other YAML files are ignored.
 
-        A file stays a document while its first line is edited, and if a document refers to it.
+        While the user edits the first line of a document, the file is still a document. A file is also a document if another document
+        refers to it.
         """
         mine = texts.get(path)
         return (
@@ -185,7 +186,7 @@ class OpenDocuments:
         for analysis in analyses:
             for file, diagnostics in by_file(analysis).items():
                 of_file = said.setdefault(file, [])
-                if analysis.open.get(file) is self.texts.get(file):  # otherwise they refer to an older text
+                if analysis.open.get(file) is self.texts.get(file):  # otherwise the diagnostics refer to an older text
                     of_file.extend(one for one in diagnostics if one not in of_file)
         for file in dict.fromkeys((path, *said, *self._published)):
             diagnostics = said.get(file, [])
@@ -198,7 +199,7 @@ class OpenDocuments:
     # --- parts ---------------------------------------------------------------------------------------------------
 
     def _lend(self, path: str) -> Callable[[Workspace, Store], PartSource]:
-        """Return a function that returns the source of parts for a document without waiting."""
+        """Return a function that returns the source of parts for a document. The source does not wait for workers."""
         def lend(workspace: Workspace, store: Store) -> PartSource:
             at_hand = self._at_hand.get(workspace.root)
             if at_hand is None or at_hand.workspace != workspace:
@@ -213,7 +214,7 @@ class OpenDocuments:
         return lend
 
     def _reach_of(self, workspace: Workspace) -> AvailableNames:
-        """Return the names that documents of a workspace can use besides their own."""
+        """Return the names from other files that documents of a workspace can use."""
         at_hand = self._at_hand.get(workspace.root)
         known = self._reach.get(workspace.root)
         if known is None or known.workspace != workspace or known.at_hand is not at_hand:

@@ -92,7 +92,7 @@ def path_of(uri: str) -> str | None:
 
 
 def equal_ends(old: list[str], new: list[str]) -> tuple[int, int]:
-    """Return the number of equal lines at the beginning of two texts, and at the end of the remaining lines."""
+    """Return the number of equal lines at the beginning of two texts, and the number of equal lines at the end of the remaining texts."""
     top = len(os.path.commonprefix([old, new]))
     return top, len(os.path.commonprefix([old[top:][::-1], new[top:][::-1]]))
 

@@ -1,6 +1,6 @@
 """Common code of the YAML and TOML scanners for text that may not be parsable.
 
-Scanning never fails. It collects as many keys and scalars as possible, by path, and finds the context of the cursor.
+A scanner raises no errors. It collects as many keys and scalars as possible, by path, and finds the context of the cursor.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class Token(FrozenStruct):
 class CursorPlace(FrozenStruct):
     """The context of the cursor: a `key` of the mapping at `path`, or the `value` there.
 
-    The existing token extends from `start` to before `end`; it is empty if they are equal. `either` marks a position for the first key of a
-    mapping or for a value on its own line. `quote` is the opening quote. `flow` means inside brackets, and `header` in the header of a TOML
-    table.
+    The existing token extends from `start` to before `end`. If they are equal, the token is empty. If `either` is true, the position can
+    contain the first key of a mapping or a value on its own line. `quote` is the opening quote. `flow` specifies whether the position is
+    inside brackets, and `header` whether it is in the header of a TOML table.
     """
 
     role: Role
@@ -100,12 +100,12 @@ class Scan(ABC):
     # --- results ----------------------------------------------------------------------------------------------------------
 
     def gap(self, low: int, high: int, role: Role, path: Path, *, either: bool = False, flow: bool = False) -> None:
-        """Process an empty range from `low` to `high`, inclusive. A cursor in it starts a key or a value at `path`."""
+        """Process an empty range from `low` to `high`, inclusive. A cursor in this range starts a key or a value at `path`."""
         if low <= self.target <= high and self.place is None:
             self.place = CursorPlace(role=role, path=path, start=self.target, end=self.target, either=either, flow=flow)
 
     def token(self, place: CursorPlace, high: int) -> None:
-        """Process a token. Spaces after it, up to `high`, are part of the typed text."""
+        """Process a token. Spaces after the token, up to `high`, are part of the typed text."""
         if place.start <= self.target <= high:
             self.place = replace(place, end=max(place.end, self.target))
 
@@ -179,7 +179,7 @@ class Scan(ABC):
             at = line
 
     def brackets(self, at: int, path: Path, column: int) -> int:
-        """Read `{...}` or `[...]` at `at`, which is the value of a key in that column. Return its end."""
+        """Read the value `{...}` or `[...]` at `at`. `column` is the column of its key. Return the end of the value."""
         mapping = self.text[at] == "{"
         index, here, fresh = 0, at + 1, True
         self.depth += 1

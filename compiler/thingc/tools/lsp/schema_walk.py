@@ -1,6 +1,7 @@
 """Look up keys and values in a JSON Schema for a path in a document.
 
-The schemas are generated as by `thingc schema`. Conditions are evaluated with the known keys and scalars of the text (`cursor`).
+The schemas are equal to the output of `thingc schema`. This module evaluates conditions with the known keys and scalars of the text (see
+`cursor`).
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ class SchemaWalk:
         return list(offers.values())
 
     def dimensions(self, path: Path) -> tuple[Dimension, ...]:
-        """Return the possible dimensions of quantities at a path, or an empty tuple if none has a unit."""
+        """Return the possible physical dimensions of quantities at a path, or an empty tuple if no value has a unit."""
         return _dimensions(self.at(path))
 
     def parameters_of(self, part: str) -> list[str]:
@@ -144,12 +145,12 @@ class SchemaWalk:
 
 
 def described(flats: list[Schema]) -> str:
-    """Return the first description that does not describe one of the possible values."""
+    """Return the first description that describes the whole value, and not one of the possible values."""
     return next((str(flat["description"]) for flat in flats if flat.get("description") and "const" not in flat), "")
 
 
 def described_as(flats: list[Schema], value: str) -> str:
-    """Return the description of a value, if the schema lists it."""
+    """Return the description of a value if the schema lists the value."""
     return next((text for flat in flats for word, text in _words(flat) if word == value and text), "")
 
 
@@ -164,7 +165,7 @@ def _children(schema: Schema, step: str | int) -> Iterator[Any]:
 
 
 def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
-    """Return whether a key can be added to a mapping with the keys `there`. Only rules about keys are checked."""
+    """Return whether a key can be added to a mapping with the keys `there`. Check only rules about keys."""
     if name not in schema.get("properties", {}):
         return True
     together = {*there, name}
@@ -184,7 +185,7 @@ def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
 
 
 def _one_of_which(schema: Schema, there: set[str]) -> Iterator[str]:
-    """Yield the alternative keys if exactly one of them is required and none exists."""
+    """Yield the alternatives of a group of keys from which exactly one is required, if the mapping has none of them."""
     choices = [branch["required"] for branch in schema.get("oneOf", ()) if set(branch) == {"required"}]
     if not any(there >= set(choice) for choice in choices):
         yield from (choice[0] for choice in choices if len(choice) == 1)
@@ -214,7 +215,7 @@ _ALL = {unit[2] for unit in UNITS.values()} - {NUMBER}
 
 
 def _dimensions(flats: list[Schema]) -> tuple[Dimension, ...]:
-    """Return the dimensions of the quantities that the patterns accept, determined by single units, or else by the examples."""
+    """Return the physical dimensions of the quantities that the patterns accept, determined by single units, or else by the examples."""
     dimensions: dict[Dimension, None] = {}
     for schema in flats:
         pattern = schema.get("pattern")
@@ -224,7 +225,7 @@ def _dimensions(flats: list[Schema]) -> tuple[Dimension, ...]:
             unit[2] for name, unit in UNITS.items()
             if name != "%" and any(re.search(pattern, f"{numbers} {name}") for numbers in ("2", "2 2 2"))
         )
-        if set(single) != _ALL:  # otherwise it accepts any dimension
+        if set(single) != _ALL:  # otherwise the pattern accepts any physical dimension
             dimensions.update(single or dict.fromkeys(_in_examples(flats)))
     return tuple(dimensions)
 
