@@ -88,8 +88,7 @@ def import_robot(
     """Import the file at `path`. Return None after errors, which are added to `report`.
 
     Each link in `roots` gets a mode. `repair` is the method for invalid inertias. `packages` maps package names to folders, `arguments` are
-    arguments of xacro, and `mesh_roots` are further folders of meshes. If `meshes` is false, the result contains no meshes. The function
-    `earlier` returns the previous import.
+    for xacro, and `mesh_roots` are further folders of meshes. Without `meshes`, import no meshes. `earlier` returns the previous import.
     """
     data = _content(path, report)
     path = os.path.abspath(path)

@@ -230,7 +230,7 @@ class BackgroundWorkers:
             self._give_up_soon()
 
     def renew(self) -> None:
-        """Discard all requests and their results. Use this after a file of parts was saved."""
+        """Discard the record of earlier requests, so that they can be sent again. Call this after a file of parts was saved."""
         with self._changed:
             self._asked, self._wanted = PendingRequests(), PendingRequests()
             self._give_up_soon()

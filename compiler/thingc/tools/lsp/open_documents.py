@@ -105,7 +105,7 @@ class OpenDocuments:
     # --- analyses ------------------------------------------------------------------------------------------------
 
     def next(self) -> bool:
-        """Analyse one outdated document, preferably the active one, and publish its diagnostics. Return whether there was one."""
+        """Analyse one outdated document, first the active document, and publish its diagnostics. Return False if none is outdated."""
         with self._lock:
             path = self._recent if self._recent in self._outdated else next(iter(self._outdated), None)
             if path is not None and path not in self.texts:

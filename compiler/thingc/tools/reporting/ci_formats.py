@@ -1,10 +1,10 @@
 """Diagnostics for continuous integration: SARIF 2.1.0 (OASIS), and annotations of GitHub Actions.
 
-In SARIF, diagnostics with a location are results. Other diagnostics are notifications of the invocation, because readers reject results
-without a location.
+In SARIF, diagnostics with a location are results. Diagnostics without a location are notifications of the invocation, because readers
+reject results without a location.
 
-Annotations follow GitHub's "Workflow commands for GitHub Actions" (`::error file=...,line=...::message`). Like GitHub's toolkit, they
-escape `%`, CR and LF in messages, and also `:` and `,` in properties. Each diagnostic becomes one annotation.
+Annotations follow GitHub's "Workflow commands for GitHub Actions" (`::error file=...,line=...::message`). As in GitHub's toolkit, `%`, CR
+and LF are escaped in messages and properties, and `:` and `,` also in properties. Each diagnostic becomes one annotation.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ def repository(folder: str) -> str:
 
 
 def within(file: str, base: str) -> str | None:
-    """Return an absolute `file` relative to the folder `base`, with `/`, or None if it is outside."""
+    """Return the path of an absolute `file` relative to the folder `base`, with `/`, or None if the file is outside the folder."""
     try:
         relative = os.path.relpath(file, base)
-    except ValueError:  # another drive
+    except ValueError:  # the file is on another drive
         return None
     words = relative.split(os.sep)
     return None if words[0] == os.pardir else "/".join(words)
@@ -112,7 +112,7 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[DiagnosticCode], base
 def _message_text(d: Diagnostic, notes: Iterable[str] | None = None) -> str:
     """Return the message, the notes and the help, one line each. Control characters are escaped.
 
-    The default notes are the notes without a location.
+    By default, the result contains the notes without a location.
     """
     if notes is None:
         notes = (note.message for note in d.notes if note.span is None)
@@ -123,7 +123,7 @@ def _message_text(d: Diagnostic, notes: Iterable[str] | None = None) -> str:
 def _fingerprint(d: Diagnostic, base: str) -> str:
     """Return a hash that identifies a diagnostic across runs.
 
-    It does not depend on the line number, so it does not change when lines are added above.
+    The hash does not depend on the line number, so it does not change when the user adds lines above the diagnostic.
     """
     assert d.span is not None
     told = [d.code.code, within(d.span.file, base) or os.path.basename(d.span.file), d.path or "", d.message]
@@ -148,7 +148,7 @@ def _physical(span: Span, base: str) -> dict[str, Any]:
 
 
 def _encoded(path: str) -> str:
-    """Encode a path as a URI. `:` is also encoded, so that the first segment is not parsed as a scheme."""
+    """Encode a path as a URI. Encode `:`, too, because readers could parse the text before `:` as a scheme."""
     return quote(os.fsencode(path), safe="/")
 
 
@@ -169,13 +169,13 @@ def _annotation_location(span: Span, base: str) -> dict[str, str]:
     if span.line == span.end_line and span.column != span.end_column:
         place["col"] = str(span.column)
     place["endLine"] = str(span.end_line)
-    if "col" in place:  # GitHub drops columns of multi-line annotations
+    if "col" in place:  # GitHub ignores the columns of multi-line annotations
         place["endColumn"] = str(span.end_column)
     return place
 
 
 def _note(note: Note, base: str) -> str:
-    """Format a note with its location, because an annotation can have only one location."""
+    """Format a note with its location as text, because an annotation can have only one location."""
     if note.span is None:
         return note.message
     return f"{note.message} ({within(note.span.file, base) or note.span.file}:{note.span.line}:{note.span.column})"

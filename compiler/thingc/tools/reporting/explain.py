@@ -24,14 +24,14 @@ def _data() -> dict[str, Any]:
 
 
 def find(word: str) -> DiagnosticCode | None:
-    """Return the code for `TC302`, `tc302`, `302` or `unknown_component`, or None if the code does not exist."""
+    """Return the code for a string such as `TC302`, `tc302`, `302` or `unknown_component`, or None if the code does not exist."""
     asked = word.strip().upper()
     asked = asked.removeprefix("TC") if re.fullmatch(r"TC\d+", asked) else asked
     return next((code for code in all_codes() if asked in (code.code.removeprefix("TC"), code.name)), None)
 
 
 def near(word: str, count: int = 3) -> list[DiagnosticCode]:
-    """Return codes similar to a word: the nearest numbers, or codes whose title contains the word or whose name is similar."""
+    """Return codes similar to a word: the nearest numbers, or codes whose title contains the word, or codes with a similar name."""
     number = re.fullmatch(r"(?:TC)?(\d+)", word.strip().upper())
     if number is not None and len(number.group(1)) == 3:
         wanted = int(number.group(1))
@@ -50,8 +50,8 @@ def near(word: str, count: int = 3) -> list[DiagnosticCode]:
 def explained(code: DiagnosticCode) -> dict[str, Any]:
     """Return `code`, `title`, `meaning`, `cure`, `wrong` and `right` of a code.
 
-    The examples are `{"files": {name: text}, "command", "said"}`, the document first among the files. They are None if no document causes
-    the code on a working machine.
+    An example is `{"files": {name: text}, "command", "said"}`. The document is the first file. If no document can cause the code on a
+    working machine, the examples are None.
     """
     entry = _data()["codes"].get(code.code, {})
     return {

@@ -1,1 +1,1 @@
-"""JSON Schemas for editors, one per document. They contain its parts, mounts, joints and names."""
+"""JSON Schemas for editors, one per document. A schema contains the parts, mounts, joints and other names of the document."""

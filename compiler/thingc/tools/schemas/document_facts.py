@@ -1,6 +1,6 @@
 """Collect the names in an assembly document for editors, from its model and its tree.
 
-The model contains only valid elements. The tree adds names in lines with errors, so that an error does not hide other names.
+The model contains only valid elements. The tree also contains names in lines with errors, so that an error does not hide other names.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ Records = Mapping[str, PartRecord | PartFailure]
 
 
 class WrittenComponent(FrozenStruct):
-    """A component as in the document. The items of a repeat are one component.
+    """A component as it is written in the document. The items of a repeat are one component.
 
     Attributes:
         label: A short description.
-        what: A sentence about it.
-        mounts: Its mounts by name.
-        pattern: A pattern that matches the names of all its items.
-        source: The key and value that define it (`part`, `arm:BasePlate`), or None.
-        sure: Whether it has no other mounts.
-        actuator: Whether it can be used in `drive`.
+        what: A sentence that describes the component.
+        mounts: The mounts of the component by name.
+        pattern: A pattern that matches the names of all items of the component.
+        source: The key and value that define the component (`part`, `arm:BasePlate`), or None.
+        sure: Whether `mounts` contains all mounts of the component.
+        actuator: Whether `drive` of a joint can refer to the component.
     """
 
     name: str
@@ -54,7 +54,7 @@ class DocumentFacts(FrozenStruct):
 
     `mounts` are references (`plate.servo_seat`). `components` and `joints` are dotted paths, including nested documents. `parameters` are
     the parameters of the document with their values. `nested_poses` are poses of nested documents by component. `materials_sure` specifies
-    that no other material can be used.
+    whether the document can use no other material.
     """
 
     pieces: tuple[WrittenComponent, ...] = ()
@@ -73,8 +73,9 @@ class DocumentFacts(FrozenStruct):
 class JointFacts(FrozenStruct):
     """A joint for editors.
 
-    `what` is its description. `angle` specifies whether its coordinate is an angle (None: unknown or none). `settable` joints can be set by
-    poses. `own` joints are not in a nested document.
+    `what` is the description of the joint. `angle` specifies whether its coordinate is an angle (None: unknown, or not exactly one
+    coordinate). `settable` specifies whether poses can set the joint. `own` specifies whether the document itself, and not a nested
+    document, contains the joint.
     """
 
     what: str
@@ -87,7 +88,7 @@ def facts_of(
     tree: MappingNode, model: AssemblyDefinition | None, records: Records, schemas: Mapping[str, PartSchema | PartFailure],
     usual: Mapping[str, Names],
 ) -> DocumentFacts:
-    """Return the facts about a document. `usual` are the mounts of the class of a part, used if the mounts of the part are unknown."""
+    """Return the facts about a document. `usual` are default mounts of parts, used if the mounts of a part are unknown."""
     made = {} if model is None else _by_item(model)
     pieces = tuple(_piece(name, node, made.get(name, ()), records, schemas, usual) for name, node in _entries(tree, "components").items())
     mounts: Names = {}
@@ -138,7 +139,7 @@ def _summary(node: Node) -> str:
 
 
 def _by_item(model: AssemblyDefinition) -> dict[str, tuple[Component, ...]]:
-    """Return the components of a model by the name in the document. The items of a repeat are grouped."""
+    """Return the components of a model by their name in the document. The items of a repeat form one group."""
     by_place: dict[tuple[int, int], list[Component]] = {}
     for component in model.components:
         span = component.origin[0]
@@ -202,7 +203,7 @@ def _what(label: str, source: tuple[str, str] | None, made: tuple[Component, ...
 
 
 def _exact(component: Component, records: Records) -> bool:
-    """Return whether the mounts of a part are known exactly, and not replaced by the mounts of a substitute."""
+    """Return whether the mounts of a part are its exact mounts, and not the mounts of a substitute."""
     record = records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
     return not isinstance(record, PartRecord) or record.exact
 
@@ -231,7 +232,7 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
 
 
 def usual_mounts(record: PartRecord) -> Names:
-    """Return the mounts of a part as default mounts of its class."""
+    """Return the mounts of a part in the form of default mounts of its class."""
     return {name: _of_mount(record.text, mount.interface) for name, mount in sorted(record.mounts.items())}
 
 

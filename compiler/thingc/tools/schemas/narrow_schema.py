@@ -1,7 +1,8 @@
 """Adapt the general schema of a kind of document to one document.
 
-Names from other files are validated: parameters and mounts of parts, parameters of nested documents, and materials of material documents.
-Names in the document itself are suggested but never rejected, because new names are not part of the schema before the document is saved.
+The adapted schema validates names from other files: parameters and mounts of parts, parameters of nested documents, and materials of
+material documents. It suggests names in the document itself but rejects no other names, because the schema does not contain new names
+before the user saves the document.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ MAX_CHECKED = 500
 
 
 class SchemaContext(FrozenStruct):
-    """The names from other files that a document can use, as they would be written in it.
+    """The names from other files that a document can use, in the form in which the document refers to them.
 
     `parts` are the schemas of reachable parts, and `usual` their default mounts. `assemblies` and `materials` are other documents. `lost`
-    are the last known parameter schemas of parts that cannot be described now.
+    are the last known parameter schemas of parts that currently cannot be described.
     """
 
     parts: Mapping[str, PartSchema] = {}
@@ -114,7 +115,8 @@ class _Narrowing:
     def _plain(self, model: str, title: str) -> Schema:
         """Return a schema that accepts any value of a model.
 
-        The description is moved here from the definition, where it would hide the descriptions of named values.
+        This function moves the description from the definition to the returned schema, because in the definition it hides the descriptions
+        of named values.
         """
         self.definitions[model]["title"] = title
         return {**_ref(model), "title": title, "description": self.definitions[model].pop("description", "")}
@@ -195,14 +197,14 @@ class _Narrowing:
             rules.append(_if("part", reference, {"properties": then, **({"required": ["params"]} if needs else {})}))
         for name, symbols in self.around.assemblies.items():
             rules.append(_if("assembly", name, {"properties": {"parameters": parameters_schema(name, symbols)}}))
-        for section in ("params", "parameters"):  # descriptions of all values would hide the descriptions of parameters
+        for section in ("params", "parameters"):  # a description of all values hides the descriptions of parameters
             self._put("ComponentSpec", section, {"type": "object"})
         self._put("ComponentSpec", "attach", {"type": "object", **_full_or_short({"additionalProperties": _ref("mount")}, {})})
         if rules:
             self.definitions["ComponentSpec"]["allOf"] = rules
 
     def _attach(self, mounts: Names, *, sure: bool) -> Schema:
-        """Return the schema of `attach` for these mounts. They are keys in the short form, and values of `mount` in the full form."""
+        """Return the schema of `attach` for these mounts. Mounts are keys in the short form, and values of `mount` in the full form."""
         own = {name: {**_ref("mount"), "description": text} for name, text in mounts.items()}
         short: Schema = {"properties": own}
         full = one_of(mounts.items())
@@ -214,7 +216,7 @@ class _Narrowing:
         return {"type": "object", **_full_or_short(short, mounts, mount=full)}
 
     def _components(self) -> None:
-        """Adapt the schema of existing components to their own mounts, as long as their part has not changed since the last save."""
+        """Adapt the schema of existing components to their mounts. This is valid until the user changes the part of a component."""
         section = self.properties["components"]
         known: Schema = {}
         for piece in self.facts.pieces:
@@ -230,7 +232,7 @@ class _Narrowing:
         key, text = piece.source
         name = f"{piece.label} here"
         own = {**self._attach(piece.mounts, sure=True)}
-        if self.definitions.setdefault(name, own) != own:  # other mounts were added
+        if self.definitions.setdefault(name, own) != own:  # the component has additional mounts
             name = f"{piece.name} here"
             self.definitions[name] = own
         return {**_ref("ComponentSpec"), **_if(key, text, {"properties": {"attach": _ref(name)}})}
@@ -289,8 +291,8 @@ class _Narrowing:
     def _tests(self) -> None:
         """Adapt the schema of `tests`.
 
-        A reference is a component if it is in a list or if its description says so, else a mount. Poses, modes and joints have the same
-        keys in all kinds of tests.
+        A reference in a list is a component, and so is a reference whose description mentions a component. Other references are mounts.
+        Poses, modes and joints have the same keys in all kinds of tests.
         """
         joints = [(name, joint.what) for name, joint in self.facts.joints.items()]
         choices: dict[str, list[tuple[str, str]]] = {
@@ -334,7 +336,7 @@ def _if(key: str, text: str, then: Schema) -> Schema:
 def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None = None) -> Schema:
     """Combine the schemas of the full form `{mount: back, to: plate.servo_seat}` and the short form `{back: plate.servo_seat}`.
 
-    The full form is used if the key `mount` or `to` exists and is not the name of a mount.
+    The full form applies if the key `mount` or `to` exists and is not the name of a mount.
     """
     words = [word for word in ("mount", "to") if word not in mounts]
     full: Schema = dict(_ref("AttachSpec"))
@@ -350,6 +352,6 @@ def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None
 
 
 def _coordinate(joint: JointFacts) -> Schema:
-    if joint.angle is None:  # several coordinates, a ball, or unknown
+    if joint.angle is None:  # the joint has several coordinates, is a ball, or is unknown
         return {"anyOf": [{"type": ["string", "array", "object"]}, {"const": 0}]}
     return quantity(ANGLE if joint.angle else LENGTH)

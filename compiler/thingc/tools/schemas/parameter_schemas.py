@@ -29,7 +29,7 @@ MAX_BRANCHES = 300
 
 
 def quantity(dimension: Dimension) -> Schema:
-    """Return the schema of a quantity with its unit, or of an expression. Products of units (`0.1 N*m/N`) are validated by the compiler."""
+    """Return the schema of a quantity with its unit, or of an expression. Only the compiler validates products of units (`0.1 N*m/N`)."""
     units = "|".join(re.escape(name) for name, (_, _, own) in UNITS.items() if own == dimension and name != "%")
     pattern = rf"^\s*(=.*|{_NUMBER}\s*({units}|°|[^\s\d].*[*/·^²³].*)|{_ZERO})\s*$"
     words = dimension.words
@@ -50,17 +50,18 @@ def ratio() -> Schema:
 
 
 def number(kind: str, minimum: Value | None, maximum: Value | None) -> Schema:
-    """Return the schema of a number within bounds, or of an expression. `kind` specifies whether it is an integer."""
+    """Return the schema of a number within bounds, or of an expression. `kind` specifies whether the number is an integer."""
     bounds = {key: bound for key, bound in (("minimum", minimum), ("maximum", maximum)) if bound is not None}
     plain: Schema = {"type": "integer" if kind in WHOLE else "number", **bounds}
     return {"oneOf": [plain, {"type": "string", "pattern": EXPRESSION}]}
 
 
 def one_of(choices: Iterable[tuple[str, str]], **more: Any) -> Schema:
-    """Return the schema of a text with suggested names and their descriptions. Other texts are valid unless `more` restricts them.
+    """Return the schema of a string with suggested names and descriptions. Other strings are valid unless `more` restricts them.
 
     The schema has one `const` per name instead of an `enum`, so that language servers show the description of the current name. Language
-    servers try all branches for every value, so large numbers of names become snippets, which are only suggested.
+    servers try all branches for every value. Therefore, if there are many names, they become snippets, which are suggestions without
+    validation.
     """
     known = list(choices)
     if len(known) > MAX_BRANCHES:
@@ -87,7 +88,7 @@ def parse_value(text: str) -> Quantity | None:
 
 
 def fitting(parameters: Mapping[str, Quantity], dimension: Dimension) -> list[str]:
-    """Return `=name` for the parameters of the document with this dimension."""
+    """Return `=name` for each parameter of the document with this physical dimension."""
     return [f"={name}" for name, value in parameters.items() if fits(value.dimension, dimension)]
 
 
@@ -147,14 +148,14 @@ def _value(one: ParameterSchema) -> Schema:
 
 
 def _as_number(choice: Any) -> float | int | None:
-    """Return the number as which YAML parses a choice, for example 12 for "12", or None if it is not a number."""
+    """Return the number that YAML reads from a choice, for example 12 from "12", or None if the choice is not a number."""
     if not isinstance(choice, str) or not re.fullmatch(r"-?\d+(\.\d+)?", choice, re.ASCII):
         return None
     return float(choice) if "." in choice else int(choice)
 
 
 def _plain(one: ParameterSchema) -> Any:
-    """Return the default as in a document: numbers and flags as such, and quantities as text."""
+    """Return the default value as in a document: numbers and Booleans unchanged, and quantities as strings."""
     default = one.default
     if isinstance(default, (bool, str)) or one.kind in ("number", *WHOLE):
         return default
@@ -183,7 +184,7 @@ def _description(one: ParameterSchema) -> str:
 
 
 class ParameterSymbol(FrozenStruct):
-    """A parameter as in the document. Missing keys are empty."""
+    """A parameter as it is written in the document. If a key is missing, its field is empty."""
 
     value: str
     minimum: str = ""
@@ -192,7 +193,7 @@ class ParameterSymbol(FrozenStruct):
 
 
 class DocumentSymbols(FrozenStruct):
-    """The header and parameters of a document. `kind` is empty if unknown, and `whole` specifies whether it could be parsed."""
+    """The header and parameters of a document. `kind` is empty if unknown. `whole` specifies whether the document is well-formed."""
 
     kind: str
     whole: bool = True
@@ -205,7 +206,7 @@ _KIND = re.compile(rb"""^[^#\n]*thingc["']?[ \t]*[:=][ \t]*["']?(\w+)/""", re.MU
 
 
 def read_symbols(path: str) -> DocumentSymbols:
-    """Read the symbols of a file. If it cannot be parsed, read only its kind."""
+    """Read the symbols of a document. If the file cannot be parsed, read only the kind of the document."""
     try:
         data = beginning(path, 10_000_001)
     except OSError:
@@ -218,7 +219,7 @@ def read_symbols(path: str) -> DocumentSymbols:
 
 
 def symbols_of(tree: MappingNode) -> DocumentSymbols:
-    """Return the valid symbols of a tree."""
+    """Return the valid symbols in the tree of a document."""
     return DocumentSymbols(
         kind=text_of(tree.entries.get("thingc")).strip().partition("/")[0], name=text_of(tree.entries.get("name")).strip(),
         description=" ".join(text_of(tree.entries.get("description")).split()),
@@ -234,7 +235,7 @@ def _parameter(node: Node) -> ParameterSymbol:
 
 
 def parameters_schema(document: str, symbols: DocumentSymbols) -> Schema:
-    """Return the schema of the `parameters:` that a parent document sets in a nested document."""
+    """Return the schema of `parameters:`, with which a parent document sets the parameters of a nested document."""
     return {
         "type": "object", "title": f"Parameters of {document}", "description": symbols.description or f"The parameters of `{document}`.",
         "properties": {name: _schema(name, one) for name, one in symbols.parameters.items()}, "additionalProperties": False,
@@ -272,7 +273,7 @@ def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mappi
             name: {**value, "title": name, "description": one["description"]}
             for name, one in parameters_schema("", assembly)["properties"].items()
         }
-        section["patternProperties"] = {r"\.": value}  # paths of parameters
+        section["patternProperties"] = {r"\.": value}  # keys are paths of parameters
         section["additionalProperties"] = False
     return schema
 

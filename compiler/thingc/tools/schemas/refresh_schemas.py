@@ -32,7 +32,7 @@ from thingc.tools.schemas.parameter_schemas import DocumentSymbols, near, of_var
 
 
 class AvailableParts(Protocol):
-    """A source of parts that can list all of them, such as a geometry service."""
+    """A source of parts that can list all parts, such as a geometry service."""
 
     def catalogue(self) -> list[str]:
         """Return `module:Class` of every reachable public class."""
@@ -41,10 +41,10 @@ class AvailableParts(Protocol):
         """Return the files of parts that cannot be parsed."""
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """Return the schema of each `module:Class`, by reference."""
+        """Return the schema of each part `module:Class`, by reference."""
 
     def realize(self, definitions: Sequence[PartDefinition]) -> Mapping[str, PartRecord | PartFailure]:
-        """Return the record of each definition, by text."""
+        """Return the record of each definition, by definition text."""
 
 
 @dataclass(slots=True)
@@ -82,11 +82,11 @@ class Parts:
         }
 
     def defaults(self) -> dict[str, PartDefinition]:
-        """Return the definition with default parameters of each Thing that has one."""
+        """Return the definition with default parameters of each Thing, if default parameters exist."""
         return {name: made for name, one in self.things().items() if (made := one.default) is not None}
 
     def usual(self, definitions: Iterable[PartDefinition]) -> dict[str, Names]:
-        """Return the default mounts of each part: its mounts with default parameters, or else the mounts of its first known definition."""
+        """Return the default mounts of each part: the mounts with default parameters, or else the mounts of the first known definition."""
         mounts: dict[str, Names] = {}
         defaults = self.defaults()
         for one in (*defaults.values(), *sorted(definitions, key=lambda one: one.text)):
@@ -96,7 +96,7 @@ class Parts:
         return mounts
 
     def unsure(self, references: Iterable[str]) -> list[str]:
-        """Return the references that cannot be described now because their file is being edited."""
+        """Return the references to parts that currently cannot be described, for example because of a syntax error."""
         return [one for one in references if self._is_unsure(one)]
 
     def _is_unsure(self, reference: str) -> bool:
@@ -106,9 +106,9 @@ class Parts:
 
 
 class ParsedDocument(FrozenStruct):
-    """A document with the documents that it refers to, and the parts (`references`) of all of them.
+    """A document with the documents that it refers to, and the parts (`references`) of all these documents.
 
-    `broken` specifies that it is not well-formed and was only partly read.
+    `broken` specifies whether the document is not well-formed, so that only a part of it was read.
     """
 
     documents: Documents
@@ -122,13 +122,13 @@ class ParsedDocument(FrozenStruct):
         return self.documents.root.kind
 
     def model(self, workspace: Workspace, schemas: Mapping[str, PartSchema | PartFailure]) -> AssemblyDefinition | None:
-        """Return the model of its valid part, or None if it has none."""
+        """Return the model of the valid part of the document, or None if no part is valid."""
         sources = Sources(workspace=workspace, documents=self.documents, specs=self.specs, schemas=schemas)
         return resolve(sources, Settings(), Report())
 
 
 def read_document(path: str, workspace: Workspace) -> ParsedDocument | None:
-    """Read a document. Return None if no part of it can be read. Errors are not reported here, but by `thingc check`."""
+    """Read a document. Return None if no part of it can be read. `thingc check` reports errors in the document, not this function."""
     report = Report()
     documents = load(path, workspace, report, kinds=KINDS)
     if documents is None:
@@ -153,8 +153,8 @@ class RefreshOutcome(FrozenStruct):
 
     Attributes:
         documents: All documents.
-        written: The documents whose schema has changed.
-        kept: The documents that cannot be read now, so their last schema remains.
+        written: The documents whose schema has been written because it has changed.
+        kept: The documents that currently cannot be read. Their last schema still exists.
         removed: The deleted documents, whose schema was deleted.
     """
 
@@ -165,7 +165,7 @@ class RefreshOutcome(FrozenStruct):
 
 
 class Schemas:
-    """The schemas of one workspace. Its parts are described by `geometry`."""
+    """The schemas of one workspace. `geometry` describes the parts of the workspace."""
 
     def __init__(self, workspace: Workspace, geometry: AvailableParts) -> None:
         self.workspace = workspace
@@ -182,7 +182,7 @@ class Schemas:
         if os.path.exists(own):
             paths.append(own)
         stats = {path: stat_of(path) for path in paths}
-        # editors may empty a file before they write it, so do not remove its schema
+        # editors may empty a file before they write its content, so do not remove the schema
         emptied = {path: stat for path in self._seen if path not in stats and (stat := stat_of(path)) is not None and stat[1] == 0}
         return stats | emptied
 
@@ -229,9 +229,10 @@ class Schemas:
         self, path: str, tree: MappingNode, model: AssemblyDefinition | None, records: Records,
         known: Mapping[str, PartSchema | PartFailure],
     ) -> dict[str, Any] | None:
-        """Return the schema of an unsaved document (absolute path) with the current state of other files, or None for unknown kinds.
+        """Return the schema of an unsaved document (absolute path), or None for unknown kinds. Other files have their current state.
 
-        `model` and `records` belong to the valid part of its `tree`. `known` are the schemas of the parts that it uses. No file is written.
+        `model` and `records` are results for the valid part of the document's `tree`. `known` are the schemas of the parts in the document.
+        This method writes no files.
         """
         if time.monotonic() - self._looked > LOOK:
             self._look()
@@ -266,7 +267,7 @@ class Schemas:
         )
 
     def _write(self, name: str, reading: ParsedDocument | None, model: AssemblyDefinition | None, usual: Mapping[str, Any]) -> bool | None:
-        """Write the schema of a document. Return whether it changed, or None if the document is broken, so its last schema remains."""
+        """Write the schema of a document. Return whether it changed. If the document is broken, return None and do not write it."""
         root, kind = self.workspace.root, reading.kind if reading is not None else self._symbols[name].kind
         if (reading is None or reading.broken) and load_schema(root, name):
             return None
@@ -324,7 +325,7 @@ def load_schema(root: str, relative: str) -> dict[str, Any]:
 
 
 def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
-    """Write the schema of a document if it has changed. Return whether it has. Raises OSError.
+    """Write the schema of a document if the schema has changed. Return whether it was written. Raises OSError.
 
     The JSON text is on a single line, because writing indented JSON takes ten times longer.
     """
@@ -353,6 +354,6 @@ def remove_others(root: str, documents: Iterable[str]) -> list[str]:
                 os.unlink(path)
                 removed.append(relative)
         if folder != top:
-            with contextlib.suppress(OSError):  # not empty
+            with contextlib.suppress(OSError):  # the folder is not empty
                 os.rmdir(folder)
     return sorted(removed)

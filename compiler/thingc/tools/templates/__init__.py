@@ -37,12 +37,12 @@ def files_of(template: str, name: str) -> dict[str, bytes]:
 
 
 def new_part(name: str, material: str | None) -> str:
-    """Return a module of parts with one class. `material` is its default material, or None if the document must set it."""
+    """Return the content of a part module with one class. `material` is its default, or None if documents must specify a material."""
     text = (_HERE / "stubs" / "part.py").read_text(encoding="utf-8")
     stated = "" if material is None else f'material="{material}"'
     return text.replace("MyPart", name).replace('material="pla"', stated)
 
 
 def new_assembly(name: str, suffix: str) -> str:
-    """Return an assembly document with one frame. `suffix` is `.yaml` or `.toml`."""
+    """Return the content of an assembly document with one frame. `suffix` is `.yaml` or `.toml`."""
     return (_HERE / "stubs" / f"assembly{suffix}.txt").read_text(encoding="utf-8").replace("NAME", name)
