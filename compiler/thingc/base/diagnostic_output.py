@@ -60,7 +60,7 @@ def as_text(diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bo
 
 
 def summary(diagnostics: Sequence[Diagnostic]) -> str:
-    """Return a summary such as `2 errors, 1 warning`; empty if there are neither."""
+    """Return a summary such as `2 errors, 1 warning`, or an empty string without errors and warnings."""
     parts: list[str] = []
     for severity in (Severity.ERROR, Severity.WARNING):
         count = sum(1 for d in diagnostics if d.severity is severity)

@@ -20,7 +20,7 @@ from thingc.base.suggestions import Hint, Suggestion, text_of
 
 
 class Severity(str, Enum):
-    """Severity of a diagnostic. Only errors stop a build (warnings do with `--strict`)."""
+    """Severity of a diagnostic. Only errors stop a build. With `--strict`, warnings also stop a build."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -40,8 +40,8 @@ class Stage(str, Enum):
 class DiagnosticCode(Enum):
     """A diagnostic code: `NAME = ("code", "title", "fix")`. Codes are never reused or renumbered.
 
-    If a code can be a warning about an assembly document, its fourth value is the command that reports it. Such warnings, and export
-    losses, can be suppressed where they occur (`allow: {TC407: reason}`).
+    If a code can be a warning about an assembly document, its fourth value is the command that reports the warning. Documents can suppress
+    these warnings, and export losses, at their location (`allow: {TC407: reason}`).
     """
 
     def __init__(self, code: str, title: str, cure: str, warned_by: Stage | None = None) -> None:
@@ -270,7 +270,10 @@ class Code(DiagnosticCode):
 
 
 class Note(OneLineRepr, FrozenStruct):
-    """A second location or additional information, such as "mount declared here". The message is shortened as in `Diagnostic`."""
+    """A second location or additional information, such as "mount declared here".
+
+    `Note` shortens its message in the same way as `Diagnostic`.
+    """
 
     message: str
     span: Span | None = None
@@ -280,7 +283,7 @@ class Note(OneLineRepr, FrozenStruct):
 
 
 def noted(message: str, origin: Origin) -> tuple[Note, ...]:
-    """Return a note at the innermost location of `origin`. Empty if `origin` is empty."""
+    """Return a note at the innermost location of `origin`, or no notes if `origin` is empty."""
     return (Note(message=message, span=origin[0]),) if origin else ()
 
 
@@ -288,7 +291,8 @@ class Diagnostic(OneLineRepr, FrozenStruct):
     """A diagnostic.
 
     `path` is the key path in the document, or the path of the occurrence or joint. `detail` (such as the traceback of a part) is shown only
-    with `--debug`. `fixes` are unambiguous edits for `thingc check --fix`. `message` and `help` are shortened here, for all output formats.
+    with `--debug`. `fixes` are unambiguous edits for `thingc check --fix`. `Diagnostic` shortens `message` and `help` for all output
+    formats.
     """
 
     code: DiagnosticCode
@@ -310,8 +314,8 @@ class Diagnostic(OneLineRepr, FrozenStruct):
 class Allowance(FrozenStruct, eq=False):
     """An entry of `allow:`, which suppresses warnings of `code` with a location in one of `nodes`.
 
-    `nodes` contains the mapping with the entry and, for a mode, the mappings merged over it, each with the span of its key. `where` is the
-    location of the entry, and `path` the path of its mapping in the document.
+    `nodes` contains the mapping with the entry, with the span of its key. For a mode, `nodes` also contains the mappings that are merged
+    over this mapping. `where` is the location of the entry, and `path` the path of its mapping in the document.
     """
 
     code: DiagnosticCode
@@ -321,7 +325,7 @@ class Allowance(FrozenStruct, eq=False):
     nodes: tuple[tuple[Span, Node], ...]
 
     def covers(self, code: DiagnosticCode, places: Collection[Span]) -> bool:
-        """Return whether this entry suppresses a warning of `code`, which requires one of `places` in the mapping."""
+        """Return whether this entry suppresses a warning of `code` at `places`. One of the places must be in the mapping."""
         return code is self.code and any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
 
 
@@ -332,10 +336,10 @@ def allow_hint(code: DiagnosticCode) -> str:
 
 @dataclass(slots=True)
 class Report:
-    """Collects the diagnostics of all passes. It is the only mutable object shared by passes.
+    """Collects the diagnostics of all passes. A report is the only mutable object that passes share.
 
-    Warnings covered by one of the `allowances` are suppressed. `needed` contains the allowances that were used, and `allowed` is the number
-    of suppressed warnings.
+    The `allowances` suppress the warnings that they cover. `needed` contains the allowances that were used, and `allowed` is the number of
+    suppressed warnings.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -348,9 +352,9 @@ class Report:
         self, code: DiagnosticCode, message: Hint, where: Span | Origin | None, *, help: Hint | None = None, path: str | None = None,
         notes: Iterable[Note] = (), severity: Severity = Severity.ERROR, detail: str | None = None,
     ) -> bool:
-        """Add a diagnostic. The location is `where`, or the innermost span of an `Origin`. The other spans of the `Origin` become notes.
+        """Add a diagnostic. Its location is `where`; for an `Origin`, it is the innermost span, and the other spans become notes.
 
-        If the message or help is an unambiguous `Suggestion`, it adds a fix. Return False if the warning is suppressed.
+        If the message or the help is an unambiguous `Suggestion`, the diagnostic gets a fix. Return False if the warning is suppressed.
         """
         span: Span | None
         extra: list[Note] = list(notes)
@@ -366,7 +370,7 @@ class Report:
         return self.say(diagnostic)
 
     def say(self, diagnostic: Diagnostic) -> bool:
-        """Add a diagnostic unless it is a duplicate. Return False if it is suppressed."""
+        """Add a diagnostic, unless it is a duplicate. Return False if the diagnostic is suppressed."""
         diagnostic = _of_option(diagnostic)
         places = [place for place in (diagnostic.span, *(note.span for note in diagnostic.notes)) if place is not None]
         if diagnostic.severity is Severity.WARNING and self.allows(diagnostic.code, places):
@@ -397,8 +401,8 @@ class Report:
     def say_unneeded(self, document: str, stages: Collection[Stage]) -> None:
         """Warn of each unnecessary allowance in `document` (an absolute path).
 
-        An allowance is unnecessary if it suppressed nothing, and one of the completed `stages` reports its code. Allowances of nested
-        documents are skipped, because other robots may need them.
+        An allowance is unnecessary if it did not suppress a warning although one of the completed `stages` reports its code. Allowances of
+        nested documents are skipped, because other robots may need these allowances.
         """
         for allowance in self.allowances:
             if allowance.where.file == document and allowance.code.warned_by in stages and allowance not in self.needed:
@@ -416,7 +420,7 @@ class Report:
         return any(d.severity is Severity.ERROR for d in self.diagnostics)
 
     def ordered(self) -> list[Diagnostic]:
-        """Return the diagnostics sorted by file, line and column, those without a location last; equal ones in the order of reporting."""
+        """Return the diagnostics sorted by file, line, column and order of reporting. Diagnostics without a location are last."""
         return sorted(
             self.diagnostics,
             key=lambda d: (d.span is None, d.span.file if d.span else "", *((d.span.line, d.span.column) if d.span else (0, 0))),
@@ -430,7 +434,7 @@ class Report:
 
 
 def _of_option(diagnostic: Diagnostic) -> Diagnostic:
-    """Replace locations in values of `--set` by the option itself, because there is no file to show."""
+    """Replace locations in values of `--set` by the option itself, because these values are not in a file."""
     notes = tuple(
         Note(message=f"{note.message}: `{note.span.option}`") if note.span is not None and note.span.option is not None else note
         for note in diagnostic.notes
@@ -452,7 +456,7 @@ def _fixes(span: Span | None, *words: Hint | None) -> tuple[Edit, ...]:
 
 
 def shown_path(file: str) -> str:
-    """Return the display path of a file: relative to the working folder if it is near, else unchanged."""
+    """Return the display path of a file: relative to the working folder for files near this folder, otherwise unchanged."""
     try:
         relative = os.path.relpath(file)
     except (OSError, ValueError):  # the working folder was deleted, or the file name is invalid

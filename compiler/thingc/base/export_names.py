@@ -1,4 +1,4 @@
-"""Names in exported files: field types for paths that exported files can rename, and the rules for valid names.
+"""Names in exported files: the types of fields with paths that `names:` can rename in exported files, and the rules for valid names.
 
 The type of such a field specifies what the path refers to, for `targets/custom_names.py`. Type checkers treat it as `str`.
 """
@@ -22,13 +22,13 @@ SensorPath: TypeAlias = Annotated[str, "sensors"]
 RawPath: TypeAlias = Annotated[tuple[str, ...], "raw"]
 """Keys of an attribute for a target (`("joint", "yaw", "margin")`). The second key may be one of the paths above."""
 RawAttributes: TypeAlias = Annotated[dict[str, str], "raw"]
-"""Attributes of a MuJoCo element; some of them refer to other elements."""
+"""Attributes of a MuJoCo element. Some attributes refer to other elements."""
 
 LONGEST = 200
 """Maximum number of characters of a name."""
 
 TAKEN: dict[str, tuple[str, ...]] = {"components": ("world",), "mounts": ("world",), "joints": ("root",)}
-"""Names that files always contain, by kind: the world, and the joint of a free base. They cannot be used for other elements."""
+"""Names that files always contain, by kind: the world, and the joint of a free base. Other elements cannot have these names."""
 
 
 def is_file_name(text: str) -> bool:

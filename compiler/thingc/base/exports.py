@@ -10,8 +10,8 @@ from typing import Any
 def exported(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
     """Return the module-level `__getattr__` of a package.
 
-    `modules` maps public names to modules of the package (`xml:number` if the object is called `number` there). Other names raise
-    `AttributeError`.
+    `modules` maps public names to modules of the package. `xml:number` means that the object has the name `number` in the module `xml`.
+    Other names raise `AttributeError`.
     """
 
     def get(name: str) -> Any:

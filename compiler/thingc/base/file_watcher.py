@@ -1,7 +1,7 @@
 """Detect changed files by polling.
 
-Polling times and sizes works on every system and file system, even without change notifications (network drives, folders shared with
-containers). It takes 0.2 ms for a hundred files. A file with a new time and the same content has not changed.
+Polling of times and sizes works on every system and file system, even without change notifications (network drives, folders shared with
+containers). A poll takes 0.2 ms for a hundred files. A file with a new time and the same content has not changed.
 """
 
 from __future__ import annotations
@@ -15,14 +15,17 @@ from typing import TypeVar
 Seen = TypeVar("Seen")
 
 Stat = tuple[int, int, int] | None
-"""Modification time [ns], size and inode of a file; None if it does not exist. Saving by renaming changes the inode."""
+"""Modification time [ns], size and inode of a file. None if the file does not exist.
+
+If a program saves a file by renaming, the inode changes.
+"""
 
 SHARE = 0.2
 """Maximum share of a core that polling may use."""
 
 
 def stat_of(path: str) -> Stat:
-    """Return the status of a file or folder without reading it. The status of a folder changes with every new name in it."""
+    """Return the status of a file or folder without reading it. A new name in a folder changes the status of the folder."""
     try:
         status = os.stat(path)
     except OSError:
@@ -31,7 +34,7 @@ def stat_of(path: str) -> Stat:
 
 
 def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iterator[Seen]:
-    """Call `look` repeatedly until `stop` is set and yield the results. The pause is at least `pause` [s], longer if `look` is slow."""
+    """Call `look` repeatedly until `stop` is set, and yield the results. The pause is `pause` [s], or longer if `look` is slow."""
     while not stop.is_set():
         started = time.monotonic()
         seen = look()
@@ -41,9 +44,9 @@ def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iter
 
 
 class FileWatcher:
-    """Watches files and folders for changes since the last call of `changed`. They need not exist.
+    """Watches files and folders for changes since the last call of `changed`. The paths may be missing.
 
-    If `content` is given, only changes of its result count. It returns a value for a path that is equal for equal contents.
+    If `content` is set, only changes of its return value count. `content` must return equal values for equal contents of a path.
     """
 
     def __init__(self, paths: Iterable[str] = (), content: Callable[[str], object] | None = None) -> None:
@@ -63,7 +66,7 @@ class FileWatcher:
                 self._seen[path] = self._state(path, stat_of(path))
 
     def only(self, paths: Iterable[str]) -> None:
-        """Watch only these paths. Paths that were already watched keep their recorded state."""
+        """Watch only these paths. The recorded state of paths that were already watched does not change."""
         before, self._seen = self._seen, {}
         self._seen = {path: before[path] for path in paths if path in before}
         self.note(paths)

@@ -13,11 +13,11 @@ from io import BufferedReader
 from typing import Any
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""System errors when writing to an open file, which have no file name: the disk is full, or a quota or limit is reached."""
+"""System errors without a file name when writing to an open file: the disk is full, or a quota or limit is reached."""
 
 
 class NotARegularFile(OSError):
-    """The path is not a regular file: a pipe, which would block, or a device."""
+    """The path is not a regular file. It is a pipe, which would block, or a device."""
 
 
 class BadPath(OSError, ValueError):
@@ -25,7 +25,7 @@ class BadPath(OSError, ValueError):
 
 
 def hash_name(text: str, digits: int = 64) -> str:
-    """Validate a hash from a file (by default a SHA-256) for use in a path, and return it. Raises `BadPath` if it is invalid."""
+    """Validate and return a hash from a file (by default a SHA-256) for use in a path. Raises `BadPath` for an invalid hash."""
     if re.fullmatch(f"[0-9a-f]{{{digits}}}", str(text)) is None:
         raise BadPath(f"expected a hash of {digits} hex digits, found {str(text)[:100]!r}")
     return text
@@ -40,7 +40,7 @@ def opened(path: str) -> BufferedReader:
 
 
 def beginning(path: str, most: int) -> bytes:
-    """Return the first bytes of a file, at most `most`. Raises `OSError` as `opened` does."""
+    """Return at most `most` bytes from the beginning of a file. Raises `OSError` as `opened` does."""
     with opened(path) as stream:
         return stream.read(most)
 
@@ -54,7 +54,7 @@ def working_folder() -> str | None:
 
 
 def listing(folder: str) -> list[str]:
-    """Return the sorted names in a folder; empty if it cannot be read."""
+    """Return the sorted names in a folder. The result is empty if the folder cannot be read."""
     try:
         return sorted(os.listdir(folder))
     except OSError:
@@ -62,7 +62,7 @@ def listing(folder: str) -> list[str]:
 
 
 def check_tree(paths: Iterable[str]) -> None:
-    """Check relative paths (with `/`) of files and links that are to be written below one folder.
+    """Check the relative paths (with `/`) of files and links before they are written below one folder.
 
     Raises `BadPath` if a path leaves the folder, occurs twice, or is both a file and a folder.
     """
@@ -88,7 +88,7 @@ def write_tree(root: str, files: Mapping[str, bytes], links: Mapping[str, str]) 
         for part in path.split("/")[:-1]:
             place = os.path.join(place, part)
             if not (os.path.isdir(place) and not os.path.islink(place)):
-                os.mkdir(place)  # fails if there is a link
+                os.mkdir(place)  # fails if the path is a link
         place = os.path.join(root, *path.split("/"))
         if path in links:
             os.symlink(links[path], place)
@@ -97,7 +97,7 @@ def write_tree(root: str, files: Mapping[str, bytes], links: Mapping[str, str]) 
 
 
 def write_new(path: str, data: bytes, mode: int = 0o666) -> None:
-    """Write a file that does not exist yet, with as few calls as possible. Raises `OSError`, also if the path is a link."""
+    """Write a file that does not exist yet, with as few system calls as possible. Raises `OSError`, also if the path is a link."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
     try:
         rest = memoryview(data)
@@ -126,15 +126,15 @@ def write_whole(path: str, data: bytes, check: Callable[[], None] = lambda: None
         check()
         os.replace(fresh, path)
     finally:
-        with contextlib.suppress(FileNotFoundError):  # it has been renamed
+        with contextlib.suppress(FileNotFoundError):  # the file has been renamed
             os.unlink(fresh)
     return True
 
 
 RENAME_EXCHANGE = 2
-"""From `linux/fs.h`: exchange the two paths."""
+"""Flag from `linux/fs.h` to exchange two paths."""
 AT_FDCWD = -100
-"""From `fcntl.h`: paths are relative to the working folder."""
+"""Value from `fcntl.h` for paths relative to the working folder."""
 
 
 @functools.cache

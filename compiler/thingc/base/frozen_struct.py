@@ -18,7 +18,7 @@ class _KeywordOnly(msgspec.StructMeta):
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(msgspec.field,))
 class FrozenStruct(msgspec.Struct, metaclass=_KeywordOnly, frozen=True):
-    """A frozen struct with keyword-only fields, equal and hashable by its fields.
+    """A frozen struct with keyword-only fields. Its fields determine equality and the hash.
 
-    Options of a class: `eq=False`, `kw_only=False`, `dict=True` (for `cached_property`); every field is compared.
+    A class can set the options `eq=False`, `kw_only=False` and `dict=True` (for `cached_property`). Equality compares every field.
     """

@@ -13,6 +13,6 @@ def heading(document: str, mode: str | None = None) -> str:
 
 
 def mode_of(text: bytes) -> str | None:
-    """Return the mode in the header line of a generated file; None if there is none."""
+    """Return the mode in the header line of a generated file, or None if the line does not contain a mode."""
     found = _OF_MODE.search(text)
     return None if found is None else found[1].decode("ascii", "replace")

@@ -12,7 +12,10 @@ T = TypeVar("T", bound=Hashable)
 
 
 def find_cycles(starts: Iterable[T], after: Callable[[T], T | None]) -> Iterator[list[T]]:
-    """Yield every cycle once, starting at the member that is reached first. `after` returns the successor of a member, or None."""
+    """Yield every cycle once. The first member is the member that the search reaches first.
+
+    `after` returns the successor of a member, or None.
+    """
     done: set[T] = set()
     for start in starts:
         way: dict[T, None] = {}

@@ -30,7 +30,7 @@ class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
         return MassProperties(mass=self.mass, centre=pose.apply(self.centre), inertia=symmetric(turned))
 
     def about(self, point: Vector) -> Matrix:
-        """Return the inertia [kg m^2] about another point [m] of the same frame (parallel-axis theorem)."""
+        """Return the inertia [kg m^2] about another point [m] in the same frame (parallel-axis theorem)."""
         x, y, z = (self.centre[k] - point[k] for k in range(3))
         m, i = self.mass, self.inertia
         return (
@@ -74,7 +74,7 @@ def total(bodies: Iterable[MassProperties]) -> MassProperties:
 
 
 def symmetric(a: Matrix) -> Matrix:
-    """Return the symmetric part of `a`. With it, rounding errors cannot give two values for one product of inertia."""
+    """Return the symmetric part of `a`, so that rounding errors cannot give two values for the same product of inertia."""
     xy, xz, yz = (a[0][1] + a[1][0]) / 2.0, (a[0][2] + a[2][0]) / 2.0, (a[1][2] + a[2][1]) / 2.0
     return ((a[0][0], xy, xz), (xy, a[1][1], yz), (xz, yz, a[2][2]))
 
@@ -88,11 +88,11 @@ def principal_moments(a: Matrix) -> Vector:
 def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
     """Return the eigenvalues of a symmetric matrix and its eigenvectors, the columns of a proper rotation R: `a = R diag(values) R^T`.
 
-    Each eigenvector is as close as possible to the axis in its position: for a diagonal matrix R is the identity.
-    Cyclic Jacobi rotations (Golub and Van Loan, "Matrix Computations", section 8.5) are accurate to rounding even for equal moments, for
-    which the closed formula loses digits. `math.hypot` may differ between Python versions if the exact root is almost half way between two
-    floats. This can happen for round numbers, but the arguments here are quotients of sums. With `numeric.hypot`, evaluating the variants
-    of a family would take twice as long.
+    Each eigenvector is as close as possible to the axis with the same index: for a diagonal matrix, R is the identity. Cyclic Jacobi
+    rotations (Golub and Van Loan, "Matrix Computations", section 8.5) are accurate to rounding even for equal moments, whereas the closed
+    formula would lose digits. `math.hypot` may differ between Python versions if the exact root is almost half way between two floats. This
+    can happen for round numbers, but the arguments here are quotients of sums. With `numeric.hypot`, evaluating the variants of a family
+    would take twice as long.
     """
     return _principal_axes(*a[0], *a[1], *a[2])
 
@@ -143,7 +143,8 @@ LEAST_MASS = 1e-15
 def physical_fault(a: Matrix) -> str | None:
     """Return the reason why no rigid body can have this inertia, or None if it is physical.
 
-    It must be positive definite, and no principal moment may exceed the sum of the other two (with a relative tolerance of 1e-9).
+    The inertia must be positive definite, and no principal moment may exceed the sum of the other two moments (with a relative tolerance of
+    1e-9).
     """
     return moments_fault(*principal_moments(a))
 

@@ -12,7 +12,7 @@ from thingc.base.filesystem import working_folder
 
 @cache
 def import_path() -> tuple[str, ...]:
-    """Return `sys.path` without the current folder and the folder of the script, which must not affect what a name refers to."""
+    """Return `sys.path` without the current folder and the folder of the script, so that these folders do not affect imports."""
     entries = list(sys.path)
     if entries and not getattr(sys.flags, "safe_path", False):
         here = working_folder() or os.sep
@@ -26,7 +26,7 @@ _PYTHONS_OWN = (importlib.machinery.PathFinder, importlib.machinery.BuiltinImpor
 
 
 def specification_of(name: str) -> importlib.machinery.ModuleSpec | None:
-    """Return the spec of a top-level module of the environment, or None. The finders of editable packages are included."""
+    """Return the spec of a top-level module of the environment, or None. The search also uses the finders of editable packages."""
     specification = importlib.machinery.PathFinder.find_spec(name, list(import_path()))
     if specification is None or specification.origin is None and specification.submodule_search_locations:
         for finder in sys.meta_path:

@@ -1,4 +1,4 @@
-"""Child processes that exchange lines of JSON: workers that build parts, runners of batches, and the renderer of the batches' pictures."""
+"""Child processes that exchange lines of JSON: workers that build parts, runners of batches, and the renderer of a batch's pictures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from typing import Any
 FAREWELL = 5.0
 """Time [s] for a process to exit after its input is closed."""
 KEPT = 10_000
-"""Number of bytes at the end of standard error that are read."""
+"""Number of bytes to read from the end of standard error."""
 
 
 Lines = queue.SimpleQueue["tuple[JsonLinesProcess, Any]"]
@@ -33,10 +33,10 @@ class ProcessLost(Exception):
 
 
 class JsonLinesProcess:
-    """A child process `python -m MODULE WORDS` with pipes, in its own session, which the terminal's interrupt does not reach.
+    """A child process `python -m MODULE WORDS` with pipes. Its own session protects it from interrupts in the terminal.
 
-    Its output is put into the queue `lines` as `(process, value)`, with None as the last value. Several processes may share a queue. Raises
-    `OSError` if the process cannot be started.
+    A thread puts the output of the process into the queue `lines` as `(process, value)`, with None as the last value. Several processes may
+    share a queue. Raises `OSError` if the process cannot be started.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class JsonLinesProcess:
         return self._process.pid
 
     def ask(self, value: Any) -> None:
-        """Send a value as a line. A broken pipe is ignored."""
+        """Send a value as a line. Ignore a broken pipe."""
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):  # `answer` reports the death of the process
             self._process.stdin.write(json.dumps(value, separators=(",", ":")).encode() + b"\n")
@@ -77,13 +77,13 @@ class JsonLinesProcess:
         return said
 
     def errors(self) -> str:
-        """Return the end of its standard error."""
+        """Return the end of the standard error of the process."""
         size = self._errors.seek(0, os.SEEK_END)
         self._errors.seek(max(0, size - KEPT))
         return self._errors.read().decode(errors="replace")
 
     def kill(self) -> None:
-        """Kill the process. It can be called from any thread."""
+        """Kill the process. Any thread can call this method."""
         with contextlib.suppress(OSError):
             self._process.kill()
 
@@ -100,7 +100,7 @@ class JsonLinesProcess:
         self._errors.close()
 
     def _read(self) -> None:
-        """Put lines into the queue as they arrive. Lone surrogates are replaced by question marks; an incomplete last line is dropped."""
+        """Put arriving lines into the queue. Replace lone surrogates by question marks, and drop an incomplete last line."""
         assert self._process.stdout is not None
         try:
             with self._process.stdout as stream:

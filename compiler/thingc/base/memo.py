@@ -14,9 +14,9 @@ PLACES = 100_000
 class Memo:
     """A cache that keeps the last result and its inputs per key (`("geom", "hand/cap")`).
 
-    Compiling a document again changes few of the inputs. Keeping only the last result is therefore enough, and the cache does not grow with
-    the number of compilations. Functions must depend only on their inputs. Inputs and results are shared and must not be modified. Inputs
-    are compared by value (identical objects quickly); zeros of either sign are equal, which does not affect any output.
+    Few inputs change between two compilations of a document. The last result is therefore enough, and the cache does not grow with the
+    number of compilations. Functions must depend only on their inputs. Inputs and results are shared and must not be modified. The cache
+    compares inputs by value. The comparison of identical objects is fast. 0.0 and -0.0 are equal, which does not affect any output.
     """
 
     __slots__ = ("_kept",)
@@ -39,7 +39,7 @@ class Memo:
         return Memo()
 
     def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
-        """Return a result stored with `keep` if its inputs were equal, otherwise None."""
+        """Return the result that `keep` stored for equal inputs, otherwise None."""
         known = self._kept.get(place)
         return known[1] if known is not None and known[0] == inputs else None
 

@@ -1,4 +1,4 @@
-"""Numeric operations with the same results in every Python version. They also accept recorded numbers."""
+"""Numeric operations with the same results in every Python version. The operations also accept recorded numbers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FORMATTERS: dict[str, Formatter] = {}
 
 
 class Recorded:
-    """A placeholder for numbers. Computations with it are recorded and can be repeated with other values."""
+    """A placeholder for numbers. Computations with a placeholder are recorded and can be repeated with other values."""
 
     __slots__ = ()
 
@@ -27,12 +27,15 @@ class Recorded:
         raise NotImplementedError
 
     def slot(self, form: str) -> str:
-        """Return the placeholder of the number in a file. `form` is one of `FORMATTERS`, or `:` and a format specification."""
+        """Return the placeholder for this number in files. `form` is one of `FORMATTERS`, or `:` and a format specification."""
         raise NotImplementedError
 
 
 def one_operation(function: Function) -> Function:
-    """Decorate a function of numbers to be recorded as one operation. It must return a number, a boolean, or tuples of numbers."""
+    """Decorate a function of numbers, so that calls are recorded as one operation.
+
+    It must return a number, a boolean, or tuples of numbers.
+    """
     name = function.__name__
     OPERATIONS[name] = function
 
@@ -47,7 +50,7 @@ def one_operation(function: Function) -> Function:
 
 
 def formatter(form: str) -> Callable[[Formatter], Callable[[float | Recorded], str]]:
-    """Decorate a function that formats a number. For a recorded number, it then returns a placeholder."""
+    """Decorate a function that formats a number. The decorated function returns a placeholder for a recorded number."""
 
     def decorate(function: Formatter) -> Callable[[float | Recorded], str]:
         FORMATTERS[form] = function
@@ -62,7 +65,7 @@ def formatter(form: str) -> Callable[[Formatter], Callable[[float | Recorded], s
 
 
 def _extreme(function: Function) -> Function:
-    """Wrap `min` or `max` of numbers without a `key`. For recorded numbers it is not decided which argument is the extreme one."""
+    """Wrap `min` or `max` of numbers without a `key`. For recorded numbers, any argument may be the result."""
     extreme = one_operation(function)
 
     def operation(*arguments: Any, **default: Any) -> Any:
@@ -89,7 +92,8 @@ def rounded(value: float, digits: int) -> float:
 def sum_of(values: Iterable[float]) -> float:
     """Return the sum of floats, added from left to right with each addition rounded.
 
-    Since Python 3.12, `sum` compensates rounding errors. This would change last digits in files, and `plans` would differ from the passes.
+    Since Python 3.12, `sum` compensates rounding errors. The compensation would change the last digits in files, and the results of `plans`
+    would differ from the results of the passes.
     """
     return reduce(operator.add, values, 0)
 
@@ -105,7 +109,7 @@ def _fsum(*values: float) -> float:
 
 
 def dist(p: Iterable[float], q: Iterable[float]) -> float:
-    """Return the distance between two points of the same dimension."""
+    """Return the distance between two points with the same number of coordinates."""
     return hypot(*(a - b for a, b in zip(p, q, strict=True)))
 
 
@@ -115,8 +119,8 @@ def hypot(*components: float) -> float:
 
     `math.hypot` and `math.dist` differ in the last digit between Python versions: for 0.075 m and 0.18 m the result is 0.195 m in 3.11, and
     0.19499999999999998 m since 3.12. Floats are integers divided by a power of two, so the sum of squares is exact. The root has at least
-    64 bits. Its last bit is set if it is inexact, so that it is never mistaken for the middle of two floats. For values that are not
-    finite, and on overflow, the result is the same as that of `math.hypot`.
+    64 bits. The last bit of an inexact root is set, so that the root is never mistaken for the middle of two floats. For values that are
+    not finite, and on overflow, the result is the same as from `math.hypot`.
     """
     try:
         ratios = [value.as_integer_ratio() for value in components]

@@ -21,7 +21,8 @@ class OneLineRepr:
     """Base class of structs (or dataclasses with `repr=False`) with a one-line representation:
     `Robot('arm', mode=LinkedMode('bench'), base='fixed', bodies=[7 Body])`.
 
-    The name comes first, then the fields in order, without empty ones. Nested values are named or counted, not printed in full.
+    The representation contains the name, then the fields that are not empty, in order. Nested values are named or counted, not printed in
+    full.
     """
 
     __slots__ = ()
@@ -76,7 +77,10 @@ def _short_repr(value: Any) -> str:
 
 
 def _listed(values: Sequence[Any]) -> str:
-    """Format a collection: `[bench, drawing]`, `[0, 0, -9.81]`, `[7 Body]`. A few plain values are listed; other items are counted."""
+    """Format a collection: `[bench, drawing]`, `[0, 0, -9.81]`, `[7 Body]`. A short collection of plain values is listed.
+
+    Other items are counted.
+    """
     if len(values) <= LISTED and all(isinstance(one, (str, int, float)) and len(f"{one}") <= _WORD for one in values):
         return "[" + ", ".join(one if isinstance(one, str) else _short_repr(one) for one in values) + "]"
     kinds = {type(one).__name__ for one in values}

@@ -18,7 +18,7 @@ KEYS = frozenset({"maintainer", "license", "version"})
 
 
 class PackageInfo(FrozenStruct):
-    """Metadata of a ROS package: the name and `mail` of its `maintainer`, its `license` and its `version`."""
+    """Metadata of a ROS package: its `maintainer`, the maintainer's `mail`, its `license` and its `version`."""
 
     maintainer: str = "TODO"
     mail: str = "todo@todo.todo"
@@ -27,11 +27,11 @@ class PackageInfo(FrozenStruct):
 
     @staticmethod
     def of(texts: Mapping[str, str]) -> PackageInfo:
-        """Create the metadata from the texts of a workspace file, by key.
+        """Create the metadata from strings of a workspace file, by key.
 
-        Missing values are the placeholders that `ros2 pkg create` writes.
+        For missing values, use the placeholders that `ros2 pkg create` writes.
 
-        Raises `ValueError` or `TypeError` for invalid texts.
+        Raises `ValueError` or `TypeError` for invalid strings.
         """
         if not all(isinstance(text, str) for text in texts.values()):
             raise TypeError
@@ -47,5 +47,5 @@ class PackageInfo(FrozenStruct):
 
 
 def one_line(text: str) -> bool:
-    """Return whether a text is not blank, and printable."""
+    """Return whether a string is printable and not blank."""
     return bool(text.strip()) and text.isprintable()

@@ -127,7 +127,7 @@ NO_POSE = Pose()
 def turn_of(quaternion: Quaternion) -> Vector:
     """Return the rotation vector, axis times angle [rad] from 0 to pi, of a nonzero quaternion (w, x, y, z).
 
-    It is accurate near 0 and near pi.
+    The result is accurate near 0 and near pi.
     """
     w, x, y, z = quaternion if quaternion[0] >= 0.0 else (-quaternion[0], -quaternion[1], -quaternion[2], -quaternion[3])
     size = sqrt(x * x + y * y + z * z)
@@ -146,16 +146,16 @@ def quaternion_of(turn: Vector) -> Quaternion:
     return (cos(angle / 2.0), scale * turn[0], scale * turn[1], scale * turn[2])
 
 MATE = Pose(rotation=((0.0, -1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)))
-"""Pose of a mount in the mount that it is mated with: z axes opposed, x and y swapped and negated. It is its own inverse.
+"""Pose of a mount in the frame of a mated mount: z axes opposed, x and y swapped and negated. This pose is its own inverse.
 
-This is build123d's `Location((0, 0, 0), (180, 0, 90))`. It is stored as a matrix, because the same three angles
-as extrinsic angles are another rotation.
+In build123d, the pose is `Location((0, 0, 0), (180, 0, 90))`. The constant is a matrix, because the same three angles as extrinsic angles
+would be another rotation.
 """
 
 
 @one_operation
 def quarter_exact(angle: float) -> tuple[float, float]:
-    """Return (cos, sin) of an angle [rad], exact at multiples of 90 deg: a rotation by 90 deg has no entries like 6e-17."""
+    """Return (cos, sin) of an angle [rad]. The results are exact at multiples of 90 deg: a rotation by 90 deg has no entries like 6e-17."""
     quarters = angle / (math.pi / 2.0)
     nearest = round(quarters)
     if abs(quarters - nearest) < 1e-15 * max(1.0, abs(quarters)):
@@ -207,7 +207,10 @@ def placed(xyz: Vector, rpy: Vector) -> Pose:
 
 
 def rotation_of(quaternion: Quaternion) -> Matrix:
-    """Return the rotation matrix of a nonzero quaternion (w, x, y, z). No square root is used, so quarter turns about an axis are exact."""
+    """Return the rotation matrix of a nonzero quaternion (w, x, y, z) without a square root.
+
+    Quarter turns about an axis are therefore exact.
+    """
     w, x, y, z = quaternion
     squared = w * w + x * x + y * y + z * z
     return (
@@ -218,7 +221,7 @@ def rotation_of(quaternion: Quaternion) -> Matrix:
 
 
 def along(z: Vector, origin: Vector) -> Pose:
-    """Return a frame at a point [m] with a given unit vector as z axis. x and y are chosen (the coordinate axes if z is one of them)."""
+    """Return a frame at a point [m] with a given unit vector as z axis. If z is a coordinate axis, x and y are also coordinate axes."""
     least = min(range(3), key=lambda k: abs(z[k]))
     y = cross(z, IDENTITY[least])
     size = sqrt(dot(y, y))
@@ -229,7 +232,8 @@ def along(z: Vector, origin: Vector) -> Pose:
 def rpy_of(rotation: Matrix) -> Vector:
     """Return roll, pitch and yaw [rad] of a rotation, as in `placed`.
 
-    At a pitch of 90 deg, yaw and roll are about the same axis. Then the yaw is arbitrary, and the roll complements it.
+    At a pitch of 90 deg, yaw and roll are about the same axis. In this case, the yaw is arbitrary, and the roll is the rest of the
+    rotation.
     """
     (xx, xy, xz), (yx, yy, yz), (zx, _, _) = rotation
     yaw = atan2(yx, xx)
@@ -240,8 +244,8 @@ def rpy_of(rotation: Matrix) -> Vector:
 class Mirror:
     """Reflection at the plane through the origin that is normal to `axis` (`x | y | z`).
 
-    S is the reflection at the plane in a component's frame, and D reverses y of a mount's own frame. The image of a mount at X is at
-    `S X D`: its origin, x and z are mirrored, and y follows from them, so that frames stay right-handed.
+    S is the reflection at the plane in a component's frame, and D reverses y of a mount's own frame. The image of a mount at X is at `S X
+    D`: its origin, x and z are mirrored, and y is chosen so that the frame is right-handed.
     """
 
     def __init__(self, axis: str) -> None:
@@ -265,7 +269,7 @@ class Mirror:
         return Pose(rotation=(a, b, c), translation=self.vector(pose.translation))
 
     def frame(self, pose: Pose) -> Pose:
-        """Reflect a frame, `S X S`, whose content is reflected along the same axis of the frame."""
+        """Reflect a frame: `S X S`. The content of the frame must be reflected along the same axis of the frame."""
         return Pose(rotation=self.matrix(pose.rotation), translation=self.vector(pose.translation))
 
     @property

@@ -20,8 +20,8 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
     """A geometric primitive.
 
     `size` [m] is as in MuJoCo. Box: half sizes; cylinder and capsule: radius, half length (of the straight part) along z; sphere: radius;
-    ellipsoid: half axes; plane: half sizes along x and y, 0 if infinite. `pose` is in the part's frame. The z axis of a plane points out of
-    the solid side; a plane has neither volume nor area.
+    ellipsoid: half axes; plane: half sizes along x and y, 0 if infinite. `pose` is in the part's frame. The z axis of a plane points away
+    from its solid side. A plane has neither volume nor area.
     """
 
     shape: PrimitiveShape
@@ -59,7 +59,7 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
     def matter(self) -> MassProperties:
         """Mass properties at density 1, in the part's frame (standard formulas for homogeneous solids).
 
-        The volume [m^3] is the mass; the inertia [m^5] is about the centre [m].
+        The mass is the volume [m^3]. The inertia [m^5] is about the centre [m].
         """
         volume = self.volume
         a, b, c = (*self.size, 0.0, 0.0)[:3]

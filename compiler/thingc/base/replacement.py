@@ -13,13 +13,16 @@ from thingc.base.filesystem import NO_ROOM, opened, write_whole
 from thingc.base.suggestions import Hint, text_of
 
 Change = tuple[bytes | None, bytes | None]
-"""Content of a file as it was read, and its new content. None means that the file does not exist."""
+"""The content of a file when it was read, and its new content. None means that the file does not exist."""
 ATTEMPTS, PAUSE = 200, 0.01
-"""Number of attempts to lock a folder, and the pause [s] between them. Commands that replace files hold the lock for a shorter time."""
+"""Number of attempts to lock a folder, and the pause [s] between them.
+
+Commands that replace files hold the lock for less time than these attempts take.
+"""
 
 
 class ReplacementRefused(Exception):
-    """Files were not replaced. `diagnostic` is the reason."""
+    """The files were not replaced. `diagnostic` contains the reason."""
 
     def __init__(self, message: str, help: Hint | None = None) -> None:
         super().__init__(message)
@@ -27,10 +30,11 @@ class ReplacementRefused(Exception):
 
 
 def replace_files(changes: Mapping[str, Change]) -> None:
-    """Replace the contents of all files or of none, each by an atomic rename.
+    """Replace the contents of all files, or leave all files unchanged. Each replacement is an atomic rename.
 
-    Every file must still have the content that was read, because an editor may have saved it since. Files whose content does not change are
-    only compared. Commands that replace files in the same folders wait for each other. Links are followed, and files keep their mode.
+    Every file must still have the content that was read, because an editor may have saved the file in the meantime. Files without a change
+    are only compared. Commands that replace files in the same folders wait for each other. The function replaces the targets of links, and
+    preserves the modes of files.
 
     Raises `ReplacementRefused`.
     """
@@ -56,10 +60,10 @@ def replace_files(changes: Mapping[str, Change]) -> None:
 
 @contextlib.contextmanager
 def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, Change]], None]]:
-    """Write temporary contents, and the folders they need, in order to check other files.
+    """Write temporary contents, and create the necessary folders, in order to check other files.
 
     On exit, the old contents are restored, except in files that have changed in the meantime. The yielded callback also replaces the other
-    files; after it is called, nothing is restored. Both raise `ReplacementRefused`.
+    files. After a call of the callback, the old contents are not restored. The function and the callback raise `ReplacementRefused`.
     """
     folders = list(dict.fromkeys(folder for path in files for folder in _missing(os.path.dirname(path))))
     kept = False
@@ -80,17 +84,17 @@ def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, 
             with contextlib.suppress(ReplacementRefused):
                 replace_files({path: (after, before)})
         for folder in reversed(folders):
-            with contextlib.suppress(OSError):  # it is not empty
+            with contextlib.suppress(OSError):  # the folder is not empty
                 os.rmdir(folder)
 
 
 def _missing(folder: str) -> list[str]:
-    """Return the folder and its parents, outermost first, if they do not exist."""
+    """Return the missing folders among a folder and its parents, outermost first."""
     return [] if os.path.isdir(folder or ".") else [*_missing(os.path.dirname(folder)), folder]
 
 
 def _lock(folder: str, locks: contextlib.ExitStack) -> None:
-    """Lock a folder until the stack is closed. If the file system does not support locks, files are still compared."""
+    """Lock a folder until the stack is closed. Without locks in the file system, only the comparison of files prevents conflicts."""
     with contextlib.suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
         locks.callback(os.close, descriptor)

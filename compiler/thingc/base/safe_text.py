@@ -1,8 +1,8 @@
 """Escape untrusted text: names, file names and values in messages, tables, CSV cells, pictures, and scripts of pages.
 
 Documents, output of parts, locks, file names, the environment and the command line can contain anything: escape sequences of terminals,
-bidirectional control characters, invisible characters, line breaks, names of a million characters. All printed text is passed through one
-of the functions here.
+bidirectional control characters, invisible characters, line breaks, names of a million characters. All printed text passes through one of
+the functions of this module.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def escape_control(text: str, *, most: int = LONGEST) -> str:
     """Return `text` on one line, with invisible and control characters escaped as in Python: `\\x1b`, `\\n`, `\\u202e`.
 
     Lone surrogates (`\\ud800`), such as undecodable bytes of file names, are also escaped. Printable characters of any script are
-    unchanged. Texts with more than `most` characters are abbreviated in the middle.
+    unchanged. Strings with more than `most` characters are abbreviated in the middle.
     """
     text = _cut(text, most)
     return text if _is_printable(text) else "".join(map(_escaped, text))
@@ -40,14 +40,14 @@ def shown_line(line: str) -> str:
 
 
 def shortened(message: str) -> str:
-    """Abbreviate long quotations between backquotes in a message, and the message itself, in the middle."""
+    """Abbreviate long quotations between backquotes in a message, and then the message itself. The omitted characters are in the middle."""
     if len(message) <= LONGEST_QUOTE:
         return message
     return _cut(_QUOTE.sub(lambda quote: f"`{_cut(quote[1], LONGEST_QUOTE)}`", message), LONGEST)
 
 
 def some(words: Sequence[str], most: int, *, between: str = ", ") -> str:
-    """Join the first `most` words, followed by the number of the remaining ones: `a, b and 3 more`."""
+    """Join the first `most` words, followed by the number of the remaining words: `a, b and 3 more`."""
     first = between.join(words[:most])
     return f"{first} and {len(words) - most} more" if len(words) > most else first
 
@@ -60,7 +60,7 @@ def quoted(names: Sequence[str], most: int) -> str:
 def unseen(name: str) -> str:
     """Return the invisible characters of a name. A name with such characters cannot be displayed or stored in lines.
 
-    They are control characters, line ends, bidirectional marks, zero-width characters, and undecodable bytes of file names.
+    Invisible characters are control characters, line ends, bidirectional marks, zero-width characters, and undecodable bytes of file names.
     """
     if _is_printable(name):
         return ""
@@ -79,7 +79,7 @@ def is_text(name: str) -> bool:
 
 
 def json_text(text: str) -> str:
-    """Escape the characters in JSON that `escape_control` escapes. JSON escapes are used, so the values do not change."""
+    """Escape the characters in JSON that `escape_control` escapes. The function uses JSON escapes, so the values do not change."""
     if _is_printable(text.replace("\n", "")):
         return text
     return "\n".join(line if _is_printable(line) else "".join(map(_json_escaped, line)) for line in text.split("\n"))
@@ -100,7 +100,7 @@ def _json_escaped(character: str) -> str:
 
 
 def _cut(text: str, most: int) -> str:
-    """Abbreviate a text to about `most` characters: its beginning, its length, and its end."""
+    """Abbreviate a string to about `most` characters: its beginning, its length, and its end."""
     if len(text) <= most:
         return text
     tail = most // 4

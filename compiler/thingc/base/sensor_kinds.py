@@ -27,13 +27,13 @@ SensorKey = Literal["at", "in", "joint", "tendon", "of", "with", "volume", "rang
 """Keys of a sensor in documents, in addition to `type`."""
 
 CoordinateKey = Literal["lower", "velocity", "effort"]
-"""A value of the measured coordinate whose dimension the reading has."""
+"""Name of a value of the measured coordinate. The reading has the physical dimension of this value."""
 
 
 class SensorReading(FrozenStruct):
     """A number or vector that a sensor measures. Its name in files is `SENSOR:name`.
 
-    `unit` is the dimension of noise and cutoff. If it is missing (such as for a quaternion), these cannot be specified.
+    `unit` is the physical dimension of noise and cutoff. A reading without a unit (such as a quaternion) cannot have noise and cutoff.
     """
 
     name: ReadingName
@@ -41,7 +41,7 @@ class SensorReading(FrozenStruct):
 
 
 class SensorKind(FrozenStruct):
-    """A kind of sensor. One key of each group in `needs` is required; the keys in `may` are optional."""
+    """A kind of sensor. One key of each group in `needs` is required. The keys in `may` are optional."""
 
     name: SensorType
     readings: tuple[SensorReading, ...]
@@ -50,7 +50,10 @@ class SensorKind(FrozenStruct):
 
     @property
     def keys(self) -> frozenset[SensorKey]:
-        """All keys except `type`. Readings with units have noise and a cutoff; a `range` replaces the cutoff."""
+        """All keys except `type`. A sensor whose readings have units also has the keys for noise and cutoff.
+
+        If a `range` is allowed, it replaces the cutoff.
+        """
         own = {key for group in self.needs for key in group} | {*self.may}
         if any(reading.unit is not None for reading in self.readings):
             own |= {"noise"} if "range" in own else {"noise", "cutoff"}
@@ -65,7 +68,7 @@ class Measurement(OneLineRepr, FrozenStruct):
     """Settings of a sensor.
 
     `volume` is the sensitive volume of a touch sensor, in the frame of its mount. `fovy` [rad] is the vertical field of view of a camera.
-    `noise` and `cutoff` [SI] are by name of the reading.
+    `noise` and `cutoff` [SI] are keyed by the name of the reading.
     """
 
     kind: SensorType

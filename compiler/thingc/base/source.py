@@ -1,6 +1,6 @@
 """Positions in documents: spans, origins and the node tree that `load` produces.
 
-All values in documents keep their position. A `Span` is one location. An `Origin` is the chain of locations that created an element,
+All values of documents contain their position. A `Span` is one location. An `Origin` is the chain of locations that created an element,
 innermost first: the component, then the line of the parent document that nests it, and so on.
 """
 
@@ -37,7 +37,7 @@ class Span(FrozenStruct):
 
     @property
     def option(self) -> str | None:
-        """The command line option that specifies the value, if it is not in a file: `--set joints.elbow.limit.upper=1 deg`."""
+        """The command line option for a value that is not in a file: `--set joints.elbow.limit.upper=1 deg`."""
         return self.file if self.file.startswith(SET) else None
 
 
@@ -46,7 +46,7 @@ SET = "--set "
 
 
 def option_span(path: str, text: str) -> Span:
-    """Return the span of a value assigned by `--set` to a path of a document."""
+    """Return the span of a value that `--set` assigns to a path of a document."""
     return line_of(f"{SET}{path}={text}")
 
 
@@ -68,9 +68,9 @@ class Edit(FrozenStruct):
 
 
 class ScalarNode(FrozenStruct):
-    """A leaf: its typed value (YAML 1.2 core schema or TOML), the text as written, and its span.
+    """A leaf: its typed value (YAML 1.2 core schema or TOML), its source text, and its span.
 
-    `damaged` means that the value replaces an invalid one (a number that is not finite), which has been reported.
+    `damaged` means that the value replaces an invalid value (a number that is not finite) that has been reported.
     """
 
     value: Scalar
@@ -84,7 +84,7 @@ class ScalarNode(FrozenStruct):
 
 
 def text_of(node: Node | None) -> str:
-    """Return the text of a scalar as written, without quotes. Return "" for null and for other nodes."""
+    """Return the source text of a scalar without quotes. Return "" for null and for other nodes."""
     if not isinstance(node, ScalarNode) or node.value is None:
         return ""
     return node.value if isinstance(node.value, str) else node.text
@@ -101,15 +101,15 @@ class SequenceNode(FrozenStruct):
         return [item.plain() for item in self.items]
 
     def index(self, step: int | str) -> int | None:
-        """Return the index (from 0) for a path step that is a number or a text; None if it is out of range."""
+        """Return the index (from 0) for a path step that is a number or a string. Return None for an index out of range."""
         return next((index for index in range(len(self.items)) if step in (index, str(index))), None)
 
 
 class MappingNode(FrozenStruct):
-    """A mapping with its span. `entries` are in the order written, `keys` has the span of every key.
+    """A mapping with its span. `entries` is in document order, and `keys` contains the span of every key.
 
-    `damaged` means that it has an invalid key, which has been reported; the intended value is unknown. `again` are other places of the
-    keys: TOML repeats them in the headers of subtables.
+    `damaged` means that the mapping has an invalid key that has been reported, so its intended content is unknown. `again` contains other
+    places of the keys, because TOML repeats keys in the headers of subtables.
     """
 
     entries: dict[str, Node]
@@ -128,7 +128,7 @@ Path = tuple[Union[str, int], ...]
 
 
 def entries_of(node: Node | None) -> Mapping[str, Node]:
-    """Return the entries of a mapping; empty for other nodes."""
+    """Return the entries of a mapping. The result is empty for other nodes."""
     return node.entries if isinstance(node, MappingNode) else {}
 
 
@@ -146,7 +146,7 @@ def closest(paths: Iterable[str], place: str) -> str:
 
 
 def node_at(root: Node, path: Path) -> Node | None:
-    """Return the node at `path` (keys, and indices as numbers or text, from the root), or None if it does not exist."""
+    """Return the node at `path`, or None if it does not exist. `path` contains keys, and indices as numbers or strings."""
     node: Node | None = root
     for step in path:
         if isinstance(node, MappingNode) and isinstance(step, str):
@@ -191,7 +191,7 @@ def stands_in(node: Node, span: Span) -> bool:
 
 
 def walk(node: Node, path: Path = ()) -> Iterator[tuple[Path, Node]]:
-    """Yield every node of the tree with its path, parents before children, in the order written."""
+    """Yield every node of the tree with its path, in document order, parents before children."""
     yield path, node
     if isinstance(node, MappingNode):
         for key, child in node.entries.items():
@@ -218,7 +218,7 @@ class Document:
     _spans: dict[tuple[Path, bool], Span] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     def line(self, number: int) -> str:
-        """Return a line of the text, counted from 1, or "" after the last one."""
+        """Return a line of the text, counted from 1, or "" after the last line."""
         lines = re.split(r"\r\n|\r|\n", self.text)
         return lines[number - 1] if number <= len(lines) else ""
 

@@ -1,4 +1,4 @@
-"""Find the intended name of a misspelled one, and format suggestions."""
+"""Find the intended name for a misspelled name, and format suggestions."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _is_slip(name: str, candidate: str) -> bool:
 
 
 class Suggestion(FrozenStruct, kw_only=False):
-    """A hint with its text. `fix` is (written, replacement) if it is unambiguous: `Report.add` then adds it to the diagnostic."""
+    """A hint with its text. For an unambiguous hint, `fix` is (written, replacement), which `Report.add` adds to the diagnostic."""
 
     text: str
     fix: tuple[str, str] | None = None
@@ -45,7 +45,7 @@ class Suggestion(FrozenStruct, kw_only=False):
 
 
 Hint = str | Suggestion
-"""A message or a help: a text, or a suggestion that may have a fix."""
+"""A message or a help: a string, or a suggestion that may have a fix."""
 
 
 def text_of(hint: Hint | None) -> str | None:
@@ -95,7 +95,7 @@ def near_hint(name: str, candidates: Iterable[str]) -> Suggestion | None:
 
 
 def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> Hint:
-    """Return a hint for an unknown name that shows the most similar name, or else the known names (at most twelve)."""
+    """Return a hint for an unknown name. The hint shows the most similar name, otherwise at most twelve known names."""
     known = sorted(set(candidates))
     close = near_hint(name, known)
     if close is not None:
@@ -106,7 +106,7 @@ def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -
 
 
 def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> Hint:
-    """Return a hint as `did_you_mean` does for file names, which are compared without their extensions."""
+    """Return a hint for an unknown file name, as `did_you_mean`. File names are compared without their extensions."""
     by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
     close = nearest(os.path.splitext(name)[0], by_stem)
     if close is not None:

@@ -19,14 +19,14 @@ SYNONYMS = {
 """Synonyms of units in the table."""
 
 _LOOSE = re.compile(r"(?:\^|\*\*)?(-?[1-9]|[²³]?)(\s*[*/·.-]?\s*)")
-"""Allowed text after a unit: a power, and a separator before the next unit."""
+"""Pattern for the text after a unit: a power, and a separator before the next unit."""
 LONGEST = 30
-"""Maximum length of a text for which all interpretations are tried."""
+"""Maximum length of a string for which all interpretations are tried."""
 MAX_READINGS = 1000
 
 
 def spellings(text: str, units: Collection[str]) -> list[str]:
-    """Return all possible products of `units` for a text without operators: `N*ms/rad` and `N*m*s/rad` for `Nms/rad`."""
+    """Return all possible products of `units` for a string without operators: `N*ms/rad` and `N*m*s/rad` for `Nms/rad`."""
     return list(islice(_products(text, "", units), MAX_READINGS)) if 0 < len(text) <= LONGEST else []
 
 

@@ -1,7 +1,7 @@
-"""Quantities: numbers with a dimension, parsed from text such as `120 mm`, `4.1 N*m` or `1270 kg/m^3`.
+"""Quantities: numbers with a physical dimension, parsed from strings such as `120 mm`, `4.1 N*m` or `1270 kg/m^3`.
 
-Units are in a fixed table without rules for prefixes. Other units are errors with a hint. Conversion uses exact integer arithmetic, rounded
-once, so `72 mm` is 0.072 to the last bit.
+A fixed table contains all units; there are no rules for prefixes. Other units are errors with a hint. The conversion uses exact integer
+arithmetic and rounds once, so `72 mm` is 0.072 to the last bit.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Exponent = Union[int, "Fraction"]
 
 
 class UnitError(ValueError):
-    """Text that is not a quantity or has the wrong dimension.
+    """The error for a string that is not a quantity, or that has the wrong physical dimension.
 
     `kind` is `unit` (a unit is missing or unknown), `dimension` (another dimension is expected) or `quantity` (any other error). `offset`
-    and `end` are the range of invalid characters in the text, or None if it is all of the text.
+    and `end` are the range of invalid characters in the string, or None if the whole string is invalid.
     """
 
     def __init__(
@@ -39,9 +39,9 @@ class UnitError(ValueError):
 
 
 class Dimension(FrozenStruct, kw_only=False):
-    """Exponents of length, mass, time and angle. They are integers except after a square root.
+    """A physical dimension: the exponents of length, mass, time and angle. The exponents are integers except after a square root.
 
-    Angle is a dimension, so that 30 is not interpreted as 30 deg; see `fits` for exceptions.
+    Angle is a physical dimension, so that 30 is not interpreted as 30 deg. For exceptions, see `fits`.
     """
 
     length: Exponent = 0
@@ -78,7 +78,7 @@ class Dimension(FrozenStruct, kw_only=False):
 
     @property
     def symbol(self) -> str:
-        """The SI base units: `kg*m^2/s^2`; "" for a number."""
+        """The SI base units, such as `kg*m^2/s^2`, or "" for a number."""
         above: list[str] = []
         below: list[str] = []
         for unit, exponent in (("kg", self.mass), ("m", self.length), ("rad", self.angle), ("s", self.time)):
@@ -159,7 +159,7 @@ def fits(found: Dimension, expected: Dimension) -> bool:
 
 
 class Quantity(FrozenStruct, kw_only=False):
-    """A finite `value` in SI base units (m, kg, s, rad) and its dimension."""
+    """A finite `value` in SI base units (m, kg, s, rad) and its physical dimension."""
 
     value: float
     dimension: Dimension = NUMBER
@@ -190,7 +190,7 @@ _PI = 31415926535897932384626433832795028841971693993751058209749445923
 _PI_ONE = 10**64
 
 Unit = tuple[int, int, Dimension]
-"""SI value of a unit as numerator and denominator, and its dimension."""
+"""SI value of a unit as numerator and denominator, and its physical dimension."""
 
 UNITS: dict[str, Unit] = {
     "%": (1, 100, NUMBER),
@@ -226,7 +226,7 @@ MAX_FACTORS = 12
 def exact(number: str) -> tuple[int, int]:
     """Return a decimal number as numerator and denominator.
 
-    Raises UnitError (`quantity`) if it exceeds the range of a double (a power of ten above 400).
+    Raises UnitError (`quantity`) if the number exceeds the range of a double (a power of ten above 400).
     """
     mantissa, _, power = number.lower().partition("e")
     whole, _, decimals = mantissa.partition(".")
@@ -244,19 +244,19 @@ def exact(number: str) -> tuple[int, int]:
 def converted(number: str, unit: Unit) -> float:
     """Return the SI value of `number` (decimal text) in a unit, computed exactly and rounded once (as integer division is).
 
-    For plain degrees the value is the result of `math.radians`, as in most programs, because `math.degrees` inverts it best; its last bit
-    may differ from the exact value. Raises UnitError (`quantity`) if no finite double can represent it.
+    For plain degrees, the value is the result of `math.radians`, because `math.degrees` inverts it best. Its last bit may differ from the
+    exact value. Raises UnitError (`quantity`) if no finite double can represent it.
     """
     numerator, denominator = exact(number)
     try:
         value = math.radians(numerator / denominator) if unit == _DEGREE else (numerator * unit[0]) / (denominator * unit[1])
     except OverflowError:
         raise UnitError(f"the number `{shortened(number)}` is too large", offset=0, end=len(number)) from None
-    return value + 0.0  # converts -0 to 0
+    return value + 0.0  # this converts -0 to 0
 
 
 def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
-    """Return the signed number that begins at `at`, and its end; None if there is no number."""
+    """Return the signed number that begins at `at`, and its end. Return None if there is no number at `at`."""
     match = _NUMBER.match(text, at)
     return (match.group(), match.end()) if match else None
 
@@ -264,9 +264,9 @@ def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
 def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimension, ...] = ()) -> tuple[Unit, int]:
     """Return the unit that begins at `at` (`N*m*s/rad`, `m/s^2`) and its end.
 
-    With `compact` no spaces are allowed around `*` and `/`, and the unit ends before a `*` or `/` that no unit follows. This is the rule of
-    expressions, where `8 mm*i` is 8 mm times i. The help for an unknown unit suggests a unit of one of the `wanted` dimensions.
-    Raises UnitError (`unit`) for a word that is not a unit, and if a unit is missing.
+    With `compact`, as in expressions, spaces around `*` and `/` are invalid, and the unit ends before a `*` or `/` without a unit: `8 mm*i`
+    is 8 mm times i. The help for an unknown unit suggests a unit of one of the `wanted` dimensions. Raises UnitError (`unit`) for a word
+    that is not a unit, and if a unit is missing.
     """
     numerator, denominator, dimension = 1, 1, NUMBER
     sign = 1
@@ -317,7 +317,7 @@ def _unit_after(text: str, operator: re.Match[str]) -> bool:
 
 
 def _continues(text: str, at: int) -> bool:
-    """Return whether an identifier continues at `at`: `m_2` or `s(` do not contain the unit `m` or `s`."""
+    """Return whether an identifier continues at `at`. For example, `m_2` and `s(` do not contain the units `m` and `s`."""
     return at < len(text) and (text[at] in "_(." or text[at].isdigit())
 
 
@@ -345,7 +345,7 @@ def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimens
 def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
     """Return the unit for an informal spelling, or None: `N*m*s/rad` for `Nms/rad`, `kg*m^2` for `kg m2`, `kgf*cm` for `kg-cm`.
 
-    The unit has one of the `wanted` dimensions or, if none is given, any dimension with a name.
+    The unit has one of the `wanted` physical dimensions. Without `wanted`, it has any physical dimension with a name.
     """
     spelled = spellings(text.strip(), UNITS)
     spelled += [re.sub(r"\b(kg|lb)\b", r"\1f", one) for one in spelled]
@@ -356,8 +356,8 @@ def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
 def parse_quantity(text: str, wanted: tuple[Dimension, ...] = ()) -> Quantity:
     """Parse `120 mm`, `4.1 N*m`, `kg*m^2` products, `15 %`, or a bare number (of dimension NUMBER).
 
-    Spaces around `*` and `/` are allowed; a space between number and unit is optional.
-    Raises UnitError, whose help suggests a unit of a `wanted` dimension. Its offsets count characters of `text`.
+    Spaces around `*` and `/`, and between the number and the unit, are optional. Raises UnitError, whose help suggests a unit of a `wanted`
+    dimension. Its offsets count characters of `text`.
     """
     if len(text) > MAX_TEXT:
         raise UnitError(f"a quantity of {len(text)} characters is too long (at most {MAX_TEXT})")
@@ -393,7 +393,7 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
 
 
 def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
-    """Parse three numbers that share one unit: `0 120 30 mm`. `0 0 0` needs no unit.
+    """Parse three numbers with a common unit: `0 120 30 mm`. `0 0 0` does not need a unit.
 
     Raises UnitError. Its offsets count characters of `text`.
     """
@@ -439,9 +439,10 @@ def _separated(text: str) -> str | None:
 
 
 def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Quantity:
-    """Return the quantity if it has one of the expected dimensions. A bare 0 has any dimension.
+    """Return the quantity if it has one of the expected physical dimensions. A bare 0 has all physical dimensions.
 
-    `text` is its spelling. Raises UnitError with kind `unit` if only the unit is missing, else `dimension` with both dimensions.
+    `text` is the source text of the quantity. Raises UnitError with kind `unit` if only the unit is missing, otherwise with kind
+    `dimension` and both physical dimensions.
     """
     for dimension in expected:
         if quantity.fits(dimension):
@@ -470,7 +471,7 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
 def suggested_units(dimension: Dimension, numbers: str) -> tuple[str, ...]:
     """Return likely units for `numbers` without a unit, most likely first.
 
-    They are the usual units of drawings or, for small fractions (`1.57`, `0 0 0.12`), the SI units of URDF and MJCF.
+    The likely units are the usual units of drawings or, for small fractions (`1.57`, `0 0 0.12`), the SI units of URDF and MJCF.
     """
     drawn, si, most = _SUGGESTED.get(dimension, (dimension.example.partition(" ")[2], "", 0.0))
     if not si:
@@ -484,16 +485,16 @@ _SUGGESTED: dict[Dimension, tuple[str, str, float]] = {
     LENGTH: ("mm", "m", 2.0), ANGLE: ("deg", "rad", 6.3), MASS: ("g", "kg", 10.0), TIME: ("s", "ms", 0.0),
     ANGULAR_VELOCITY: ("rpm", "rad/s", 0.0),
 }
-"""By dimension: unit in drawings and data sheets, alternative (SI) unit, and the bound below which fractions suggest the SI unit."""
+"""By physical dimension: the unit in drawings, an alternative (SI) unit, and the bound below which fractions suggest the alternative."""
 
 _SURELY: dict[Dimension, float] = {
     DENSITY: 100.0,
     **dict.fromkeys((FORCE, ACCELERATION, ANGULAR_STIFFNESS, LINEAR_STIFFNESS, ANGULAR_DAMPING, LINEAR_DAMPING), -math.inf),
 }
-"""Dimensions for which values from this bound [SI] have only one plausible unit: no material has 100 g/cm^3."""
+"""Bounds [SI] by physical dimension. Larger values have only one plausible unit: no material has 100 g/cm^3."""
 
 
 def shortened(text: str, limit: int = 60) -> str:
-    """Shorten the text of a document to one line for a message."""
+    """Shorten a source text to one line for a message."""
     flat = " ".join(text.split())
     return flat if len(flat) <= limit else flat[: limit - 3] + "..."

@@ -1,6 +1,6 @@
 """Reproducible zip files: their bytes depend only on their content.
 
-Python's `zipfile` stores times and the operating system, and compresses again entries that are already compressed.
+Python's `zipfile` stores times and the operating system, and cannot write entries that are already compressed.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from thingc.base.frozen_struct import FrozenStruct
 
 MODEL = "model.xml"
-"""File name of the model in a `.mjz`, which MuJoCo looks for first."""
+"""File name of the model in a `.mjz`. MuJoCo searches for this name first."""
 
 DATE, TIME = 0x21, 0
 """Date (1980-01-01) and time of all entries, in MS-DOS format."""
@@ -33,8 +33,8 @@ class ZipEntry(FrozenStruct):
 
 
 def zipped(entries: Mapping[str, bytes | ZipEntry]) -> bytes:
-    """Return a zip file with these entries, sorted by name, reproducibly (format: PKWARE APPNOTE.TXT 6.3)."""
-    parts, directory, at = list[bytes](), bytearray(), 0  # joined only once, because meshes are large
+    """Return a reproducible zip file with these entries, sorted by name (format: PKWARE APPNOTE.TXT 6.3)."""
+    parts, directory, at = list[bytes](), bytearray(), 0  # join the pieces only once, because meshes are large
     for name in sorted(entries):
         content, encoded = entries[name], name.encode()
         entry = deflate(content) if isinstance(content, bytes) else content

@@ -1,4 +1,4 @@
-"""Definition of a joint kind, shared by the table of kinds and the passes."""
+"""Definition of a joint kind, which the table of kinds and the passes use."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Limits = Literal["required", "optional", "none", "cone"]
 class JointKind(FrozenStruct):
     """A kind of joint.
 
-    `twists` are the motions of its coordinates, in order. Each is in the parent mount's frame as moved by the twists before it: the child's
-    side is at `exp(twist_0 q_0) exp(twist_1 q_1) ...` relative to the parent's. A kind without twists does not move. `limits` applies to
-    `limit.lower` and `limit.upper` of each coordinate. If it `leads`, the document specifies the lead, the advance per turn. With
-    `at_once`, the coordinates are exponential coordinates, a rotation vector about axes through the mount's origin: the child's side is at
-    `exp(twist_0 q_0 + twist_1 q_1 + ...)`.
+    `twists` contains the motions of its coordinates, in order. Each twist is in the parent mount's frame, which the preceding twists have
+    moved: the child's side is at `exp(twist_0 q_0) exp(twist_1 q_1) ...` relative to the parent's side. A joint without twists does not
+    move. `limits` applies to `limit.lower` and `limit.upper` of each coordinate. If the kind `leads`, the document specifies the lead,
+    which is the advance per turn. With `at_once`, the coordinates are exponential coordinates, a rotation vector about axes through the
+    mount's origin: the child's side is at `exp(twist_0 q_0 + twist_1 q_1 + ...)`.
     """
 
     name: JointType
@@ -52,7 +52,7 @@ class JointKind(FrozenStruct):
 
     @property
     def moves(self) -> bool:
-        """Whether the joint has a coordinate. If not, the components that it connects are one link."""
+        """Whether the joint has a coordinate. A joint without coordinates connects its components to one link."""
         return bool(self.twists)
 
     @property
@@ -68,7 +68,7 @@ class JointKind(FrozenStruct):
 
     @property
     def coordinate(self) -> Dimension | None:
-        """Dimension of q if there is exactly one coordinate, else None."""
+        """Physical dimension of q for a joint with exactly one coordinate, otherwise None."""
         return self.twists[0].coordinate if len(self.twists) == 1 else None
 
 

@@ -31,7 +31,7 @@ KINDS: Mapping[str, JointKind] = {kind.name: kind for kind in (
 
 
 def coordinates_of(kind: JointType) -> range:
-    """Return the indices of the coordinates of a kind with several coordinates; empty for other kinds."""
+    """Return the indices of the coordinates of a kind with several coordinates. The result is empty for other kinds."""
     count = len(KINDS[kind].twists)
     return range(count if count > 1 else 0)
 
@@ -41,7 +41,7 @@ BaseType = Literal["fixed", "held", "free", "planar", "ball"]
 
 
 def moving_as(base: BaseType) -> JointKind | None:
-    """Return the joint kind of a base's motion; None for a fixed, held or free base."""
+    """Return the joint kind of a base's motion, or None for a fixed, held or free base."""
     match base:
         case "planar" | "ball":
             return KINDS[base]

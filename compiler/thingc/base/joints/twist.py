@@ -1,4 +1,4 @@
-"""Twists: the motion of one coordinate of a joint, and the dimensions of its values.
+"""Twists: the motion of one coordinate of a joint, and the physical dimensions of its values.
 
 By Chasles' theorem any rigid motion of one coordinate at a constant rate is a rotation about a line with a translation along it. One type
 therefore covers revolute, prismatic and screw joints. For the exponential and changes of frame see Lynch and Park, Modern Robotics, 2017,
@@ -34,17 +34,17 @@ TURN: Mapping[str, Dimension] = {
     "velocity": ANGULAR_VELOCITY, "damping": ANGULAR_DAMPING, "friction": TORQUE, "armature": INERTIA, "stiffness": ANGULAR_STIFFNESS,
     "rest": ANGLE,
 }
-"""Dimensions of the values of a rotational coordinate, by key."""
+"""Physical dimensions of the values of a rotational coordinate, by key."""
 SLIDE: Mapping[str, Dimension] = {
     "lower": LENGTH, "upper": LENGTH, "offset": LENGTH, "kp": LINEAR_STIFFNESS, "kv": LINEAR_DAMPING, "effort": FORCE,
     "velocity": VELOCITY, "damping": LINEAR_DAMPING, "friction": FORCE, "armature": MASS, "stiffness": LINEAR_STIFFNESS,
     "rest": LENGTH,
 }
-"""Dimensions of the values of a translational coordinate, by key."""
+"""Physical dimensions of the values of a translational coordinate, by key."""
 
 
 def dimensions_of(coordinate: Dimension) -> Mapping[str, Dimension]:
-    """Return the dimensions of the values of a coordinate by key, given the dimension of the coordinate."""
+    """Return the physical dimensions of the values of a coordinate by key. They depend on the physical dimension of the coordinate."""
     return TURN if coordinate == ANGLE else SLIDE
 
 
@@ -54,8 +54,8 @@ NONE: Vector = (0.0, 0.0, 0.0)
 class Twist(FrozenStruct, kw_only=False):
     """A motion per unit of q, in some frame.
 
-    It rotates by `angular` (a unit vector, or 0 for a pure translation), while the point `anchor` [m] on the axis moves by `linear`
-    (parallel to the axis; a unit vector for a pure translation).
+    The motion is a rotation by `angular` (a unit vector, or 0 for a pure translation), while the point `anchor` [m] on the axis moves by
+    `linear` (parallel to the axis; a unit vector for a pure translation).
     """
 
     angular: Vector = NONE
@@ -79,17 +79,17 @@ class Twist(FrozenStruct, kw_only=False):
 
     @property
     def pitch(self) -> float:
-        """Advance along the axis [m/rad]; 0 for a pure rotation or translation."""
+        """Advance along the axis [m/rad]. The pitch is 0 for a pure rotation or translation."""
         return dot(self.angular, self.linear)
 
     @property
     def coordinate(self) -> Dimension:
-        """Dimension of q."""
+        """Physical dimension of q."""
         return ANGLE if self.turns else LENGTH
 
     @property
     def dimensions(self) -> Mapping[str, Dimension]:
-        """Dimensions of the values of this coordinate by key (`kp`, `damping`, ...)."""
+        """Physical dimensions of the values of this coordinate by key (`kp`, `damping`, ...)."""
         return dimensions_of(self.coordinate)
 
     def shown(self, q: float) -> str:
@@ -135,8 +135,8 @@ _PLAIN = {X: turned_x, Y: turned_y, Z: turned_z}
 def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = False) -> Pose:
     """Return the pose of a frame moved by twists with coordinates `q` (one per twist).
 
-    Twists are applied in sequence, each in the frame that the twists before it have moved. With `at_once`, they are exponential
-    coordinates: their sum is a rotation vector about an axis through their common point.
+    The function applies the twists in sequence, each in the frame that the preceding twists have moved. With `at_once`, `q` contains
+    exponential coordinates: the sum of the twists is a rotation vector about an axis through their common point.
     """
     if at_once:
         vector = rotation_vector(twists, q)
@@ -154,7 +154,8 @@ def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = Fa
 def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, at_once: bool = False) -> Iterator[tuple[int, Twist]]:
     """Yield the index and the twist of the motion of every coordinate at `q`, from the last to the first.
 
-    Twists are in the frame of `pose`, which is the pose of the frame that they move. With `at_once`, the angular part is not a unit vector.
+    Twists are in the reference frame of `pose`, which is the pose of the frame that the twists move. With `at_once`, the angular part is
+    not a unit vector.
     """
     if at_once:
         turned = rotation_vector(twists, q)
@@ -186,7 +187,7 @@ def _right_jacobian(w: Vector, v: Vector) -> Vector:
     """Return the angular velocity in body axes for a rotation vector w with the time derivative v.
 
     This is `v - b w x v + c w x (w x v)` with b = (1 - cos a) / a^2, c = (a - sin a) / a^3, a = |w| (Chirikjian, Stochastic Models,
-    Information Theory, and Lie Groups 2, 2012, section 10.3.3); near 0, b and c are computed by their series.
+    Information Theory, and Lie Groups 2, 2012, section 10.3.3); near 0, the function computes b and c by their series.
     """
     a = hypot(*w)
     if a < 1e-2:
@@ -199,4 +200,4 @@ def _right_jacobian(w: Vector, v: Vector) -> Vector:
 
 
 def _negated(v: Vector) -> Vector:
-    return (0.0 - v[0], 0.0 - v[1], 0.0 - v[2])  # 0 - 0 is 0, but negation would give -0.0, which would be written as such
+    return (0.0 - v[0], 0.0 - v[1], 0.0 - v[2])  # 0 - 0 is 0, but negation would give -0.0, and files would contain -0.0

@@ -1,7 +1,7 @@
 """Slice a part into printed layers and sum the material of the layers, in a child of the worker. Lengths are in mm.
 
-The method is the method of PrusaSlicer 2.5, with regions instead of paths. Names of PrusaSlicer are in brackets. If a document does not set
-a key, the default of PrusaSlicer applies.
+The module implements the method of PrusaSlicer 2.5, with regions instead of paths. Names of PrusaSlicer are in brackets. If a document does
+not set a key, the default of PrusaSlicer applies.
 
 1. A line of width w in a layer of height h has a cross section of s h with s = w - h (1 - pi/4): a rectangle with semicircular ends [Flow].
    Lines of infill have the spacing s.
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_LAYERS = 20_000
-"""Maximum number of layers. Printers never print more layers: the unit of the layer height is then probably wrong."""
+"""Maximum number of layers. If a part has more layers, the unit of the layer height is probably wrong."""
 
 NOZZLE = 1.0 / 1.125
 """Default diameter of the nozzle, relative to the width of a line [auto_extrusion_width]."""
