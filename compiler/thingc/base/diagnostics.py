@@ -159,7 +159,7 @@ class Code(DiagnosticCode):
     PART_SWARMED = ("TC411", "part starts too many processes", "Start fewer processes, and wait for each process.")
     NOT_TWICE = ("TC412", "part that is not reproducible", "Sort the items of a set, set seeds, and replace other inputs by parameters.")
     NO_RESULT = ("TC413", "Thing without a result", "Define `result(self)`. It must return the geometry, or None without geometry.")
-    APART = ("TC414", "solids that do not touch", "Make the solids overlap, or return a list of solids.", Stage.CHECK)
+    APART = ("TC414", "solids that do not touch", "Make the solids overlap, or return them as a list.", Stage.CHECK)
     DENSITY = ("TC415", "implausible density", "Check the unit: the density of solids is 10 to 25 000 kg/m^3.", Stage.CHECK)
     SIZE = ("TC416", "part of implausible size", "Check the unit: `unit:` of a mesh file, or the unit of a parameter.", Stage.CHECK)
     ROBOT_MASS = ("TC417", "robot of implausible mass", "Check the units of densities, masses and mesh files.", Stage.CHECK)
