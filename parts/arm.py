@@ -1,7 +1,7 @@
 """The printed parts of the pen-drawing arm: the links between its Dynamixel XM430 servos, and the hand that holds the pen.
 
-Each part that holds a servo places the servo at its mount and derives faces, holes and clearances from it, so no dimension of a servo is
-repeated here. All holes of a part are cut in one boolean operation.
+Each part that holds a servo places the servo at its mount and derives faces, holes and clearances from it, so this module repeats no
+dimension of a servo. All holes of a part are cut in one boolean operation.
 """
 
 from __future__ import annotations
@@ -67,11 +67,11 @@ class BasePlate(Thing):
 
 
 class YawPitchBracket(Thing):
-    """A cradle on the horn of the yaw servo. The shoulder servo stands in it, with its axis perpendicular to the yaw axis.
+    """A cradle on the horn of the yaw servo. It holds the shoulder servo, whose axis is perpendicular to the yaw axis.
 
-    The origin is on the yaw axis in the horn's face; z is up, and x is the forward direction of the arm. The shoulder axis is along +y,
-    so a positive angle lowers the arm. The screws to the horn are countersunk in the platform, under the shoulder servo. The screws that
-    hold the shoulder servo are inserted from the sides.
+    The origin is on the yaw axis in the horn's face; z is up, and x is the forward direction of the arm. The shoulder axis is along +y, so
+    a positive angle lowers the arm. The screws to the horn are countersunk in the platform, under the shoulder servo. You insert the screws
+    that hold the shoulder servo from the sides.
 
     Args:
         thickness: thickness of the platform
@@ -323,6 +323,6 @@ def _tongue(width: float, end: float, bottom: float, thickness: float) -> Solid:
 
 
 def _gusset(width: float, y: float, z: float, leg: float) -> Solid:
-    """Return a prism of this width in the corner between a leg above `z` and a leg beyond `y`, which extends by `leg` along both [mm]."""
+    """Return a prism of this width in the corner between a leg above `z` and a leg beyond `y`. It extends by `leg` along both [mm]."""
     corner = [(-width / 2, y - leg, z), (-width / 2, y, z - leg), (-width / 2, y, z)]
     return Solid.extrude(Face(Wire.make_polygon(corner)), (width, 0, 0))

@@ -93,7 +93,7 @@ class Chassis(Thing):
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The case as a solid block. Its contents are never separate from it."""
+        """The case as a solid block, which includes its contents."""
         return [self.hull]
 
 

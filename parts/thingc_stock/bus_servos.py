@@ -47,7 +47,7 @@ class BusServo(Thing):
     case, and `idler` is the face of the idler. `screws_horn` are the threaded holes of the horn; number 0 is at +x, and they are counted
     towards +y.
 
-    The solid has no cavities. Its inertia is scaled to the mass of the model.
+    The solid has no cavities. thingc scales its inertia to the mass of the model.
     """
 
     drawing: ClassVar[Drawing]
@@ -87,7 +87,7 @@ class BusServo(Thing):
         pieces = [bevelled(d.horn[0], d.horn[1] + 0.5, 0.4, d.depth / 2 - 0.5)]
         if d.idler[1]:
             pieces.append(bevelled(d.idler[0], d.idler[1] + 0.5, 0.3, self.idler_z))
-        seam = [  # case and lid meet in a groove
+        seam = [  # the groove between case and lid
             block((d.width + 2, d.height + 2, 0.6), (0, self.middle, z)).cut(block((d.width - 0.8, d.height - 0.8, 2), (0, self.middle, z)))
             for z in (0.22 * d.depth, -0.28 * d.depth)
         ]

@@ -16,7 +16,7 @@ class Cell18650(Thing):
     The origin is in the middle of the axis; z points to the positive pole.
 
     Specification of product ICR18650-26C, version 1.0: at most 18.40 mm in diameter, 65.00 mm long and 47.0 g. The solid has no cavities.
-    Its inertia is scaled to the mass in the specification.
+    thingc scales its inertia to the mass in the specification.
 
     Mounts: `plus` and `minus` are the poles, and `side` is on the cylindrical surface at half the length.
 
@@ -103,7 +103,7 @@ class CellTray(Thing):
 
         block = Solid.make_box(self.length, self.width, self.height, Plane((-self.length / 2, -self.width / 2, 0)))
         roomy = cell.adjust(diameter__add=2 * play)
-        # down to the wall, but not into it, because the clearance is above and beside the cell
+        # the bed ends at the wall, because the clearance is above and beside the cell
         beds = [(Pos(0, y, wall + roomy.p.diameter / 2) * Location((0, 0, 0), (0, 90, 0))) * roomy.hull() for y in across]
         springs = [
             Solid.make_box(contact, 0.6 * pitch, self.height, Plane((x - contact / 2, y - 0.3 * pitch, wall)))

@@ -105,7 +105,7 @@ class XSeries(Thing):
     thickness. `screws_left`, `screws_right`, `screws_front`, `screws_top`, `screws_bottom`, `screws_horn` and `screws_idler` are lists of
     the holes of a face. In the last two lists, number 0 is at +x, and holes are counted towards +y.
 
-    The solid has no cavities. Its inertia is scaled to the manufacturer's mass.
+    The solid has no cavities. thingc scales its inertia to the manufacturer's mass.
 
     The dimensions of a model are constant. For cutting, `XM430().adjust(width__add=0.2)` returns the same servo with clearance.
 

@@ -74,10 +74,10 @@ class Screw(Thing):
     def clearance_hull(self) -> Solid:
         """The solid to subtract for the screw.
 
-        It is the clearance hole and, above the bearing plane, the head with `HEAD_PLAY` around it. It is high enough to insert the screw
-        along its axis.
+        The solid consists of the clearance hole and, above the bearing plane, a cylinder for the head with a clearance of `HEAD_PLAY`. The
+        cylinder is high enough to insert the screw along its axis.
         """
-        return deepcopy(self._clearance)  # the kernel adds curves to a shape that is used as a tool, and each call takes longer
+        return deepcopy(self._clearance)  # the kernel adds curves to a shape that it uses as a tool, so each further call takes longer
 
     @property
     def tapped_hull(self) -> Solid:

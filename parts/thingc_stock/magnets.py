@@ -57,7 +57,7 @@ class HoldingMagnet(Thing):
     def pull(self, flux_density: float = SATURATION) -> float:
         """Return the maximum pull [N] on thick steel without a gap, with this flux density [T] in both poles.
 
-        It is B^2 A / (2 mu_0) for each pole. The nominal pull must be smaller.
+        The pull of each pole is B^2 A / (2 mu_0). The nominal pull must be smaller than the maximum pull.
         """
         inner, outer = self.groove
         area = min(inner**2, (self.p.diameter / 2) ** 2 - outer**2) * pi * 1e-6

@@ -76,7 +76,7 @@ class HobbyServo(Thing):
     a horn. `bottom`, `left` (+x), `right`, `front` (+y) and `back` are the faces of the case. `ear_0`, `ear_1` ... are the places of the
     screw heads.
 
-    The solid has no cavities. Its inertia is scaled to the mass of the model.
+    The solid has no cavities. thingc scales its inertia to the mass of the model.
     """
 
     drawing: ClassVar[Drawing]

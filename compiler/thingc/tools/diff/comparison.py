@@ -439,7 +439,7 @@ class Comparison(OneLineRepr, FrozenStruct):
 
 
 def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: None) -> Comparison:
-    """Compare two snapshots. The function `farthest` returns the distance between surfaces; if None, surfaces are not compared."""
+    """Compare two snapshots. The function `farthest` returns the distance between surfaces. By default, surfaces are not compared."""
     pairing = NameMapping(old, new)
     changes = StatedChanges(pairing).changes
     _Following(pairing, changes, farthest).all()

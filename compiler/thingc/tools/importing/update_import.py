@@ -124,7 +124,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
 
 
 def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report: Report) -> dict[str, Change]:
-    """Return the new contents of mesh files that changed in the source. Report files that the user has changed, and omit them."""
+    """Return the old and new contents of mesh files that changed in the source. Report files that the user has changed, too."""
     written: dict[str, Change] = {}
     for name, content in meshes.items():
         there = earlier.read(name)
