@@ -305,7 +305,7 @@ class PenDummy(Thing):
 
 
 def _swing(servo: XM430) -> float:
-    """Return the distance [mm] from the axis to the corners next to the output. A part across that end must be outside this radius."""
+    """Return the distance [mm] from the axis to the corners next to the output. A part across this end must be outside this radius."""
     return hypot(servo.p.width / 2, servo.top.location.position.Y)
 
 

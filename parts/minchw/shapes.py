@@ -62,7 +62,7 @@ def sunk(hole: Hole, thickness: float, below: float) -> Screw:
 
 
 def swing(servo: XSeries) -> float:
-    """Return the distance [mm] from the axis to the corners next to the output. A part that turns across that end must be outside."""
+    """Return the distance [mm] from the axis to the corners next to the output. A part that turns across this end must be further out."""
     return hypot(servo.p.width / 2, servo.top.location.position.Y)
 
 
