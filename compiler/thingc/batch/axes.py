@@ -1,4 +1,4 @@
-"""Read the axes of a `variants/1` document, and check every value against its parameter."""
+"""Read the axes of a `variants/1` document, and check whether every value is valid for its parameter."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from thingc.geometry.record import Value
 from thingc.model.resolve.parameters import AssemblyParameters
 
 MOST_VALUES = 100_000
-"""Maximum number of values of one axis."""
+"""Maximum number of values of an axis."""
 MOST_TRIED = 20
-"""Maximum number of values at one path that are checked with the assembly before the batch starts."""
+"""Maximum number of values at a path that are checked with the assembly before the batch starts."""
 
 
 class Axis(FrozenStruct):
     """An axis of the variants: the parameter `key` or, with `choice`, the part selected at the path `key`.
 
-    It has `values`, or a `range` to sample from. With `whole`, only integers are sampled, including both ends.
+    An axis has `values`, or a `range` from which values are sampled. With `whole`, only integers are sampled, including both ends.
     """
 
     key: str
@@ -47,10 +47,10 @@ class Axis(FrozenStruct):
 
 
 class AxisParser:
-    """Reads the values of one `variants/1` document.
+    """Reads the values of a `variants/1` document.
 
-    `parameters` are the parameters of the assembly. `fits(path, text, at)` returns whether a text is valid at one of the `paths`, and
-    reports invalid texts.
+    `parameters` are the parameters of the assembly. `fits(path, text, at)` returns whether a string is a valid value at one of the `paths`,
+    and reports invalid strings.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class AxisParser:
         self.tried: dict[str, int] = {}
 
     def value(self, name: str, raw: Any, path: Path) -> ExpressionValue | None:
-        """Check a value of a parameter or at a path. Return None after reporting an invalid value."""
+        """Check a value of a parameter or a value at a path. If the value is invalid, report the error and return None."""
         if isinstance(raw, Expression):
             self._error(
                 Code.VARIANT_VALUE, "a variant must have values; write expressions in the assembly", path,
@@ -83,11 +83,11 @@ class AxisParser:
 
         value, own = self.parameters.fitting(name, stated, complain), self.parameters.values.get(name)
         if isinstance(value, Quantity) and value.dimension == NUMBER and value.value == 0.0 and isinstance(own, Quantity):
-            return Quantity(0.0, own.dimension)  # 0 without unit
+            return Quantity(0.0, own.dimension)  # 0 without a unit
         return value
 
     def _by_path(self, name: str, value: ExpressionValue, path: Path) -> ExpressionValue | None:
-        """Check a value at a path. The first `MOST_TRIED` values are checked with the assembly, and others must be of the same kind."""
+        """Check a value at a path. The first `MOST_TRIED` values are checked with the assembly. Other values must be of the same kind."""
         tried = self.tried[name] = self.tried.get(name, 0) + 1
         if tried <= MOST_TRIED and not self.fits(name, self._written(path) or text_of(value), path):
             self.tried[name] = MOST_TRIED if tried == 1 else tried
@@ -154,7 +154,7 @@ class AxisParser:
         return tuple(written if written is not None else spaced_si(first, last, count))
 
     def range(self, name: str, raw: list[Any]) -> Axis | None:
-        """Return the axis of a parameter that is sampled from a range. Return None after reporting an invalid range."""
+        """Return the axis of a parameter that is sampled from a range. If the range is invalid, report the error and return None."""
         path: Path = ("sample", "ranges", name)
         low, high = (self.value(name, one, (*path, index)) for index, one in enumerate(raw))
         if low is None or high is None:
@@ -177,7 +177,7 @@ class AxisParser:
         return Axis(key=name, range=(low, high), whole=whole)
 
     def count(self, raw: Any, path: Path, *, least: int, most: int = MOST_VALUES) -> int | None:
-        """Check an integer. Return None after reporting that it is invalid or out of bounds."""
+        """Check an integer. If the integer is invalid or out of bounds, report the error and return None."""
         if isinstance(raw, Expression):
             self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be a number, not an expression", path, help="write the number")
             return None

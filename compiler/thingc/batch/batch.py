@@ -56,7 +56,7 @@ from thingc.targets.artifact import HOW
 TIMEOUT = 600.0
 """Default time limit [s] for one variant."""
 SHARE = 64
-"""Default of `verify`: MuJoCo compiles one of this many models that differ only in numbers."""
+"""Default of `verify`: MuJoCo compiles one out of this many models that differ only in numbers."""
 CHUNK_SECONDS = 0.5
 """Target duration [s] of a chunk."""
 CHUNK_MOST = 64
@@ -64,9 +64,9 @@ CHUNK_MOST = 64
 ANEW = "run it without --resume"
 """Help text if there is no batch to resume."""
 ATTEMPTS = 3
-"""Number of attempts for a variant that an executor loses."""
+"""Number of attempts to build a variant that an executor loses."""
 PIECES = 8
-"""Number of chunks into which a lost chunk is split. If a variant is lost again, fewer others are lost with it."""
+"""Number of chunks into which a lost chunk is split. If a variant causes another loss, fewer other variants are lost with it."""
 CHANCE = frozenset((Code.PART_CRASHED.code, Code.PART_HUNG.code))
 """Errors of a part that can be caused by the machine."""
 REFRESH = 30.0
@@ -82,19 +82,15 @@ def run(
     """Build the variants of a `variants/1` document into `<output>/<name>/`. The default `output` is the workspace's build folder.
 
     Args:
-        executor: An engine, such as the result of `thingc.batch.cluster.connection.connect`; None: processes on this machine. It calls
-            `thingc.batch.engine.evaluate`. Its workers must see the documents and the folder under the same paths, unless `ship` is set.
-        jobs: Number of processes (0: one per core). With an `executor`, number of chunks at a time.
-        emit: Targets that replace the targets of the document.
-        limit: Build only this many variants, in order.
-        resume: Continue an interrupted batch.
-        timeout: Time limit [s] for one variant.
-        verify: MuJoCo compiles one of this many models that differ only in numbers (1: each, 0: none).
-        options: Options of the compiler, such as the store.
-        pictures: Maximum number of pictures on the page (`pictures.ALL`: all; None: 48, or none for more than 200 variants).
-        ship: Copy the workspace to the workers, and built variants back. The cluster must support it (dask).
-        retry: With `resume`, also retry variants that failed, or were refused because a part crashed or hung.
-        layout: `folders` or `packed`, which replaces the layout of the document (default: `packed` for more than 2000 variants).
+        executor: An engine, such as the result of `thingc.batch.cluster.connection.connect`; None: processes on this machine. The engine
+        calls `thingc.batch.engine.evaluate`. Its workers must find the documents and the folder at the same paths, unless `ship` is set.
+        jobs: Number of processes (0: one per core). With an `executor`, number of chunks at a time. emit: Targets that replace the targets
+        of the document. limit: Build only this many variants, in order. resume: Continue an interrupted batch. timeout: Time limit [s] for
+        one variant. verify: MuJoCo compiles one out of this many models that differ only in numbers (1: each, 0: none). options: Options of
+        the compiler, such as the store. pictures: Maximum number of pictures on the page (`pictures.ALL`: all; None: 48, or none for more
+        than 200 variants). ship: Copy the workspace to the workers, and built variants back. The cluster must support it (dask). retry:
+        With `resume`, also retry variants that failed, and variants that were refused because a part crashed or hung. layout: `folders` or
+        `packed`, which replaces the layout of the document (default: `packed` for more than 2000 variants).
 
     Raises `PlanError` for a document with errors, `BatchFault` if the batch cannot start or continue, and `Interrupted` after SIGINT or
     SIGTERM. Use `resume` to continue an interrupted batch.
@@ -126,18 +122,18 @@ def run(
 
 @dataclass(slots=True)
 class _Chunk:
-    """Variants that are submitted together."""
+    """Variants that are submitted in a single call."""
 
     variants: list[Variant]
     attempts: int = 0
 
 
 class _Stopped(Exception):
-    """Raised after a signal. No more variants are submitted."""
+    """Raised after a signal. No further variants are submitted."""
 
 
 class _Batch:
-    """One run of a batch. It uses a single thread in addition to the threads of the engine."""
+    """A run of a batch. The run uses a single thread in addition to the threads of the engine."""
 
     def __init__(
         self, plan: Plan, folder: str, asked: RunOptions, transfer: WorkspaceArchive | None, on_progress: OnProgress | None,
@@ -190,7 +186,7 @@ class _Batch:
         return describe(self.plan, layout=self.layout, asked=self.count, finished=finished, wanted=wanted)
 
     def journal(self) -> Journal | PackedWriter:
-        """Open the journal of finished variants."""
+        """Open the journal, which records finished variants."""
         if self.layout == PACKED:
             return PackedWriter(self.folder, self.done)
         return Journal(os.path.join(self.folder, folder_layout.JOURNAL))
@@ -198,8 +194,8 @@ class _Batch:
     def _remember(self, *, retry: bool) -> None:
         """Read the results of an earlier run.
 
-        A variant recorded as built is built again if its files are missing. With `retry`, a failed variant is built again unless its
-        documents were the reason.
+        A built variant is rebuilt if its files are missing. With `retry`, a failed variant is rebuilt, unless its documents caused the
+        failure.
         """
         for index, status, there in outcomes(self.folder, chance=_by_chance if retry else None):
             if index < self.count:
@@ -225,7 +221,7 @@ class _Batch:
                 self._loop(engine, job, journal, streaming=own is not None)
                 whole = True
             except _Stopped:
-                pass  # raised below, when the runners have ended: until then they finish variants
+                pass  # the signal is raised below, after the runners have ended: until then, runners finish variants
             finally:
                 if own is not None:
                     own.shutdown(wait=True, cancel_futures=not whole)
@@ -240,7 +236,7 @@ class _Batch:
             if not whole:
                 raise Interrupted(self.folder, self._total(), self.count)
             if own is None:
-                folder_layout.sweep(self.folder)  # left by workers that died
+                folder_layout.sweep(self.folder)  # temporary files of workers that died
             journal.sync()
             write_batch(self.folder, self._described(finished=True, wanted=self._tables()))
         statuses = self.earlier + self.counts
@@ -253,7 +249,7 @@ class _Batch:
         )
 
     def _tables(self) -> tuple[Column, ...]:
-        """Write the tables unless they are up to date, and return their columns."""
+        """Write the tables, unless they are up to date. Return the columns of the tables."""
         names = folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET
         if not self.counts and self.before.get("finished") and unchanged(self.folder, *names):
             return tuple(Column(name=one["name"], kind=one["kind"], unit=one["unit"]) for one in self.before["columns"])
@@ -262,7 +258,7 @@ class _Batch:
         return wanted
 
     def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[RemoteExecutor | None]:
-        """Return the executor that copies files to and from a cluster, or None without `ship`."""
+        """Return the executor that transfers files to and from a cluster, or None without `ship`."""
         if self.transfer is None or not isinstance(cluster, FileTransferExecutor):
             return contextlib.nullcontext()
         return RemoteExecutor(cluster, self.transfer, self.folder, store_of(self.asked.options))
@@ -301,7 +297,7 @@ class _Batch:
         self._tell(last=True)
 
     def _left(self, journal: Journal | PackedWriter) -> Iterator[Variant]:
-        """Yield the variants to build, in plan order. Variants that violate a rule on parameters are recorded here."""
+        """Yield the variants to build, in plan order. Variants that violate a rule on parameters are recorded and not yielded."""
         if all(self.done):
             return
         for variant in self.plan.besides(self.done):
@@ -316,13 +312,13 @@ class _Batch:
             yield variant
 
     def _ahead(self, engine: Executor) -> int:
-        """Return the maximum number of chunks at a time."""
+        """Return the maximum number of chunks that run at the same time."""
         return engine.ahead if isinstance(engine, Cluster) else 2 * self.asked.jobs
 
     def _size(self, engine: Executor) -> int:
         """Return the size of the next chunk.
 
-        It contains as many variants as can be built in the target duration, but few enough to keep all runners busy.
+        The chunk contains as many variants as can be built in the target duration, but few enough to keep all runners busy.
         """
         first, seconds, most = 1, CHUNK_SECONDS, CHUNK_MOST
         if isinstance(engine, Cluster):
@@ -372,7 +368,7 @@ class _Batch:
             })
 
     def _take(self, journal: Journal | PackedWriter, row: Row) -> None:
-        """Record the result of a variant, once."""
+        """Record the result of a variant. Further results of the same variant are ignored."""
         variant = self.under_way.get(row["index"])
         if variant is None:
             return
@@ -424,7 +420,7 @@ class _Batch:
         if self.on_progress is not None and (last or now - self.told > 0.2):
             self.told = now
             rate = 0.0
-            if self.first is not None and now > self.first[0]:  # without the time to start the runners
+            if self.first is not None and now > self.first[0]:  # this excludes the time to start the runners
                 rate = (sum(self.counts.values()) - self.first[1]) / (now - self.first[0])
             self.on_progress(Progress(count=self.count, before=sum(self.earlier.values()), counts=dict(self.counts), rate=rate))
 
@@ -451,7 +447,7 @@ class _Batch:
 
 
 def _by_chance(line: Line) -> bool:
-    """Return whether another attempt can have a different result."""
+    """Return whether another attempt to build the variant can have a different result."""
     return bool(line["status"] == "failed" or line["status"] == "refused" and line["code"] in CHANCE)
 
 

@@ -1,4 +1,4 @@
-"""Read the results of a batch in plan order, in either layout: the journal lines of its variants, and their files."""
+"""Read the results of a batch in plan order: the journal lines and the files of its variants. Both layouts are supported."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ MESHES = "mjcf/assets/"
 _ID = re.compile("[0-9a-f]{12}")
 
 File = tuple[Any, ...]
-"""The identity of a file. Equal values identify the same file."""
+"""Type of the identity of a file. Equal values identify the same file."""
 
 
 def in_order(folder: str) -> Iterator[Line]:
-    """Yield the journal lines of all finished variants in order of the index, one at a time."""
+    """Yield the journal lines of all finished variants, in order of the index."""
     for chunk in _chunks(folder):
         yield from map(chunk.line, chunk.indices)
 
 
 def spread(folder: str, most: int) -> tuple[int, Iterator[Line]]:
-    """Return the number of journal lines, and an iterator over at most `most` evenly spaced lines."""
+    """Return the number of journal lines, and an iterator over evenly spaced lines, at most `most`."""
     records = BuildRecords(folder)
     count = len(records.done)
     places = range(count) if count <= most else (k * count // most for k in range(most))
@@ -53,7 +53,7 @@ def outcomes(folder: str, chance: Callable[[Line], bool] | None = None) -> Itera
 
 
 def lengths_in(folder: str) -> list[str]:
-    """Return the names of the results `length.JOINT` that any variant has, sorted."""
+    """Return the sorted names of all results `length.JOINT` of all variants."""
     return sorted({name for chunk in _chunks(folder) for name in chunk.lengths})
 
 
@@ -84,8 +84,8 @@ def _is_there(folder: str, id: str) -> bool:
 class BuildRecords:
     """The finished variants of the batch in a folder, identified by their index in the plan.
 
-    `done` are all finished variants in ascending order, and `built` are the built variants whose files exist. This class uses a few bytes
-    per variant, and caches the last chunk that was read.
+    `done` are all finished variants in ascending order, and `built` are the built variants whose files exist. The class uses a few bytes of
+    memory per variant and caches the last chunk that was read.
     """
 
     def __init__(self, folder: str) -> None:
@@ -102,7 +102,7 @@ class BuildRecords:
             self._ids.extend(int(hash_name(id, 12), 16) for _, id, *_ in heads)
 
     def line(self, index: int) -> Line:
-        """Return the journal line of a variant. Raises `KeyError` if the variant is not done."""
+        """Return the journal line of a variant. Raises `KeyError` if the variant has not finished."""
         with self._chunks.holding(index) as chunk:
             return chunk.line(index)
 
@@ -127,8 +127,8 @@ class BuildRecords:
 class _InFolder:
     """The files in the folder of a variant.
 
-    `read` returns a file by its path in the build folder, and raises `FileNotFoundError`. `models` are the sorted file names in `mjcf/`.
-    `meshes` maps the name of each mesh to its identity and its path on disk.
+    `read` returns the content of a file by its path in the build folder, or raises `FileNotFoundError`. `models` are the sorted file names
+    in `mjcf/`. `meshes` maps the name of each mesh to its identity and its path on disk.
     """
 
     def __init__(self, folder: str) -> None:
@@ -144,7 +144,7 @@ class _InFolder:
     def meshes(self) -> dict[str, tuple[File, str]]:
         """Return the identity and path of each mesh.
 
-        Hard links to one mesh are the same file. Modification times are also compared, because inode numbers are reused.
+        All hard links to a mesh have the same identity. Modification times are also compared, because inode numbers are reused.
         """
         place = os.path.join(self.folder, MESHES)
         if not os.path.isdir(place):
@@ -155,7 +155,7 @@ class _InFolder:
 
 
 class _InChunk:
-    """The files of a packed variant. See `_InFolder`."""
+    """The files of a packed variant, with the same interface as `_InFolder`."""
 
     def __init__(self, of: Chunks, index: int) -> None:
         self.chunks = of
@@ -203,6 +203,6 @@ def unpack(folder: str, index: int) -> str:
 
 
 def _holds(done: Sequence[int], index: int) -> bool:
-    """Return whether an ascending sequence contains a number."""
+    """Return whether a sequence of ascending numbers contains a number."""
     at = bisect_left(done, index)
     return at < len(done) and done[at] == index

@@ -20,9 +20,9 @@ from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, Sources
 
 SHOWN = 5
-"""Number of variants to show."""
+"""Number of variants that a dry run shows."""
 MOST = 1000
-"""Maximum number of variants to resolve. This takes some seconds."""
+"""Maximum number of variants that a dry run resolves. Resolving this number takes some seconds."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -30,8 +30,9 @@ class DryRun:
     """The result of a dry run of `count` variants.
 
     `failing` counts the variants that violate each rule on parameters. `looked_at` is the number of resolved variants, which satisfy these
-    rules. Among these, `unsound` counts variants with errors per code, and `examples` contains the first variant and error of each code.
-    They use `parts` distinct parts, and `known` of these are in the store. `first` are the first variants.
+    rules. Among the resolved variants, `unsound` counts variants with errors per code, and `examples` contains the first variant and error
+    of each code. The resolved variants use `parts` distinct parts; the store contains `known` of these parts. `first` are the first
+    variants.
     """
 
     count: int = 0
@@ -51,7 +52,7 @@ class DryRun:
 
 
 def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
-    """Check all variants, or the first `limit` ones, without geometry. If there are more than `MOST`, resolve only a sample."""
+    """Check all variants, or the first `limit` variants, without geometry. For more than `MOST` variants, resolve only a sample."""
     foreseen = DryRun()
     parts: dict[str, PartDefinition] = {}
     count = plan.count if limit is None else min(limit, plan.count)

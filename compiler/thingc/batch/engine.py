@@ -1,8 +1,8 @@
 """The engine: `evaluate` builds variants in runner processes, and can be called by any `concurrent.futures.Executor`.
 
 A batch submits chunks of tasks with `executor.submit(evaluate, job, tasks)`. On the machine that executes the call, a separate process
-(`thingc.batch.runner`) builds the variants. If it dies or hangs, its current variant is recorded as failed, and a new runner continues with
-the next one.
+(`thingc.batch.runner`) builds the variants. If the runner dies or hangs, its current variant is recorded as failed, and a new runner
+continues with the next variant.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from thingc.batch.job import STOPPED, Job, Row, row
 from thingc.batch.planning import Variant
 
 LOADING = 120.0
-"""Time limit [s] for a runner to read the documents."""
+"""Time limit [s] in which a runner must read the documents."""
 STARTS = 3
 """Maximum number of attempts to start a runner."""
 
@@ -41,12 +41,12 @@ class RunnersBroken(Exception):
         self.detail = detail
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Support pickling, for executors in other processes."""
+        """Support pickling, which executors in other processes require."""
         return RunnersBroken, (str(self), self.detail)
 
 
 class RunnerProcess(JsonLinesProcess):
-    """A process that builds the variants of one job."""
+    """A process that builds the variants of a job."""
 
     def __init__(self, job: str) -> None:
         super().__init__("thingc.batch.runner", cwd=Job.decode(job).cwd)
@@ -55,7 +55,7 @@ class RunnerProcess(JsonLinesProcess):
 
 
 class Runners:
-    """The runners of a process. Idle runners are reused for the same job. Thread-safe."""
+    """The runners of a process. Idle runners are reused for the same job. This class is thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -88,7 +88,7 @@ class Runners:
                 if self._closed:
                     runner.kill()
             try:
-                runner.answer(LOADING)  # waits until the runner has read the documents
+                runner.answer(LOADING)  # this waits until the runner has read the documents
                 return runner
             except ProcessLost as fault:
                 said = f"{fault.words}\n{runner.errors()}"
@@ -135,15 +135,15 @@ class Runners:
 
 
 RUNNERS = Runners()
-"""The runners for executors without their own runners. They end with this process."""
+"""The runners for executors without their own runners. These runners end with this process."""
 
 
 def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow | None = None, runners: Runners | None = None) -> list[Row]:
     """Build the variants of a chunk, and return their rows in order. Each row is passed to `on_row` as soon as it is available.
 
     `job` is the result of `Job.encode()`, and `timeout` [s] is the time limit for one variant. If a runner dies or hangs, its current
-    variant is recorded as failed, and a new runner continues. A row with the status `stopped` is the last one, and means that files cannot
-    be written.
+    variant is recorded as failed, and a new runner continues. A row with the status `stopped` means that files cannot be written; no rows
+    follow.
     """
     pool = runners if runners is not None else RUNNERS
     rows: list[Row] = []
@@ -172,7 +172,7 @@ def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow |
             what = f"its runner was terminated: {fault.words}" if fault.hung else f"its runner died: {fault.words}"
             take(row(left.pop(0), "failed", code=code.code, message=what, detail=runner.errors(), pid=runner.pid))
             pool.drop(runner)
-        except BaseException:  # its state is unknown, so it is not reused
+        except BaseException:  # the state of the runner is unknown, so the runner is not reused
             pool.drop(runner)
             raise
         else:
@@ -181,7 +181,7 @@ def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow |
 
 
 class LocalExecutor(Executor):
-    """The engine of one machine: `jobs` threads, each with a runner."""
+    """The engine for a single machine: `jobs` threads, each with a runner."""
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs

@@ -33,13 +33,13 @@ _OLD = re.compile(r"\.old-[0-9]+-[0-9a-f]{8}")
 INNER = (folder_layout.VARIANTS, folder_layout.CHUNKS, folder_layout.ASSETS, folder_layout.PICTURES)
 """Subfolders of the folder of a batch."""
 FOLDERS, PACKED = "folders", "packed"
-"""The layouts: one folder per variant, or many variants per file."""
+"""The layouts: a folder for each variant, or many variants in a file."""
 MANY = 2000
 """Number of variants above which a batch is packed by default."""
 
 
 class BatchFault(Exception):
-    """Raised if a batch cannot start or continue. `diagnostic` is the reason. Built variants are not deleted."""
+    """Raised if a batch cannot start or continue. `diagnostic` contains the reason. Built variants are not deleted."""
 
     def __init__(self, code: Code, message: str, help: Hint | None = None, detail: str | None = None) -> None:
         super().__init__(f"{message}: {help}" if help else message)
@@ -54,7 +54,7 @@ def locked(folder: str) -> Iterator[None]:
     path = os.path.join(parent, f".{name}.thingc-lock")
     with contextlib.ExitStack() as leaving:
         descriptor = -1
-        while descriptor < 0 or not same_file(descriptor, path):  # a batch that has just ended deleted its lock file
+        while descriptor < 0 or not same_file(descriptor, path):  # a batch that has just ended has deleted its lock file
             leaving.close()
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
             leaving.callback(os.close, descriptor)
@@ -73,7 +73,7 @@ def locked(folder: str) -> Iterator[None]:
 
 
 def read_batch(folder: str) -> dict[str, Any] | None:
-    """Read `batch.json`. Return None if thingc has not written it."""
+    """Read `batch.json`. Return None if thingc did not write the file."""
     try:
         with open(os.path.join(folder, folder_layout.BATCH), encoding="utf-8") as stream:
             described = json.load(stream)
@@ -83,8 +83,9 @@ def read_batch(folder: str) -> dict[str, Any] | None:
 
 
 def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
-    """Return the content of `batch.json` for the batch of this document. Raises `BatchFault` with the help text `hint` if it does not
-    exist.
+    """Return the content of `batch.json` for the batch of this document.
+
+    If the batch does not exist, raises `BatchFault` with the help text `hint`.
     """
     before = read_batch(folder)
     if before is None or before.get("document") != document:
@@ -135,20 +136,20 @@ def _noted(folder: str) -> dict[str, str]:
 
 
 def unchanged(folder: str, *names: str) -> bool:
-    """Return whether these files are unchanged since their state was stored."""
+    """Return whether the files are unchanged since their state was stored."""
     known = _noted(folder)
     return all(name in known and state_of(os.path.join(folder, name)) == known[name] for name in names)
 
 
 def _edited(folder: str) -> list[str]:
-    """Return the files edited by the user, except deleted and empty files."""
+    """Return the files that the user has edited, except deleted and empty files."""
     known = _noted(folder)
     mine = (folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE)
     return [name for name in mine if name in known and state_of(os.path.join(folder, name)) not in (known[name], None, NOTHING)]
 
 
 def begin(folder: str, document: str, assembly: str) -> None:
-    """Prepare the folder for a new batch of `document`. A finished batch of this document is set aside, and `cleared` deletes it.
+    """Prepare the folder for a new batch of `document`. A finished batch of this document is set aside; `cleared` deletes this batch.
 
     Raises `BatchFault` if the folder contains anything else.
     """
@@ -188,7 +189,7 @@ def lay_out(folder: str, layout: str) -> None:
 
 
 def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
-    """Set a finished batch aside. If this is interrupted, the batch is treated as unfinished and can be resumed."""
+    """Set a finished batch aside. After an interruption, the batch is treated as unfinished and can be resumed."""
     write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
     for name in (folder_layout.JOURNAL, folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE):
         with contextlib.suppress(FileNotFoundError):
@@ -202,9 +203,9 @@ def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
 
 @contextlib.contextmanager
 def cleared(folder: str) -> Iterator[None]:
-    """Delete in the background the folders that were set aside. Deleting thousands of variants takes seconds.
+    """Delete the folders that were set aside, in the background. Deleting thousands of variants takes seconds.
 
-    Leaving the context waits for the deletion. After an exception, the remaining folders are deleted by the next batch.
+    On exit, the context manager waits for the deletion. After an exception, the next batch deletes the remaining folders.
     """
     stopped = threading.Event()
     old = [os.path.join(folder, name) for name in os.listdir(folder) if _OLD.fullmatch(name)]
@@ -232,8 +233,8 @@ def _delete(folders: list[str], stopped: threading.Event) -> None:
 
 
 def unexpected_files(folder: str, assembly: str) -> list[str]:
-    """Return the sorted paths of files in the folder that no batch of `assembly` wrote or that have changed since."""
-    known: Digests = {}  # meshes are shared
+    """Return the sorted paths of files in the folder that no batch of `assembly` wrote or that have changed since a batch wrote them."""
+    known: Digests = {}  # variants share meshes
     paths = [name for name in os.listdir(folder) if name.removesuffix(".new") not in folder_layout.OWN and not _OLD.fullmatch(name)]
     for inner, pattern in (
         (folder_layout.VARIANTS, _VARIANT), (folder_layout.CHUNKS, _CHUNK), (folder_layout.ASSETS, _ASSET),
@@ -252,7 +253,7 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
 
 
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Return the reasons why a batch cannot be resumed, or an empty list if it can."""
+    """Return the reasons why a batch cannot be resumed, or an empty list if the batch can be resumed."""
     words: list[str] = []
     if before["layout"] != now["layout"]:
         words.append(f"its layout is `{before['layout']}`, not `{now['layout']}`")

@@ -41,7 +41,7 @@ NEW = ".new-"
 """Prefix of folders and files while they are written."""
 
 _OWN_END = f"{os.getpid()}-{os.urandom(4).hex()}"
-"""Suffix of these names, unique across machines that share the folder."""
+"""Suffix of names of temporary files. The suffix is unique across machines that share the folder."""
 
 
 def set_aside() -> str:
@@ -94,14 +94,14 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
             except OSError as again:
                 if again.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                     raise
-                shutil.rmtree(fresh)  # another worker, which was considered lost, has just written it
+                shutil.rmtree(fresh)  # another worker, which was considered lost, has just written the variant
     except BaseException:
         shutil.rmtree(fresh, ignore_errors=True)
         raise
 
 
 def keep_asset(folder: str, sha256: str, store: Blobs) -> None:
-    """Copy a file in the store to `assets/` atomically, unless it exists. Raises the same errors as `write_variant`."""
+    """Copy a file from the store to `assets/` atomically, unless the copy exists. Raises the same errors as `write_variant`."""
     asset = asset_path(folder, sha256)
     if os.path.exists(asset):
         return
@@ -132,7 +132,7 @@ def asset_path(folder: str, sha256: str) -> str:
 
 
 def _make(fresh: str, folder: str, made: set[str]) -> None:
-    """Create a folder inside the new one, with its parent folders, unless it is in `made`."""
+    """Create a subfolder of the new folder, with its parent folders, unless `made` contains the subfolder."""
     if folder not in made:
         _make(fresh, folder.rpartition("/")[0], made)
         os.mkdir(f"{fresh}/{folder}")
@@ -142,7 +142,7 @@ def _make(fresh: str, folder: str, made: set[str]) -> None:
 def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> None:
     """Create `target` as a link to the asset with this content, or as a copy if links are not supported.
 
-    The asset is written if it does not exist.
+    If the asset does not exist, it is written first.
     """
     asset = asset_path(folder, content.sha256)
     full = False
@@ -165,7 +165,7 @@ def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> N
             os.link(fresh, target)
             os.rename(fresh, asset)
             return
-        with contextlib.suppress(FileExistsError):  # another runner has just created it: use that file
+        with contextlib.suppress(FileExistsError):  # another runner has just created the asset: use its file
             os.link(fresh, asset)
         os.link(asset, target)
     except OSError as fault:
@@ -177,7 +177,7 @@ def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> N
 
 
 def remove(path: str) -> None:
-    """Delete a file or a folder with its content, ignoring errors."""
+    """Delete a file, or a folder with its content. Errors are ignored."""
     if os.path.isdir(path) and not os.path.islink(path):
         shutil.rmtree(path, ignore_errors=True)
     else:
@@ -198,10 +198,10 @@ Line = dict[str, Any]
 
 
 class Journal:
-    """An open journal. A context manager that closes the file.
+    """An open journal. On exit, this context manager closes the file.
 
-    Each line is written by one call. An incomplete last line is removed when the journal is opened, and after a failed write, which raises
-    `OSError`.
+    Each line is written with a single system call. An incomplete last line is removed when the journal is opened and after a failed write,
+    which raises `OSError`.
     """
 
     def __init__(self, path: str) -> None:
@@ -220,7 +220,7 @@ class Journal:
         os.close(self._descriptor)
 
     def append(self, line: Line) -> None:
-        """Write a line."""
+        """Append a line to the journal."""
         data = json.dumps(line, separators=(",", ":"), ensure_ascii=False).encode() + b"\n"
         size = os.fstat(self._descriptor).st_size
         try:
@@ -232,7 +232,7 @@ class Journal:
             raise
 
     def sync(self) -> None:
-        """Flush to disk."""
+        """Flush the journal to disk."""
         os.fsync(self._descriptor)
 
 

@@ -1,4 +1,4 @@
-"""Descriptions of a batch for other processes: `batch.json`, the files that workers must see, and the job of the runners.
+"""Descriptions of a batch for other processes: `batch.json`, the files that workers must be able to read, and the job of the runners.
 
 A job and its variants are plain JSON, so that any executor can transfer them.
 """
@@ -23,7 +23,7 @@ from thingc.driver.environment import Options
 from thingc.targets.manifest import versions
 
 STOPPED = "stopped"
-"""The status of a row that ends the batch: files can no longer be written or read, for reasons other than the variant."""
+"""The status of a row that ends the batch: files can no longer be written or read, and the variant is not the reason."""
 
 
 class Job(FrozenStruct):
@@ -31,7 +31,7 @@ class Job(FrozenStruct):
 
     Attributes:
         assembly: The absolute path of the document.
-        folder: The absolute path of the folder of the batch. If it is None, no files are written.
+        folder: The absolute path of the folder of the batch. If `folder` is None, no files are written.
         rules: The comparisons that need results.
         dimensions: The exponents (length, mass, time, angle) of the numeric parameters.
         packed: Whether the files of a variant are part of its row, and only shared files are written.
@@ -56,7 +56,7 @@ class Job(FrozenStruct):
     cwd: str | None = None
 
     def encode(self) -> str:
-        """Return one line of JSON, for `decode`."""
+        """Return the job as a line of JSON, for `decode`."""
         return json.dumps(asdict(self), sort_keys=True)
 
     @staticmethod
@@ -66,7 +66,7 @@ class Job(FrozenStruct):
 
 
 Row = dict[str, Any]
-"""The result of one variant, as far as it is known.
+"""The result of a variant. Unknown values are omitted.
 
 The keys are `index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`, `results`, `losses`
 (counts by kind), `files` and `shared` (of a packed batch, see `packed_layout.py`), `seconds`, `modelled` (definition texts), `reused`
@@ -102,9 +102,9 @@ def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Seq
 
 
 def seen(plan: Plan, folder: str) -> dict[str, str]:
-    """Return the digests of the files that every worker must see, by absolute path.
+    """Return the digests of the files that every worker must be able to read, by absolute path.
 
-    They include `batch.json`, but not files outside the workspace, whose paths are not part of the plan.
+    The result includes `batch.json`, but no files outside the workspace, because the plan does not contain their paths.
     """
     files = {os.path.join(plan.workspace.root, path): state for path, state in plan.inputs.items() if not path.startswith(OUTSIDE)}
     with open(os.path.join(folder, folder_layout.BATCH), "rb") as stream:
@@ -113,7 +113,10 @@ def seen(plan: Plan, folder: str) -> dict[str, str]:
 
 
 def job_of(plan: Plan, folder: str, options: Options, *, layout: str, verify: int, elsewhere: bool) -> Job:
-    """Return the job of the runners. `elsewhere` means other machines, which have another environment and working folder."""
+    """Return the job of the runners.
+
+    `elsewhere` is True for runners on other machines, which have another environment and working folder.
+    """
     store = options.store
     if elsewhere:
         store = store or os.environ.get("THINGC_STORE")

@@ -28,7 +28,7 @@ from thingc.model.statics.efforts import static_efforts
 from thingc.model.statics.support import lifted, stance
 
 Results = dict[str, float | None]
-"""Results by name in SI units. They are None or missing if a variant does not have the result."""
+"""Results by name in SI units. If a variant does not have a result, its value is None or missing."""
 SITE = "site:"
 """Prefix of the results of a mount."""
 TORQUES = "torque_margin"
@@ -36,7 +36,7 @@ TORQUES = "torque_margin"
 
 
 class UnknownMount(Exception):
-    """Raised if a mount does not exist. `text` is the reference in the document, and `diagnostic` the error."""
+    """Raised if a mount does not exist. `text` is the reference in the document, and `diagnostic` is the error."""
 
     def __init__(self, text: str, known: Sequence[str]) -> None:
         super().__init__(text)
@@ -49,9 +49,9 @@ def measure(
 ) -> Results:
     """Return the results of a robot in a pose (None: the pose of the mode, else q = 0). Raises `UnknownMount`.
 
-    If the loops of the mode do not close in the pose, there are no results for box, reach, sites and torque margin. The torque margin is
-    also omitted with closed loops, because torques then depend on how the loops share the load, if the robot does not stand on its feet,
-    and without `torques`. `reach` contains references to two mounts, and `sites` to any mounts.
+    If the loops of the mode do not close in the pose, box, reach, sites and torque margin are omitted. The torque margin is also omitted
+    for robots with closed loops (because the torques depend on how the loops share the load), for robots that do not stand on their feet,
+    and without `torques`. `reach` contains references to two mounts; `sites` contains references to any mounts.
     """
     assembly = robot.assembly
     whole = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
@@ -105,8 +105,8 @@ def _placed(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pos
 def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
     """Return `length.JOINT` [m] of every joint that has a previous joint.
 
-    This is the distance from the mount by which the previous joint placed the link to the parent mount of the joint. Parents and children
-    are as in the documents, so the result does not depend on the root. `within` are the poses of the occurrences in their links
+    This length is the distance from the mount by which the previous joint placed the link, to the parent mount of the joint. Parents and
+    children are as in the documents, so the result does not depend on the root. `within` are the poses of the occurrences in their links
     (`in_link`).
     """
     placed = {assembly.link_of[mate.child]: mate for mate in assembly.mates if mate.joints and mate.loop is None}

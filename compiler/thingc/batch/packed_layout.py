@@ -4,11 +4,11 @@
     chunks/000012.run.parquet   the same rows, with data about the run (seconds, modelled parts)
     chunks/000012.jsonl         the journal of an incomplete chunk, including files
 
-A chunk is sealed when all of its variants are done: it is written and renamed, and its journal is removed. The plan determines the variants
-and their order, so a batch always gives the same chunks. Neighbouring variants differ in a few numbers. Compressed in groups of rows, a
-file takes some hundred bytes, and reading it decompresses one column of one group. Files in the store are written to `assets/` once, and
-rows refer to them (`shared`). The place of a variant follows from its index in the plan. Arrays over all variants, one file each, need no
-other index.
+A chunk is sealed when all of its variants have finished: the chunk file is written and renamed, and the journal of the chunk is removed.
+The plan determines the variants and their order, so a batch always results in the same chunks. Neighbouring variants differ in a few
+numbers. Compressed in groups of rows, a file takes some hundred bytes, and reading it decompresses one column of one group. Files in the
+store are written to `assets/` once, and rows refer to these files (`shared`). The index of a variant in the plan determines its place.
+Therefore no other index is needed.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ LARGEST = 2**31 - 1
 CHUNK = 1024
 """Number of variants in a chunk."""
 GROUP, GROUP_BYTES = 64, 32 * 2**20
-"""Number of rows in a group, and maximum total size [bytes] of their files. A group is decompressed to read a file."""
+"""Number of rows in a group, and maximum total size [bytes] of the files in a group. To read a file, its group is decompressed."""
 RUN = ("seconds", "modelled", "reused", "pid", "printed", "detail")
-"""Keys of a line that describe the run."""
+"""Keys of a journal line that describe the run."""
 FILES, SHARED = "files", "shared"
 """Keys in the line of a built variant in the journal of a chunk, both by path: its files in base64, and the SHA-256 of files in `assets/`.
 """
 HEADS = ("index", "id", "name", "status")
 CELLS = (*HEADS, "losses", "line", SHARED)
-"""The columns before the files. `line` is the line of the journal. `line`, `losses` and `shared` contain JSON."""
+"""The columns before the columns of files. `line` is the line of the journal. `line`, `losses` and `shared` contain JSON."""
 OPEN_MOST, COLUMNS_MOST = 16, 24
 """Maximum number of open chunks of a reader, and of cached columns of an open chunk."""
 
@@ -60,7 +60,7 @@ _JOURNAL = re.compile(r"([0-9]{6})\.jsonl")
 
 
 class DamagedChunk(OSError):
-    """Raised if a file of a chunk is damaged. If one of its files is missing, the chunk is treated as not done."""
+    """Raised if a file of a chunk is damaged. If a file of a chunk is missing, its variants are treated as not finished."""
 
     state = "is damaged"
     cure = "delete it, and continue with --resume, which builds its variants again"
@@ -93,7 +93,7 @@ def _chunk_path(folder: str, number: int, end: str) -> str:
 
 
 def sealed_path(index: int) -> str:
-    """Return the path in the folder of the batch of the file with the variant at an index in the plan."""
+    """Return the path of the chunk file that contains the variant at an index in the plan, relative to the folder of the batch."""
     return f"{folder_layout.CHUNKS}/{index // CHUNK:06d}.parquet"
 
 
@@ -115,7 +115,10 @@ def complete(folder: str, count: int) -> None:
 
 
 def numbers(folder: str) -> list[int]:
-    """Return the numbers of the chunks with finished variants, ascending. A batch that is not packed is one chunk with only a journal."""
+    """Return the numbers of the chunks with finished variants, ascending.
+
+    A batch that is not packed is a single chunk with only a journal.
+    """
     return sorted(_numbers(folder, _SEALED) | _numbers(folder, _JOURNAL)) if packed(folder) else [0]
 
 
@@ -127,10 +130,11 @@ def _numbers(folder: str, pattern: re.Pattern[str]) -> set[int]:
 
 
 class PackedWriter:
-    """The journals of a packed batch. `done` flags the finished variants. A context manager that closes the journals without sealing
-    chunks.
+    """The journals of a packed batch.
 
-    Raises `OSError`. An incomplete line is removed then.
+    `done` flags the finished variants. On exit, this context manager closes the journals without sealing chunks.
+
+    Methods raise `OSError` if writing fails. In this case, an incomplete line is removed.
     """
 
     def __init__(self, folder: str, done: Sequence[int]) -> None:
@@ -147,7 +151,7 @@ class PackedWriter:
         self._open.clear()
 
     def append(self, line: Line) -> None:
-        """Record a finished variant. Seal its chunk if it was the last one."""
+        """Record a finished variant. If it is the last variant of its chunk, seal the chunk."""
         number = int(line["index"]) // CHUNK
         journal, missing = self._open[number] if number in self._open else self._opened(number)
         journal.append(line)
@@ -156,7 +160,7 @@ class PackedWriter:
             self._seal(number)
 
     def sync(self) -> None:
-        """Seal every chunk with new variants, complete or not. Called at the end of a batch."""
+        """Seal every chunk with new variants, including incomplete chunks. This method is called at the end of a batch."""
         for number in sorted(_numbers(self.folder, _JOURNAL)):
             self._seal(number)
 
@@ -173,7 +177,10 @@ class PackedWriter:
 
 
 def seal(folder: str, number: int) -> None:
-    """Write a chunk from its sealed file and its journal, and remove the journal. After an interruption, one of the two exists."""
+    """Write a chunk from its sealed file and its journal, and remove the journal.
+
+    After an interruption, the sealed file or the journal exists.
+    """
     from pyarrow import parquet
 
     chunk = Chunk(folder, number)
@@ -191,7 +198,7 @@ def seal(folder: str, number: int) -> None:
         for group in _groups(chunk, ("run", *told.names)):
             rows.write_table(_table(told, [cells[1:] for cells in group]))
             runs.write_table(_table(run, [(index, own) for own, index, *_ in group]))
-    for end, path in fresh.items():  # the run file first, because a chunk requires it
+    for end, path in fresh.items():  # write the run file first, because a chunk requires it
         with open(path, "rb") as stream:
             os.fsync(stream.fileno())
         os.replace(path, _chunk_path(folder, number, end))
@@ -200,7 +207,7 @@ def seal(folder: str, number: int) -> None:
 
 
 def _groups(chunk: Chunk, columns: Sequence[str]) -> Iterator[list[tuple[Any, ...]]]:
-    """Yield the rows of a chunk in groups. The last ones of `columns` are files."""
+    """Yield the rows of a chunk in groups. The last columns in `columns` are files."""
     group: list[tuple[Any, ...]] = []
     size = 0
     for index in chunk.indices:
@@ -238,10 +245,10 @@ def _json(value: Any) -> str:
 
 
 class Chunk:
-    """The finished part of one chunk: its sealed file, overridden by its journal.
+    """The finished variants of a chunk: its sealed file, and its journal, which takes precedence.
 
     `indices` are the indices in the plan, ascending. `paths` are the paths of files that differ between variants. A batch that is not
-    packed has one chunk, which consists of its journal. Open chunks remain readable while the batch continues. Not thread-safe.
+    packed has a single chunk, which consists of the journal. Open chunks remain readable while the batch continues. Not thread-safe.
     """
 
     def __init__(self, folder: str, number: int) -> None:
@@ -277,7 +284,7 @@ class Chunk:
         self.lengths = sorted(lengths)
 
     def close(self) -> None:
-        """Close the files."""
+        """Close the files of the chunk."""
         for one in (self._journal, self._sealed, self._run):
             if one is not None:
                 one.close()
@@ -305,18 +312,18 @@ class Chunk:
         return +counts
 
     def line(self, index: int) -> Line:
-        """Return the line of a variant, as in the journal of a batch that is not packed."""
+        """Return the journal line of a variant, as in a batch that is not packed."""
         if index in self._begins:
             return {key: value for key, value in self._noted(index).items() if key not in (FILES, SHARED)}
         return {**json.loads(self.cell(index, "line")), **json.loads(self.cell(index, "run"))}
 
     def shared(self, index: int) -> dict[str, str]:
-        """Return the SHA-256 of the files of a variant in `assets/`, by path."""
+        """Return the SHA-256 of those files of a variant that are in `assets/`, by path."""
         digests: dict[str, str] = json.loads(self.cell(index, SHARED) or "{}")
         return digests
 
     def files(self, index: int) -> dict[str, bytes]:
-        """Return the files that are not shared with other variants, by path."""
+        """Return the files that a variant does not share with other variants, by path."""
         return {path: data for path in self.paths if (data := self.cell(index, path)) is not None}
 
     def cell(self, index: int, column: str) -> Any:
@@ -380,9 +387,9 @@ def _opened(path: str) -> ParquetFile | None:
 
 
 class Chunks:
-    """All chunks of a batch, opened on demand. The least recently used chunks are closed.
+    """All chunks of a batch. Chunks are opened on demand, and the least recently used chunks are closed.
 
-    Thread-safe. A copy in another process opens the chunks again.
+    This class is thread-safe. A copy in another process opens its own files.
     """
 
     def __init__(self, folder: str) -> None:
@@ -396,7 +403,7 @@ class Chunks:
 
     @contextlib.contextmanager
     def of(self, number: int) -> Iterator[Chunk]:
-        """Provide a chunk by number. Only one thread at a time can use it."""
+        """Provide a chunk by number. Only one thread at a time can use a chunk."""
         with self._lock:
             if number not in self._open:
                 self._open[number] = Chunk(self.folder, number)
@@ -413,8 +420,8 @@ class Chunks:
 def column(values: Sequence[Any], type: Any) -> Any:
     """Return `pyarrow.array(values, type)` for `int64`, `float64`, `bool_`, `string` and `binary`. None is a missing value.
 
-    It raises the same errors. `pyarrow.array` would import pandas, if installed, to check for its types. This takes as long as a dozen
-    variants.
+    This function raises the same errors as `pyarrow.array`. `pyarrow.array` would import pandas, if installed, to check for pandas types.
+    The import takes as long as building a dozen variants.
     """
     import pyarrow
 

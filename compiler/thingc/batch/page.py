@@ -1,7 +1,7 @@
 """The page of a batch, `index.html`: a grid of pictures of the variants, the table, and a plot of any two columns.
 
-It is one file that loads nothing from the network. It contains style, program and data; pictures are in `pictures/`. The same batch gives
-the same bytes, because columns about the run (`parts_modelled`, `seconds`, ...) are omitted.
+The page is a single file that loads nothing from the network. It contains the style sheet, the script and the data; pictures are in
+`pictures/`. The same batch results in the same bytes, because columns about the run (`parts_modelled`, `seconds`, ...) are omitted.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from thingc.batch.values import size_of
 from thingc.driver.environment import Options
 
 MOST = 10_000
-"""Maximum number of rows of a page, about 4 MB. From longer tables, it contains this number of evenly spaced rows."""
+"""Maximum number of rows of a page, about 4 MB. For a longer table, the page contains this number of evenly spaced rows."""
 
 
 def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
@@ -56,7 +56,7 @@ def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Colum
 
 
 def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the text of the page before and after its data."""
+    """Return the HTML of the page before and after its data."""
     own = resources.files("thingc.batch")
     texts = {place: (own / name).read_text(encoding="utf-8") for place, name in (("@STYLE@", "page.css"), ("@SCRIPT@", "page.js"))}
     texts["@TITLE@"] = html.escape(escape_control(f"{described['name']}: variants of {described['assembly']}"))
@@ -85,7 +85,7 @@ def _in_unit(value: Any, size: float) -> Any:
 
 
 def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequence[str]) -> str:
-    """Return the beginning of the data, which is an object, up to its rows."""
+    """Return the beginning of the data, which is a JSON object, up to its rows."""
     names = ("name", "document", "assembly", "count", "done", "pose", "finished", "layout")
     told: dict[str, Any] = {name: _json_value(described[name]) for name in names}
     told["modes"] = [escape_control(name) for name in described["modes"]]
@@ -94,7 +94,7 @@ def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequenc
 
 
 def _json_value(value: Any) -> Any:
-    """Convert a cell for the page. Infinity becomes the text `inf`, and control characters in texts are escaped."""
+    """Convert a cell for the page. Infinity becomes the string `inf`, and control characters in strings are escaped."""
     if isinstance(value, str):
         return escape_control(value)
     return "inf" if isinstance(value, float) and not math.isfinite(value) else value
@@ -132,10 +132,10 @@ def show_again(
     document: str, *, output: str | None = None, pictures: int | None = None, jobs: int = 0, options: Options | None = None,
     on_picture: OnPicture | None = None,
 ) -> tuple[str, Diagnostic | None]:
-    """Write the page of an existing batch again. Return its path, and a warning if this machine cannot render.
+    """Rewrite the page of an existing batch. Return its path, and a warning if this machine cannot render.
 
-    `pictures` is as for `run`. Raises `PlanError` for a document with errors, and `BatchFault` if there is no batch of this document or if
-    one is in progress.
+    `pictures` is as for `run`. Raises `PlanError` for a document with errors, and `BatchFault` if no batch of this document exists or a
+    batch is in progress.
     """
     plan = variants_document.plan(document, options=options)
     folder = plan.folder_in(output)

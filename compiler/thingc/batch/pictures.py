@@ -1,4 +1,4 @@
-"""The pictures of a batch, `pictures/ID.png`. All show a variant with the same camera, so sizes can be compared."""
+"""The pictures of a batch, `pictures/ID.png`. All pictures use the same camera, so that sizes can be compared."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from thingc.batch.build_records import BuildRecords, VariantFiles
 from thingc.batch.packed_layout import packed
 
 MOST = 48
-"""Default number of pictures of a batch. Rendering one takes some tenths of a second without a graphics card."""
+"""Default number of pictures of a batch. Rendering a picture takes some tenths of a second without a graphics card."""
 MANY = 200
 """Number of variants above which no pictures are rendered by default."""
 ALL = sys.maxsize
-"""Number of pictures that means one for every variant."""
+"""Value of `pictures` that selects a picture for every variant."""
 
 PATIENCE = 120.0
 """Time limit [s] for a picture."""
@@ -37,7 +37,7 @@ def usual(count: int) -> int:
 
 
 def chosen(folder: str, mode: str, most: int) -> list[int]:
-    """Return the indices of at most `most` built variants with a model in a mode, in plan order. `along_the_axes` selects them."""
+    """Return the indices of at most `most` built variants with a model in a mode, in plan order. `along_the_axes` selects the variants."""
     records = BuildRecords(folder)
     settings: list[Sequence[Any]] = []
     for index in records.built:
@@ -50,11 +50,11 @@ def chosen(folder: str, mode: str, most: int) -> list[int]:
 def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
     """Select `most` variants by their settings. Return their indices, ascending.
 
-    For each setting, these include the variants nearest to a line on which the setting goes from its first to its last value, and all other
-    settings have middle values. When all values are covered, further variants are evenly spaced.
+    For each setting, the selection includes the variants nearest to a line along which this setting goes from its first to its last value,
+    while all other settings have middle values. When all values are covered, further variants are evenly spaced.
 
     Settings are measured by the rank of their values, from 0 to 1 (numbers by size, others in order of appearance). A setting with the same
-    ranks as another one is ignored.
+    ranks as another setting is ignored.
     """
     ranked = [_ranks(column) for column in zip(*settings, strict=True)]
     axes = [list(ranks) for ranks in dict.fromkeys(tuple(ranks) for ranks in ranked if max(ranks) > 0.0)]
@@ -83,7 +83,7 @@ def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
 
 
 def _model(files: VariantFiles, mode: str) -> str | None:
-    """Return the file name of the model of a variant in a mode, `ROBOT_MODE.xml`, or None if it does not exist."""
+    """Return the file name of the model of a variant in a mode, `ROBOT_MODE.xml`, or None if the file does not exist."""
     # the file names for the modes `foot` and `front_foot` have the same end; the shorter one belongs to `foot`
     models = sorted((name for name in files.models() if name.endswith(f"_{mode}.xml") and name != f"scene_{mode}.xml"), key=len)
     return models[0] if models else None
@@ -91,7 +91,7 @@ def _model(files: VariantFiles, mode: str) -> str | None:
 
 @contextlib.contextmanager
 def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[tuple[str, str]]]:
-    """Yield groups of variants: the id of each, and the path of its model with meshes next to it.
+    """Yield groups of variants. Each variant has its id and the path of its model, with meshes in the same folder.
 
     For a packed batch, the files are in a temporary folder.
     """
@@ -117,7 +117,7 @@ def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[t
 def draw(
     folder: str, mode: str, pose: str | None, *, most: int = MOST, jobs: int = 1, on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
-    """Render all pictures again, in up to `jobs` processes. Return a warning if this machine cannot render.
+    """Rerender all pictures, in up to `jobs` processes. Return a warning if this machine cannot render.
 
     Other existing pictures are deleted. After an interruption, the finished pictures remain. Raises `OSError`.
     """
@@ -147,7 +147,7 @@ def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: 
         for process in processes:
             process.kill()
             process.close()
-        with contextlib.suppress(OSError):  # fails unless the folder is empty
+        with contextlib.suppress(OSError):  # this fails unless the folder is empty
             os.rmdir(place)
     return fault
 
@@ -171,7 +171,7 @@ def _drawn(
             gravity = down if own else gravity
         visible.append([shot for shot, (own, _) in zip(part, answer, strict=True) if own])
     if not points:
-        return None  # robots that consist of frames: nothing is visible
+        return None  # the robots consist only of frames, so nothing is visible
     for part, process in zip(visible, processes, strict=True):
         process.ask({
             "draw": [[path, os.path.join(place, f"{id}.png")] for id, path in part], "points": points, "gravity": gravity, "pose": pose,
@@ -192,7 +192,7 @@ def _drawn(
 
 
 def _lost(process: JsonLinesProcess, fault: ProcessLost) -> Diagnostic:
-    """Return the warning that the process has ended, with the last line of its output."""
+    """Return the warning that the rendering process has ended, with the last line of its output."""
     said = process.errors().strip().splitlines()
     return _refused(f"the rendering process failed: {fault.words}", said[-1] if said else "")
 

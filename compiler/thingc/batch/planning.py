@@ -31,15 +31,15 @@ from thingc.geometry.record import Value
 from thingc.model.resolve.types import AssemblyDefinition
 
 BLOCK = 256
-"""Number of points that are computed in one step."""
+"""Number of points that are computed in a step."""
 
 
 def points(method: Method, dimensions: int, count: int, seed: int) -> Iterator[tuple[float, ...]]:
     """Yield `count` points of the unit cube [0, 1) with `dimensions` dimensions.
 
     `sobol` is `scipy.stats.qmc.Sobol(d, scramble=True, rng=seed)`, `lhs` is `scipy.stats.qmc.LatinHypercube(d, rng=seed)`, and `uniform` is
-    `numpy.random.default_rng(seed).random((count, d))`, row by row. The points of a Latin hypercube depend on each other, so all are
-    computed in one step. Other points are computed in blocks.
+    `numpy.random.default_rng(seed).random((count, d))`, row by row. The points of a Latin hypercube depend on each other, so all points are
+    computed in a single step. Other points are computed in blocks.
     """
     import numpy
     from scipy.stats import qmc
@@ -73,7 +73,7 @@ OUTSIDE = "outside:"
 
 
 class PlanError(Exception):
-    """Raised for a variants document with errors. `diagnostics` contains all of them, and `str()` formats them as on the command line."""
+    """Raised for a variants document with errors. `diagnostics` contains all diagnostics. `str()` formats them as on the command line."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__("\n" + as_text(diagnostics))
@@ -84,8 +84,8 @@ class Variant(OneLineRepr, FrozenStruct):
     """A variant. `index` is its index in the plan, and `id` consists of 12 hexadecimal digits of the SHA-256 of its settings.
 
     `parameters` and `choices` are the settings as for `thingc build -p` and `--set`, in the units of the documents. Settings that are equal
-    to the documents are omitted. `values` are all parameters of the assembly and values set by path [SI]. `failed` is the rule that the
-    parameters violate, if any.
+    to the values in the documents are omitted. `values` are all parameters of the assembly and values set by path [SI]. `failed` is the
+    rule that the parameters violate, if any.
     """
 
     index: int
@@ -98,7 +98,7 @@ class Variant(OneLineRepr, FrozenStruct):
 
 
 class Setting(FrozenStruct):
-    """The settings of one planned variant. `name` is its name in the document, if any."""
+    """The settings of a planned variant. `name` is the name of the variant in the document, if any."""
 
     name: str | None
     parameters: Mapping[str, ExpressionValue]
@@ -106,7 +106,7 @@ class Setting(FrozenStruct):
 
 
 class Plan(OneLineRepr, FrozenStruct, dict=True):
-    """The variants of a document, in order. Iterating computes them one by one, with the same result each time.
+    """The variants of a document, in order. Iteration computes the variants one by one, with the same result each time.
 
     Attributes:
         document: Its absolute path, like `assembly`; `relative` and `assembly_relative` are paths in the workspace.
@@ -115,12 +115,12 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         listed: The explicit variants.
         axes: The axes of the grid, or with `method`, the axes from which `drawn` points are sampled.
         own: The values of the parameters of the assembly; `paths` are the values set by path.
-        written_in: The units of both in the documents.
+        written_in: The units of `own` and `paths` in the documents.
         own_choices: The values of the document at the paths of choices.
         modes: The modes to build, never empty; `chosen_modes` are the modes in the document.
         emit: The targets, in the order of a build.
-        inputs: The digests (`up_to_date.state_of`) of the files that the plan depends on, by path in the workspace.
-        layout: `folders` or `packed`, or None if the document has none.
+        inputs: The digests (`up_to_date.state_of`) of the files on which the plan depends, by path in the workspace.
+        layout: `folders` or `packed`, or None if the document does not specify a layout.
     """
 
     document: str
@@ -156,7 +156,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return self.besides(b"")
 
     def besides(self, done: Sequence[int]) -> Iterator[Variant]:
-        """Yield the variants that are not `done` (a flag for each index), with as little computation as possible for the others."""
+        """Yield the variants that are not `done` (a flag for each index). Variants that are done need almost no computation."""
         width = len(str(max(self.count - 1, 0)))
         rules = [rule for rule in self.rules if not rule.needs_results]
         for index, id, setting, parameters, choices in self._unique(done):
@@ -188,7 +188,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def digest(self) -> str:
-        """The SHA-256 of everything that defines the variants and their files, except the content of other files."""
+        """The SHA-256 of all values that define the variants and their files, except the content of other files."""
         described = {
             "name": self.name, "assembly": self.assembly_relative, "fixed": _plain(self.fixed),
             "listed": [_plain(one) for one in self.listed],
@@ -232,7 +232,9 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return tuple(dict.fromkeys(paths))
 
     def values(self, given: Mapping[str, ExpressionValue]) -> dict[str, ExpressionValue]:
-        """Return all parameters of the assembly and values at paths, using the `given` values. Values that cannot be evaluated are omitted.
+        """Return all parameters of the assembly and values at paths, computed with the `given` values.
+
+        Values that cannot be evaluated are omitted.
         """
         values: dict[str, ExpressionValue] = {}
         stated = {**self.own, **self.paths.own}
@@ -253,7 +255,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
     def _order(self) -> tuple[tuple[str, Expression | None], ...]:
         """The parameters of the assembly and the paths with their expressions, or None.
 
-        Each one follows the ones that its expression uses.
+        Each parameter or path comes after all parameters that its expression uses.
         """
         raw = {name: entry.value if isinstance(entry, ParameterSpec) else entry for name, entry in self.assembly_spec.parameters.items()}
         ordered: dict[str, Expression | None] = {}
@@ -273,7 +275,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def _stated(self) -> dict[str, Value]:
-        """The values that the assembly specifies without an expression. Settings equal to these are omitted."""
+        """The values that the assembly specifies without an expression. Settings that are equal to these values are omitted."""
         own = {**self.own, **self.paths.own}
         return {name: plain(own[name]) for name, expression in self._order if expression is None and name in own}
 
@@ -297,7 +299,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return Setting(name=None, parameters=parameters, choices=choices)
 
     def _unique(self, done: Sequence[int]) -> Iterator[tuple[int, str, Setting, dict[str, ExpressionValue], dict[str, str]]]:
-        """Yield the distinct settings that are not `done`, with indices and ids, without values that are equal to the documents.
+        """Yield the distinct settings that are not `done`, with indices and ids, without values that are equal to values in the documents.
 
         Points of a grid, and points with a coordinate sampled from an interval, are always distinct. Only the ids of other settings are
         stored, so long plans need little memory.
@@ -325,7 +327,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
                 yield index, id, setting, parameters, choices
 
     def command(self, variant: Variant) -> list[str]:
-        """Return the command that builds a single variant. It must be run in the folder of the workspace."""
+        """Return the command that builds a single variant. The command must be run in the folder of the workspace."""
         words = ["thingc", "build", self.assembly_relative]
         for name, text in variant.parameters.items():
             words += ["-p", f"{name}={text}"]
@@ -337,7 +339,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
 
 def _holds(rule: Rule, values: Mapping[str, ExpressionValue]) -> bool:
-    """Return whether a rule on parameters is satisfied or cannot be evaluated. The build reports the latter."""
+    """Return whether a rule on parameters is satisfied or cannot be evaluated. The build reports a rule that cannot be evaluated."""
     try:
         return rule.holds(values, {})
     except (ExpressionError, KeyError):

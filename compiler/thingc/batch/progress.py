@@ -46,8 +46,9 @@ class Summary(OneLineRepr, FrozenStruct):
     """The result of a batch.
 
     `statuses` are the numbers of variants by status, and `before` is the number of variants from earlier runs. `modelled` is the number of
-    parts built in this run, which took `seconds` [s]. `duplicates` is the number of additional equal variants. `lossy` variants have
-    `losses` in total, counted by kind; both include earlier runs. `notes` are warnings about the documents.
+    parts built in this run, which took `seconds` [s]. `duplicates` is the number of additional equal variants. `lossy` is the number of
+    variants with export losses, and `losses` counts all losses by kind; both include earlier runs. `notes` are warnings about the
+    documents.
     """
 
     folder: str

@@ -49,7 +49,7 @@ MESH_BYTES = 256 * 2**20
 """Maximum size [bytes] of cached meshes."""
 
 _WITHIN, _INCLUDE = re.compile("<mujoco[^>]*>(.*)</mujoco>", re.DOTALL), re.compile("<include [^>]*/>")
-"""Regular expressions of the content of a model file, and of the include element in its scene."""
+"""Regular expressions for the content of a model file, and for the include element in its scene."""
 
 
 class FamilyError(ValueError):
@@ -60,11 +60,11 @@ class UnknownVariant(FamilyError, KeyError):
     """Raised if a batch does not have the requested variant, column or mode."""
 
     def __str__(self) -> str:
-        return ValueError.__str__(self)  # KeyError would show the repr
+        return ValueError.__str__(self)  # `str` of a KeyError would show the repr of the message
 
 
 class Sizes(FrozenStruct):
-    """The numbers of coordinates `nq`, degrees of freedom `nv` and controls `nu` of a model."""
+    """The sizes of a model: numbers of coordinates `nq`, of degrees of freedom `nv` and of controls `nu`."""
 
     nq: int
     nv: int
@@ -79,8 +79,8 @@ Where = Callable[["BuiltVariant"], bool] | Mapping[str, Any]
 class BuiltVariant(OneLineRepr):
     """A built variant. Variants with the same folder are equal.
 
-    `index` is its index in the plan. `settings` are its parameters (SI) and choices by name. `results` is its row of the table, without
-    empty cells. `folder` is its build folder. For a packed batch, the folder exists only after `unpack`.
+    `index` is the index of the variant in the plan. `settings` are its parameters (SI) and choices by name. `results` is its row of the
+    table, without empty cells. `folder` is its build folder. For a packed batch, the folder exists only after `unpack`.
     """
 
     id: str
@@ -98,17 +98,17 @@ class BuiltVariant(OneLineRepr):
         return hash(self.folder)
 
     def model(self, mode: str | None = None, *, scene: bool = False, visual: bool = True) -> mujoco.MjModel:
-        """Compile its model in a mode. Every call returns a new object. For many variants, `BatchResults.models` is much faster.
+        """Compile the model in a mode. Every call returns a new object. For many variants, `BatchResults.models` is much faster.
 
         `scene` includes floor and light. Without `visual`, MuJoCo omits visual geometry: the model moves in the same way, and compiles in
-        less than half the time. The mode can be omitted if the batch has only one. Raises `UnknownVariant` for an unknown mode, and
-        `FamilyError` if there is no model.
+        less than half the time. The mode can be omitted if the batch has a single mode. Raises `UnknownVariant` for an unknown mode, and
+        `FamilyError` if the variant has no model.
         """
         mode = self.family.chosen(mode)
         return self._compiled(self._text(mode, scene, visual), self._files.meshes())
 
     def model_text(self, mode: str, scene: bool, visual: bool) -> ModelText:
-        """Return the text that `model` compiles. Raises the same errors as `model`."""
+        """Return the XML that `model` compiles. Raises the same errors as `model`."""
         text, meshes = self._text(mode, scene, visual), self._files.meshes()
         return ModelText(
             text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes(meshes),
@@ -116,7 +116,7 @@ class BuiltVariant(OneLineRepr):
         )
 
     def _text(self, mode: str, scene: bool, visual: bool) -> str:
-        """Return the text of the model, included in its scene if requested."""
+        """Return the XML of the model or, if requested, of the scene that contains the model."""
         text = self._read(f"{self.family.robot}_{mode}.xml").decode()
         if not visual:
             text = text.replace("<compiler ", '<compiler discardvisual="true" ', 1)
@@ -129,7 +129,7 @@ class BuiltVariant(OneLineRepr):
     def _compiled(self, text: str, meshes: Mapping[str, tuple[File, str]]) -> mujoco.MjModel:
         import mujoco
 
-        # most meshes are cached by MuJoCo, so starting threads for them would take longer
+        # MuJoCo has cached most meshes, so starting threads would take longer
         text = text.replace("<compiler ", '<compiler usethread="false" ', 1)
         try:
             with self.family.mounted(meshes) as files:
@@ -138,7 +138,7 @@ class BuiltVariant(OneLineRepr):
             raise FamilyError(f"MuJoCo rejects the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
 
     def sources(self, mode: str | None = None, *, scene: bool = False) -> tuple[bytes, dict[str, bytes]]:
-        """Return the text of its model in a mode, and the meshes of the whole batch by file. Raises the same errors as `model`."""
+        """Return the XML of the model in a mode, and the meshes of the whole batch by file. Raises the same errors as `model`."""
         mode = self.family.chosen(mode)
         robot = f"{self.family.robot}_{mode}.xml"
         text = self._read(robot)
@@ -146,20 +146,20 @@ class BuiltVariant(OneLineRepr):
         return (self._read(f"scene_{mode}.xml"), {**files, robot: text}) if scene else (text, files)
 
     def sizes(self, mode: str | None = None) -> Sizes:
-        """Return the sizes of its model from the file, without compiling it. Raises the same errors as `model`."""
+        """Return the sizes of the model, which are read from the file without compiling it. Raises the same errors as `model`."""
         root = ElementTree.fromstring(self._read(f"{self.family.robot}_{self.family.chosen(mode)}.xml"))
         free = sum(1 for _ in root.iter("freejoint"))
-        single = sum(len(body.findall("joint")) for body in root.iter("body"))  # only hinges and slides are written
+        single = sum(len(body.findall("joint")) for body in root.iter("body"))  # models of a batch contain only hinges and slides
         return Sizes(nq=7 * free + single, nv=6 * free + single, nu=sum(len(section) for section in root.findall("actuator")))
 
     def modes(self) -> Modes:
-        """Return its modes, to switch between them at run time."""
+        """Return the modes of the variant, for switching between modes at run time."""
         from thingc.modes import Modes
 
         return Modes.parse(self._files.read("modes.json"))
 
     def unpack(self) -> str:
-        """Return its folder. For a packed batch, write the folder first. Raises `OSError`."""
+        """Return the folder of the variant. For a packed batch, write the folder first. Raises `OSError`."""
         if packed(self.family.folder):
             unpack(self.family.folder, self.index)
         return self.folder
@@ -181,8 +181,8 @@ class BuiltVariant(OneLineRepr):
 class BatchResults(Sequence[BuiltVariant]):
     """The built variants of a batch in plan order: by index (`family[0]`, `family[-1]`), or by id or name (`family["sweep_07"]`).
 
-    `planned` is the number of variants in the plan. `finished` specifies whether the batch has finished; if not, these are the variants
-    built so far. `rows` are the rows of the table of all finished variants, including failed and excluded ones.
+    `planned` is the number of variants in the plan. `finished` is True if the batch has finished; otherwise the object contains the
+    variants built so far. `rows` are the rows of the table of all finished variants, including failed and excluded ones.
     """
 
     def __init__(
@@ -208,7 +208,7 @@ class BatchResults(Sequence[BuiltVariant]):
         self._models: dict[tuple[str, bool, bool], TextModels] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Support pickling, for workers of environments and process pools."""
+        """Support pickling, which workers of environments and process pools require."""
         return BatchResults, (*self._batch, self._indices)
 
     def _of(self, indices: Sequence[int]) -> BatchResults:
@@ -275,7 +275,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return tuple(dict.fromkeys(name for row in self.rows for name in row))
 
     def column(self, name: str) -> list[Any]:
-        """Return the cells of a column, one for each of these variants, or None for empty cells. Raises `UnknownVariant`."""
+        """Return the cells of a column for all variants of this object. An empty cell is None. Raises `UnknownVariant`."""
         cells = [variant.results.get(name) for variant in self]
         if all(cell is None for cell in cells) and name not in self.columns:
             raise UnknownVariant(f"batch `{self.name}` has no column `{name}`: {did_you_mean(str(name), self.columns, what='columns')}")
@@ -296,7 +296,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return self._of(tuple(index for index, one in zip(self._indices, kept, strict=True) if one))
 
     def chosen(self, mode: str | None) -> str:
-        """Return the mode to use. Raises `UnknownVariant` if it was not built, and `FamilyError` if it is None and there are several."""
+        """Return the mode to use. Raises `UnknownVariant` for an unknown mode, and `FamilyError` for None if there are several modes."""
         name = mode if mode is not None else self.mode
         if name is None:
             if len(self.mode_names) > 1:
@@ -311,11 +311,11 @@ class BatchResults(Sequence[BuiltVariant]):
         self, variants: Iterable[BuiltVariant] | None = None, mode: str | None = None, *, share: bool = False, scene: bool = False,
         visual: bool = True,
     ) -> Iterator[mujoco.MjModel]:
-        """Yield the models of some variants (None: all) in order. They are equal to the results of `BuiltVariant.model`.
+        """Yield the models of some variants (None: all) in order. The models are equal to the results of `BuiltVariant.model`.
 
-        If variants differ only in numbers, some are compiled, and arrays are overwritten for the others (at most 128 variants are read
-        ahead). With `share`, the same model object is lent each time: it is valid until the next one is requested, and must not be used
-        elsewhere. Raises the same errors as `BuiltVariant.model`, and `FamilyError` for values that are not variants. Not thread-safe.
+        If variants differ only in numbers, some models are compiled, and arrays are overwritten for the others. At most 128 variants are
+        read ahead. With `share`, the same model object is lent each time: it is valid until the next model is requested and must not be
+        used elsewhere. Raises the errors of `BuiltVariant.model`, and `FamilyError` for values that are not variants. Not thread-safe.
         """
         key = (self.chosen(mode), scene, visual)
         models = self._models.setdefault(key, TextModels())
@@ -327,12 +327,12 @@ class BatchResults(Sequence[BuiltVariant]):
         return self._meshes.of(files)
 
     def mounted(self, files: Mapping[str, tuple[File, str]]) -> AbstractContextManager[mujoco.MjVfs]:
-        """Return the files in MuJoCo's virtual file system, for one thread at a time. Variants with the same files share it."""
+        """Return a MuJoCo file system with the files, for one thread at a time. Variants with the same files share a file system."""
         return self._meshes.mounted(files)
 
 
 class _Rows(Sequence[Mapping[str, Any]]):
-    """The rows of a table, which are created on demand."""
+    """The rows of a table. Rows are created on demand."""
 
     def __init__(self, records: BuildRecords) -> None:
         self._records = records
@@ -353,8 +353,8 @@ class _Rows(Sequence[Mapping[str, Any]]):
 class _Meshes:
     """Cached files by identity, so that variants share meshes.
 
-    Above `most` bytes, the least recently used files are removed. The last virtual file system is also cached. Thread-safe. A copy in
-    another process starts empty.
+    Above `most` bytes, the least recently used files are removed. The last virtual file system is also cached. This class is thread-safe. A
+    copy in another process starts empty.
     """
 
     def __init__(self, most: int = MESH_BYTES) -> None:
@@ -365,7 +365,7 @@ class _Meshes:
         self._last: tuple[Mapping[str, File], mujoco.MjVfs] | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Support pickling, for workers of environments and process pools."""
+        """Support pickling, which workers of environments and process pools require."""
         return _Meshes, (self._most,)
 
     def of(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
@@ -425,7 +425,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
 
 
 def _row(line: Line) -> dict[str, Any]:
-    """Return the cells of a line that are not empty, as in the table. All numbers except counts are floats."""
+    """Return the non-empty cells of a journal line, as in the table. All numbers except counts are floats."""
     numbers = {name: float(value) for name, value in line.get("results", {}).items()}
     for name, value in line["parameters"].items():
         if isinstance(value, int) and not isinstance(value, bool):
@@ -440,7 +440,7 @@ def _variant(one: Any) -> BuiltVariant:
 
 
 def _check(name: str, wanted: Any, cells: Sequence[Any]) -> None:
-    """Raise `FamilyError` for a value that no cell of a column can have, because it would silently select nothing."""
+    """Raise `FamilyError` for a value that no cell of a column can have, because a filter with this value would silently select nothing."""
     if not isinstance(wanted, tuple):
         if wanted is not None and not isinstance(wanted, str | Real):
             raise FamilyError(f"expected a value for the column `{name}`, or a range `(low, high)`, found `{wanted}`")
@@ -470,7 +470,7 @@ def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | N
 
     Ids are computed from differences to the assembly document, and names are numbered. If a document has changed since the batch was built,
     for example after adopting a variant, an id or name can belong to another variant. Therefore, the variant of the batch in `folder` is
-    matched by its settings. Raises `BatchFault` if no variant has these settings now.
+    matched by its settings. Raises `BatchFault` if no current variant has these settings.
     """
     line = _told(plan, wanted, folder)
     if line is None:
@@ -487,7 +487,7 @@ def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | N
 
 
 def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
-    """Return the line of this id or name if the batch in `folder` belongs to this document, else None."""
+    """Return the journal line for this id or name if the batch in `folder` belongs to this document, else None."""
     described = read_batch(folder)
     if described is None or described.get("document") != plan.relative:
         return None

@@ -1,4 +1,4 @@
-"""The rules in `keep:`: comparisons of parameters and results of a variant."""
+"""The rules in `keep:`, which compare parameters and results of a variant."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ RESULTS: dict[str, Dimension] = {
     "reach": LENGTH,
     "torque_margin": NUMBER,
 }
-"""The results of every variant, with dimensions. There is also `length.JOINT`, the distance from the previous joint."""
+"""The results of every variant, with their physical dimensions.
+
+Variants also have the results `length.JOINT`, the distance from the previous joint.
+"""
 
 LENGTHS = "length."
 PARAMETERS = "parameters."
@@ -30,7 +33,7 @@ OF_RESULTS = "results."
 
 
 class Rule(FrozenStruct):
-    """A comparison. `names` maps each name in it to a result, or to None for a parameter."""
+    """A comparison. `names` maps each name in the comparison to a result, or to None for a parameter."""
 
     text: str
     expression: Expression
@@ -38,14 +41,14 @@ class Rule(FrozenStruct):
 
     @property
     def needs_results(self) -> bool:
-        """Whether it depends on the results of a compiled robot."""
+        """Whether the rule depends on the results of a compiled robot."""
         return any(result is not None for result in self.names.values())
 
     def holds(self, parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None]) -> bool:
         """Return whether a variant satisfies the rule.
 
-        Raises `ExpressionError` if it cannot be evaluated (a division by zero), and `KeyError` with the name of the result if the variant
-        does not have this result.
+        Raises `ExpressionError` if the rule cannot be evaluated (a division by zero), and `KeyError` with the name of the result if the
+        variant does not have this result.
         """
         values: dict[str, ExpressionValue] = {}
         for name, result in self.names.items():
@@ -62,7 +65,7 @@ class Rule(FrozenStruct):
 def unkept(
     rules: Iterable[Rule], parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None], mode: str,
 ) -> Iterator[tuple[Rule, Diagnostic | None]]:
-    """Yield the rules that a variant violates, with the error if a rule cannot be evaluated. `results` are the results of `mode`."""
+    """Yield the rules that a variant violates. If a rule cannot be evaluated, yield its error, too. `results` are the results of `mode`."""
     for rule in rules:
         wrong = None
         try:
@@ -79,12 +82,12 @@ def unkept(
 
 
 def dimension_of(result: str) -> Dimension:
-    """Return the dimension of a result."""
+    """Return the physical dimension of a result."""
     return RESULTS.get(result, LENGTH)
 
 
 def meaning(name: str, parameters: Iterable[str], lengths: Iterable[str]) -> str | None:
-    """Return the result that a name refers to, or None for a parameter.
+    """Return the result to which a name refers, or None for a parameter.
 
     Raises `KeyError` for an unknown name, and `ValueError` for an ambiguous one.
     """
@@ -143,7 +146,10 @@ def read_rules(
 
 
 def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule, parameters: Mapping[str, ExpressionValue]) -> bool:
-    """Check dimensions by evaluating the rule with the values of the assembly and results of 1. Return whether they are valid."""
+    """Evaluate the rule with the values of the assembly and with the value 1 for all results.
+
+    Return whether its physical dimensions are valid.
+    """
     try:
         rule.holds(parameters, {result: 1.0 for result in rule.names.values() if result is not None})
     except ExpressionError as error:

@@ -1,4 +1,4 @@
-"""Options of a batch, from Python or the command line, and functions to check them."""
+"""Options of a batch, from Python or the command line, and functions that check the options."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from thingc.targets.registry import chosen, unknown
 
 
 def is_whole(value: Any, least: int) -> bool:
-    """Return whether a value is an integer of at least `least`."""
+    """Return whether a value is an integer that is at least `least`."""
     return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= least
 
 
@@ -33,14 +33,14 @@ def is_number(value: Any) -> bool:
 
 
 def at_least(least: int, **numbers: Any) -> None:
-    """Raise `FamilyError` with the name of a value that is not an integer of at least `least`."""
+    """Raise `FamilyError` with the name of a value that is not an integer or is less than `least`."""
     for name, value in numbers.items():
         if not is_whole(value, least):
             raise FamilyError(f"expected `{name}` to be a whole number of at least {least}, found {value}")
 
 
 def as_names(**given: Any) -> tuple[Any, ...]:
-    """Convert names to a tuple. A single name can be a text. Raises `FamilyError` for other values."""
+    """Convert names to a tuple. A single name can be a string. Raises `FamilyError` for other values."""
     ((argument, names),) = given.items()
     if isinstance(names, str):
         return (names,)
@@ -50,7 +50,10 @@ def as_names(**given: Any) -> tuple[Any, ...]:
 
 
 class RunOptions(FrozenStruct):
-    """Options of a run: the first `count` variants, and `jobs` runners or chunks at a time. The other options are arguments of `run`."""
+    """Options of a run.
+
+    `count` is the number of variants to build. `jobs` is the number of parallel runners or chunks. `run` describes the other options.
+    """
 
     options: Options
     jobs: int
@@ -91,6 +94,9 @@ def _targets(emit: Sequence[str] | str) -> tuple[str, ...]:
 
 
 def planned(document: str, options: Options, emit: Sequence[str] | str, layout: str | None) -> Plan:
-    """Return the plan of a document, with other targets and layout if given. Raises `PlanError`, and `BatchFault` for an unknown target."""
+    """Return the plan of a document.
+
+    Targets and layout, if given, replace those in the document. Raises `PlanError`, and `BatchFault` for an unknown target.
+    """
     targets, plan = _targets(emit), variants_document.plan(document, options=options)
     return replace(plan, emit=targets or plan.emit, layout=layout or plan.layout)

@@ -1,8 +1,8 @@
 """`python -m thingc.batch.runner`: a process that builds variants one by one.
 
 The first line of standard input is the job, and each following line is a list of tasks (JSON). The process prints `{"ready": true}` after
-reading the documents, then one row per task, in order. It ends at the end of its input, together with its geometry worker, so no process
-remains when the driver ends.
+reading the documents, then one row per task, in order. The process ends at the end of its input, together with its geometry worker, so that
+no process remains when the driver ends.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ if TYPE_CHECKING:
     from thingc.driver.pipeline import Compilation
 
 SHOWN = 5
-"""Maximum number of diagnostics of a refused variant in the journal."""
+"""Maximum number of diagnostics that the journal contains for a refused variant."""
 
 
 class Runner:
-    """Builds the variants of one job. A context manager that ends the geometry worker."""
+    """Builds the variants of a job. On exit, this context manager ends the geometry worker."""
 
     def __init__(self, job: Job) -> None:
         self.job = job
@@ -76,7 +76,7 @@ class Runner:
         try:
             try:
                 outcome = self._attempt(task)
-            except BlobMissing:  # a damaged blob in the store: build it again
+            except BlobMissing:  # a blob in the store is damaged: build the variant again
                 outcome = self._passed(task)
         except StoreUnusable as fault:
             outcome = row(task, STOPPED, code=Code.OUTPUT.code, message=f"the cache `{fault.root}` cannot be used: {fault.reason}")
@@ -135,7 +135,7 @@ class Runner:
         return row(task, "built", results=shown, losses=losses, **parts)
 
     def _written(self, folder: str, task: Variant, files: Mapping[str, Content]) -> dict[str, Any]:
-        """Write a variant. For a packed batch, write only shared files and return the other files."""
+        """Write a variant. For a packed batch, write only shared files, and return the contents of the other files."""
         store = self.session.environment.store
         if not self.job.packed:
             write_variant(folder, task.id, files, store)
@@ -158,7 +158,7 @@ class Runner:
             return None
 
     def _judge(self, task: Variant, results: Results) -> dict[str, Any] | None:
-        """Return the status of a variant that violates a rule, or None if all are satisfied."""
+        """Return the status of a variant that violates a rule, or None if the variant satisfies all rules."""
         if not self.rules:
             return None
         values: dict[str, ExpressionValue] = {
@@ -171,12 +171,12 @@ class Runner:
 
 
 def _displayed_results(results: Results) -> dict[str, float | str]:
-    """Convert results to JSON: infinity is the text `inf`."""
+    """Convert results to JSON. Infinity becomes the string `inf`."""
     return {name: value if math.isfinite(value) else "inf" for name, value in results.items() if value is not None}
 
 
 def _said(diagnostics: Iterable[Diagnostic]) -> dict[str, Any]:
-    """Return code and message of the first error, and the first errors for the journal."""
+    """Return the code and the message of the first error, and the first errors for the journal."""
     errors = [one for one in diagnostics if one.severity is Severity.ERROR]
     return {"code": errors[0].code.code, "message": errors[0].message, "diagnostics": as_json(errors[:SHOWN])}
 
@@ -190,7 +190,7 @@ def _raised(task: Variant, fault: BaseException) -> Row:
 
 
 def main() -> None:
-    """Answer the lines of standard input on standard output until it ends."""
+    """Read lines from standard input and write an answer for each line to standard output, until standard input ends."""
     answers = os.dup(1)
     os.dup2(2, 1)  # redirect other output to standard error
     lines: queue.SimpleQueue[str] = queue.SimpleQueue()

@@ -1,10 +1,10 @@
-"""One model for a whole batch, and arrays in which the variants differ, which can be written to the model.
+"""A single model for a whole batch, and the arrays in which the variants differ. These arrays can be written to the model.
 
     model, fields = thingc.batch.fields("build/leg_sweep", "standing")
     thingc.batch.apply(model, fields, 7)         # now it is the model of variant 7
 
-The variants may differ only in numbers: masses, frames, gains, limits, poses. To check this, all arrays of the compiled models are
-compared.
+The variants may differ only in numbers: masses, frames, gains, limits, poses. All arrays of the compiled models are compared to check this
+condition.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 
 SHORTCUTS = frozenset(("body_sameframe", "geom_sameframe", "site_sameframe", "bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
-"""Arrays that depend on frames and only affect the speed of MuJoCo."""
+"""Arrays that depend on frames and affect only the speed of MuJoCo."""
 
 LEADING = frozenset(("bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
-"""Arrays whose first rows belong to bodies. The following rows, which belong to meshes, never change and are omitted."""
+"""Arrays whose first rows belong to bodies. Later rows belong to meshes, never change, and are omitted."""
 
 SHAPES = ("flex", "hfield_", "mesh_", "oct_", "skin_", "tuple_")
 """Prefixes of arrays that contain shapes."""
@@ -57,10 +57,10 @@ _KINDS = {
 
 @functools.cache
 def changeable_fields() -> KeysView[str]:
-    """Return the names of the fields in which variants of one model may differ.
+    """Return the names of the fields in which variants of a model may differ.
 
-    These are `SHORTCUTS`, and arrays and options of floating-point numbers that a simulation reads at every step or that depend on such
-    numbers. `SHAPES`, `BUFFERS` and visual settings are excluded.
+    The fields are `SHORTCUTS`, and arrays and options of floating-point numbers that a simulation reads at every step or that depend on
+    such numbers. `SHAPES`, `BUFFERS` and visual settings are excluded.
     """
     import mujoco
     import numpy as np
@@ -71,7 +71,7 @@ def changeable_fields() -> KeysView[str]:
 
 
 class StructuresDiffer(FamilyError):
-    """Raised if the variants cannot share one model. `field` is the first field that would have to change."""
+    """Raised if the variants cannot share a model. `field` is the first field that differs and cannot be changed."""
 
     def __init__(self, field: str, message: str) -> None:
         super().__init__(f"{message}; use separate models instead: `thingc.batch.load`")
@@ -132,8 +132,8 @@ def write(
 ) -> str:
     """Write the fields to `path`, and the model with its meshes to a file next to it. Return the path of the model.
 
-    `legs.npz` contains one array per field, and `id` with the ids of the variants. The model is `legs.mjz`. The same batch gives the same
-    bytes. Raises the same errors as `fields`, and `OSError`.
+    For example, `legs.npz` contains an array for each field, and the array `id` with the ids of the variants; `legs.mjz` contains the
+    model. The same batch results in the same bytes. Raises the same errors as `fields`, and `OSError`.
     """
     import numpy as np
 
@@ -180,7 +180,7 @@ def _equal(a: Any, b: Any) -> bool:
 
 
 def _leading(values: Any) -> Any:
-    """Return the rows up to the last one that can change."""
+    """Return the rows up to the last row that can change."""
     changes = (values != values[:1]).reshape(*values.shape[:2], -1).any(axis=(0, 2))
     return values[:, : int(changes.nonzero()[0].max()) + 1]
 
@@ -217,7 +217,7 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
 
 
 def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> None:
-    """Raise `StructuresDiffer` for the first mesh that differs."""
+    """Raise `StructuresDiffer` for the first mesh that differs between two models."""
     if all(_equal(getattr(model, name), getattr(other, name)) for name in arrays):
         return
     for k in range(model.nmesh):
@@ -234,7 +234,7 @@ def element_names(model: Any) -> dict[str, list[str]]:
 
 
 def _where(model: Any, name: str, a: Any, b: Any) -> str:
-    """Describe the first entry of an array that differs by its element. Return an empty string if the element has no name."""
+    """Return the element to which the first differing entry of an array belongs, or an empty string if the element has no name."""
     import numpy as np
 
     kind = name.partition("_")[0]

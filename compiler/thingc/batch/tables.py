@@ -34,10 +34,10 @@ RUN = ("parts_modelled", "parts_reused", "seconds")
 
 
 class Column(FrozenStruct):
-    """A column.
+    """A column of the table.
 
     `kind` is `integer`, `number`, `text` or `flag`. `unit` is the SI unit, or empty without unit. `written` is the unit in documents, in
-    which the page displays the values; if it is empty, this is the SI unit.
+    which the page displays the values; an empty string means the SI unit.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Column(FrozenStruct):
 
 
 def setting(name: str) -> str:
-    """Return the column of a parameter or path, which has the same name."""
+    """Return the column of a parameter or path. The column has the same name."""
     return name if "." in name else PARAMETERS + name
 
 
@@ -65,7 +65,7 @@ def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Seque
 
 
 def flat(line: Line) -> dict[str, Any]:
-    """Return the cells of a line of the journal by column. Empty cells are None, and infinity is the text `inf`."""
+    """Return the cells of a line of the journal by column. Empty cells are None, and infinity is the string `inf`."""
     return {
         **{name: line.get(name) for name in HEAD},
         **{setting(name): value for name, value in line["parameters"].items()},
@@ -87,7 +87,7 @@ def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
 
 
 def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[str]) -> tuple[Column, ...]:
-    """Write both files again, each atomically. Return their columns."""
+    """Rewrite both files atomically. Return the columns of the table."""
     wanted = columns(parameters, choices, lengths_in(folder))
     written = os.path.join(folder, folder_layout.TABLE_CSV), os.path.join(folder, folder_layout.TABLE_PARQUET)
     with _csv(f"{written[0]}.new", wanted) as to_csv, _parquet(f"{written[1]}.new", wanted) as to_parquet:

@@ -1,8 +1,9 @@
 """`python -m thingc.batch.thumbnails`: a process that renders small pictures of variants, all with the same camera.
 
-The graphics library is selected when MuJoCo is imported, and can crash, so it is not used in the driver. Lines of JSON are read from
-standard input: `{"measure": [model, ...], "pose": ...}`, then `{"draw": [[model, picture], ...], "points": [...], ...}`. The answers are
-written to standard output: the points that must be visible, then a line for each picture. The process ends at the end of its input.
+The graphics library is selected when MuJoCo is imported. The driver does not use it, because a graphics library can crash. Lines of JSON
+are read from standard input: `{"measure": [model, ...], "pose": ...}`, then `{"draw": [[model, picture], ...], "points": [...], ...}`. The
+answers are written to standard output: the points that must be visible, then a line for each picture. The process ends at the end of its
+input.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
 
 
 def main() -> None:
-    """Answer the lines of standard input on standard output until it ends."""
+    """Read lines from standard input and write an answer for each line to standard output, until standard input ends."""
     answers = os.dup(1)
     os.dup2(2, 1)  # redirect output of libraries to standard error
     os.environ.setdefault("MUJOCO_GL", "egl")
@@ -48,7 +49,7 @@ def main() -> None:
     for path in asked["measure"]:
         try:
             measured.append(extent(*load_pictures(path), asked["pose"]))
-        except (OSError, ValueError):  # missing, or rejected by MuJoCo
+        except (OSError, ValueError):  # the file is missing, or MuJoCo rejects the model
             measured.append(([], (0.0, 0.0, 0.0)))
     answer(measured)
     asked = json.loads(sys.stdin.readline() or "null")

@@ -1,4 +1,4 @@
-"""Convert values of variants from documents to SI, and to texts with the same value."""
+"""Convert values of variants from documents to SI units, and to strings with the same value."""
 
 from __future__ import annotations
 
@@ -25,13 +25,16 @@ ID_DIGITS = 12
 
 
 def unit_in(text: str) -> str:
-    """Return the unit of a quantity as written, or an empty string if it has none or if the text is not a quantity."""
+    """Return the unit of a quantity as written.
+
+    Return an empty string for a number without a unit, and for a string that is not a quantity.
+    """
     number = scan_number(text.strip())
     return "" if number is None else text.strip()[number[1]:].strip()
 
 
 def size_of(unit: str) -> float | None:
-    """Return the size of a unit in SI, such as 0.001 for `mm`, or None if it is not a unit."""
+    """Return the size of a unit in SI units, such as 0.001 for `mm`, or None if the string is not a unit."""
     try:
         return parse_quantity(f"1 {unit}").value
     except UnitError:
@@ -41,7 +44,7 @@ def size_of(unit: str) -> float | None:
 def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
     """Return `count` evenly spaced values between two quantities with the same unit, each rounded once.
 
-    Four values from `60 mm` to `90 mm` contain exactly 70 mm. Return None if the units are written differently.
+    Four values from `60 mm` to `90 mm` contain exactly 70 mm. Return None if the two quantities are written in different units.
     """
     ends: list[Fraction] = []
     units: list[str] = []
@@ -60,13 +63,13 @@ def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
         (numerator, denominator, dimension), _ = scan_unit(units[0], 0)
     except UnitError:
         return None
-    if units[0] == "deg":  # like units in documents: the result of `math.radians`
+    if units[0] == "deg":  # as for units in documents, this is the result of `math.radians`
         return [Quantity(math.radians(float(number)) + 0.0, dimension) for number in numbers]
     return [Quantity(float(number * Fraction(numerator, denominator)) + 0.0, dimension) for number in numbers]
 
 
 def spaced_si(first: Quantity, last: Quantity, count: int) -> list[Quantity]:
-    """Return `count` evenly spaced values between two quantities of one dimension, computed from the decimals of their SI values."""
+    """Return `count` evenly spaced values between two quantities of the same dimension, computed from the decimals of their SI values."""
     a, b = Fraction(Decimal(repr(first.value))), Fraction(Decimal(repr(last.value)))
     return [Quantity(float(a + (b - a) * Fraction(k, count - 1)) + 0.0, first.dimension) for k in range(count)]
 
@@ -80,7 +83,7 @@ def identity(assembly: str, parameters: Mapping[str, ExpressionValue], choices: 
     """Return the id of a variant: 12 hexadecimal digits of the SHA-256 of its settings.
 
     `assembly` is the path of the document in the workspace. `parameters` and `choices` are the settings that differ from the documents. The
-    same settings have the same id in every batch and in any order.
+    same settings have the same id in every batch, whatever their order.
     """
     settings = {"assembly": assembly, "parameters": {name: plain(value) for name, value in parameters.items()}, "choices": dict(choices)}
     text = json.dumps(settings, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
@@ -139,14 +142,14 @@ def as_value(raw: Any) -> ExpressionValue | None:
 def _kind(own: ExpressionValue | None, given: Iterable[ExpressionValue]) -> ExpressionValue | None:
     """Return a value of the kind used at a path: the value of the assembly, or the first given value.
 
-    0 without a unit is used only if there is no other value.
+    0 without a unit is used only if no other value exists.
     """
     known = [one for one in (own, *given) if one is not None]
     return next((one for one in known if one != Quantity(0.0)), known[0] if known else None)
 
 
 def of_kind(value: ExpressionValue, kind: ExpressionValue | None) -> ExpressionValue | None:
-    """Convert a value to the kind of another, or None if this is impossible."""
+    """Convert a value to the kind of another value. Return None if this is impossible."""
     if not isinstance(value, Quantity) or not isinstance(kind, Quantity):
         return value if kind is None or type(value) is type(kind) else None
     if value == Quantity(0.0):

@@ -1,4 +1,4 @@
-"""Read a `variants/1` document with its assembly. All keys are checked, and all errors are reported at once."""
+"""Read a `variants/1` document with its assembly. All keys are checked, and all errors are reported together."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def check_names(document: Document, spec: VariantsSpec, model: AssemblyDefinitio
 
 
 def check_margin(document: Document, spec: VariantsSpec, model: AssemblyDefinition, rules: Sequence[Rule], report: Report) -> None:
-    """Report rules on the torque margin if the mode of the results has loops, because it is unknown how loops share the load."""
+    """Report rules on the torque margin if the mode of the results has loops, because the distribution of loads in loops is unknown."""
     wanted = spec.modes[0] if spec.modes else model.modes[0].name
     mode = next((mode for mode in model.modes if mode.name == wanted), None)
     if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
@@ -94,7 +94,7 @@ def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
 
 
 def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[str, Any] | list[str], str] | None:
-    """Return the unknown word of a reference to a mount, the known words, and their kind, or None if nothing is wrong.
+    """Return the unknown word of a reference to a mount, the known words, and their kind. Return None for a valid reference.
 
     The mounts of a part are unknown before it is built.
     """
@@ -129,7 +129,7 @@ def plan(document: str, *, options: Options | None = None) -> Plan:
 
 
 def read_plan(path: str, options: Options, report: Report, lend: Lend | None = None) -> Plan | None:
-    """Return the plan of the document at `path`, or None after errors, which are added to `report`.
+    """Return the plan of the document at `path`. If the document has errors, add them to `report` and return None.
 
     `lend` returns the source of parts, as for `Environment`.
     """
@@ -258,17 +258,20 @@ class _Planner:
         return axes, fixed
 
     def named(self, path: str, text: str, root: str) -> str:
-        """Convert a chosen file or document to a path in the assembly document. Other texts are unchanged."""
+        """Convert the path of a chosen file or document to a path that is relative to the assembly document.
+
+        Other strings are returned unchanged.
+        """
         return moved(text, self.document.relative, root) if _key(path) in ("assembly", "file") else text
 
     def there(self, text: str, at: Path) -> bool:
-        """Return whether a chosen document exists. If not, report it."""
+        """Return whether a chosen document exists. Report a missing document."""
         return find_assembly(
             text, beside=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
         ) is not None
 
     def possible(self, path: str, text: str, at: Path) -> bool:
-        """Return whether a choice is valid, alone or with an assembly chosen around it. If not, report it."""
+        """Return whether a choice is valid, alone or with an assembly chosen around it. Report an invalid choice."""
         wrong = self.trial({path: text})
         for diagnostic in wrong:
             if diagnostic.code is Code.CHOICE_OPTION:
@@ -276,7 +279,7 @@ class _Planner:
         return not any(diagnostic.code is Code.CHOICE_OPTION for diagnostic in wrong)
 
     def fits(self, path: str, text: str, at: Path) -> bool:
-        """Return whether a value is valid at a path of the assembly. If not, report it, at the key if the path is unknown.
+        """Return whether a value is valid at a path of the assembly. Report an invalid value, and report an unknown path at its key.
 
         A value of an explicit variant is checked together with the whole variant. Other values are checked alone, then with the first
         values of other settings.
@@ -300,12 +303,12 @@ class _Planner:
         return not wrong
 
     def texts(self, places: Mapping[str, Path]) -> dict[str, str]:
-        """Return the texts of this document at the given paths by name, without values that are not scalars."""
+        """Return the strings in this document at the given paths, by name. Values that are not scalars are omitted."""
         nodes = ((name, node_at(self.document.tree, place)) for name, place in places.items())
         return {name: node.text for name, node in nodes if isinstance(node, ScalarNode)}
 
     def firsts(self) -> dict[str, str]:
-        """Return the first value, as written, of every setting that is fixed, an axis, or sampled."""
+        """Return the first value, as written, of every setting that is fixed, is an axis, or is sampled."""
         first: dict[str, Path] = {}
         for name, raw in self.spec.parameters.items():
             within: Path = (0,) if isinstance(raw, list) else ("from",) if isinstance(raw, AxisSpec) else ()
@@ -343,7 +346,7 @@ class _Planner:
                 break
         astray = {path for path in texts if any(one.path == f"{SET}{path}" for one in first or ())}
         rest = {name: text for name, text in texts.items() if name not in astray}
-        if astray and rest:  # if one path is unknown, none is set
+        if astray and rest:  # if a path is unknown, no setting is applied
             first = [*(first or ()), *(one for one in self.trial(rest) if one not in (first or ()))]
         self.tried[key] = first or []
         return self.tried[key]
@@ -362,7 +365,7 @@ class _Planner:
         )
 
     def around(self, paths: Iterable[str]) -> Iterator[dict[str, str]]:
-        """Yield no choices, then each assembly that is chosen for a component that contains one of the paths."""
+        """Yield an empty set of choices, then each assembly that is chosen for a component that contains one of the paths."""
         yield {}
         root = self.sources.documents.root.relative
         for other, raw in self.spec.choices.items():
@@ -423,7 +426,7 @@ class _Planner:
         return sample.method, count or 0, seed or 0
 
     def grid_fits(self) -> bool:
-        """Return whether the grid has at most `MOST` variants. If not, report it before any value of an axis is evaluated."""
+        """Return whether the grid has at most `MOST` variants. Report a larger grid before any value of an axis is evaluated."""
         axes = [(key, raw) for key in ("parameters", "choices") for raw in getattr(self.spec, key).values()]
         sized = [(key, raw.count if isinstance(raw, AxisSpec) else len(raw)) for key, raw in axes if isinstance(raw, (AxisSpec, list))]
         sizes = [(key, size) for key, size in sized if isinstance(size, int) and 1 < size <= MOST_VALUES]
@@ -440,9 +443,9 @@ class _Planner:
     # --- inputs ------------------------------------------------------------------------------------------------------
 
     def inputs(self) -> dict[str, str]:
-        """Return the digests of the documents and the code that the plan depends on.
+        """Return the digests of the documents and the code on which the plan depends.
 
-        They are keyed by path, relative to the workspace if inside it.
+        The keys are paths, relative to the workspace for files inside it.
         """
         from thingc.driver.up_to_date import state_of
 

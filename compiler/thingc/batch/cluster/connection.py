@@ -3,7 +3,7 @@
     tcp://host:8786                          a dask scheduler (`dask_executor`)
     slurm  slurm:partition=cpu,cpus=8        jobs of SLURM (`slurm`)
 
-Workers build variants with the same runners as on this machine. They write into the folder of the batch. This folder and the documents must
+Workers build variants with the same runners as on this machine, and write into the folder of the batch. This folder and the documents must
 have the same paths on all machines. With dask, the workspace can be sent to the workers instead (see `remote_workers`).
 """
 
@@ -21,7 +21,7 @@ HELP = "write `tcp://HOST:8786` for a Dask scheduler, or `slurm:partition=NAME,c
 def connect(address: str, *, jobs: int = 0, folder: str) -> Cluster:
     """Return the executor for an address.
 
-    `jobs` is the number of chunks to run at once (0 for the default of the cluster). `folder` is for files of the executor, and must be on
+    `jobs` is the number of chunks to run at once (0 for the default of the cluster). `folder` contains files of the executor and must be on
     a shared file system. Raises `BatchFault` for an invalid address, or if the cluster does not answer.
     """
     if re.fullmatch(r"slurm(:.*)?", address):

@@ -1,7 +1,6 @@
-"""A dask scheduler as the engine of a batch. Its workers are processes on any number of machines, and can connect and disconnect at any
-time.
+"""A dask scheduler as the engine of a batch. Workers are processes on any number of machines, and can connect and disconnect at any time.
 
-If a worker dies, dask assigns its chunks to another worker. If dask reports them as lost, they are submitted again.
+If a worker dies, dask assigns its chunks to another worker. If dask reports chunks as lost, the batch submits them again.
 """
 
 from __future__ import annotations
@@ -26,21 +25,21 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 TIMEOUT = 15.0
-"""Time limit [s] for the scheduler to answer, and for the first worker to appear."""
+"""Time limit [s] for the answer of the scheduler, and for the connection of the first worker."""
 LOOK = 5.0
 """Interval [s] of polling the number of workers."""
 
 
 def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
-    """Return the installed versions, and the digests of files and folders (`up_to_date.state_of`), or None if missing.
+    """Return the installed versions, and the digest of each file and folder (`up_to_date.state_of`), or None for missing ones.
 
-    Runs on the worker.
+    This function runs on the worker.
     """
     return dict(versions()), {path: state_of(path) for path in paths}
 
 
 class DaskCluster(FileTransferExecutor):
-    """The workers of the scheduler at `address`. Raises `BatchFault` if it does not respond or has no workers."""
+    """The workers of the scheduler at `address`. Raises `BatchFault` if the scheduler does not respond or has no workers."""
 
     def __init__(self, address: str, *, jobs: int = 0) -> None:
         try:
@@ -54,7 +53,7 @@ class DaskCluster(FileTransferExecutor):
                 logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         try:
             self._client = distributed.Client(address, timeout=TIMEOUT, set_as_default=False)
-        except Exception as fault:  # OSError, or others if the program is not a scheduler
+        except Exception as fault:  # OSError, or other exceptions if the program is not a scheduler
             raise BatchFault(
                 Code.CLUSTER, f"no Dask scheduler responds at `{address}`: {_first_line(fault)}",
                 "start one with `dask scheduler`, which prints its address, or check firewalls",
@@ -77,7 +76,7 @@ class DaskCluster(FileTransferExecutor):
         return future
 
     def check(self, files: Mapping[str, str]) -> None:
-        """Check every connected worker. Workers that die during the check are ignored. Raises `BatchFault`."""
+        """Check every connected worker. Raises `BatchFault`. Workers that die during the check are ignored."""
         mine = dict(versions())
         try:
             answers: dict[str, Any] = self._client.run(seen, list(files), on_error="return")
@@ -110,7 +109,10 @@ class DaskCluster(FileTransferExecutor):
                     )
 
     def fault(self) -> BatchFault | None:
-        """Return the error if the scheduler has ended, or if there was no worker for `PATIENCE`. Also update the number of workers."""
+        """Return an error if the scheduler has ended, or if no worker was connected for `PATIENCE` seconds.
+
+        Also update the number of workers.
+        """
         if self._client.status != "running":
             return self._lost("the connection was closed")
         now = time.monotonic()
@@ -134,7 +136,7 @@ class DaskCluster(FileTransferExecutor):
         return None
 
     def ship(self, name: str, transfer: WorkspaceArchive) -> None:
-        """Send a workspace to all workers, including workers that connect later. Shipments of dead drivers are removed first."""
+        """Send a workspace to all workers, including workers that connect later. Shipments of drivers that have ended are removed first."""
         from thingc.batch.cluster.dask_plugin import UnpackedWorkspace
 
         for left in self._left_behind():
@@ -149,7 +151,7 @@ class DaskCluster(FileTransferExecutor):
             ) from None
 
     def unship(self, name: str) -> None:
-        """Remove a shipment. Workers that cannot be reached remove it when they end."""
+        """Remove a shipment. Unreachable workers remove the shipment when they end."""
         self._unregister(self._plugin(name))
 
     def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
@@ -174,7 +176,7 @@ class DaskCluster(FileTransferExecutor):
     def _left_behind(self) -> list[str]:
         """Return the shipments of drivers that are no longer connected."""
 
-        def names(dask_scheduler: Any) -> list[str]:  # sent as code: thingc need not be installed there
+        def names(dask_scheduler: Any) -> list[str]:  # sent as code: thingc need not be installed on the scheduler
             return [
                 name for name in dask_scheduler.worker_plugins
                 if name.startswith("thingc-") and name.partition("@")[2] not in dask_scheduler.clients

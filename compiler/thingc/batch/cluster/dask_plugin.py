@@ -1,4 +1,7 @@
-"""The dask worker plugin for a shipped workspace. It unpacks the workspace in the worker's folder, and removes it at the end."""
+"""The dask worker plugin for a shipped workspace.
+
+The plugin unpacks the workspace in the folder of the worker, and removes it at the end.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ class UnpackedWorkspace(WorkerPlugin):
     def setup(self, worker: Any) -> None:
         """Unpack the workspace below the worker's folder. dask removes this folder when the worker ends."""
         settle(self.shipment, self.transfer, worker.local_directory, worker.address)
-        self.transfer = replace(self.transfer, data=b"")  # the scheduler has the data for later workers
+        self.transfer = replace(self.transfer, data=b"")  # the scheduler keeps the data for later workers
 
     async def teardown(self, worker: Any) -> None:
         """Remove the workspace. Idle runners are ended first, which can take a moment."""

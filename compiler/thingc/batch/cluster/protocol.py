@@ -20,14 +20,14 @@ PATIENCE = 60.0
 
 
 class WorkerLost(Exception):
-    """Raised if a worker has ended, or does not have the requested data. Its variants are submitted again."""
+    """Raised if a worker has ended or does not have the requested data. The batch submits the variants of this worker again."""
 
 
 class Cluster(Executor):
     """An executor on other machines.
 
-    At most `ahead` chunks run at a time. The first chunks have `first` variants. Later chunks take about `chunk_seconds` [s] of one runner
-    and have at most `chunk_most` variants.
+    At most `ahead` chunks run at the same time. The first chunks contain `first` variants. Later chunks occupy a runner for about
+    `chunk_seconds` [s] and contain at most `chunk_most` variants.
     """
 
     ahead = 1
@@ -52,7 +52,10 @@ class FileTransferExecutor(Cluster):
 
     @abstractmethod
     def ship(self, name: str, transfer: WorkspaceArchive) -> None:
-        """Send a workspace once to every worker, including workers that connect later. Raises `BatchFault` if a worker cannot unpack it."""
+        """Send a workspace to every worker, including workers that connect later.
+
+        Raises `BatchFault` if a worker cannot unpack the workspace.
+        """
 
     @abstractmethod
     def unship(self, name: str) -> None:
@@ -60,9 +63,9 @@ class FileTransferExecutor(Cluster):
 
     @abstractmethod
     def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
-        """Call `fn` immediately on the worker with this address, even if it is busy. Raises `WorkerLost`."""
+        """Call `fn` immediately on the worker with this address, even if the worker is busy. Raises `WorkerLost`."""
 
 
 def missing(package: str) -> BatchFault:
-    """Return the error for a missing package of a cluster."""
+    """Return the error for a missing Python package that a cluster requires."""
     return BatchFault(Code.CLUSTER, f"the package `{package}` is not installed, and `--cluster` needs it", "pip install 'thingc[cluster]'")

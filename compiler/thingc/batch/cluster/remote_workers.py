@@ -1,14 +1,14 @@
-"""Workers without a shared folder. The workspace is sent to each worker once, and built variants are fetched.
+"""Workers without a shared folder. The driver sends the workspace to each worker once, and fetches built variants.
 
 `RemoteExecutor` wraps a cluster so that the batch can use it like an executor that writes variants into its folder. On a worker,
-`evaluate_there` builds them with the same runners, from the unpacked workspace into a folder of the worker, and returns the list of files.
-The driver fetches missing files in groups of a few megabytes, and writes the variants. A file that several variants share is fetched once,
-and not at all if the driver's store contains it.
+`evaluate_there` builds the variants with the same runners, from the unpacked workspace into a folder of the worker, and returns the list of
+files. The driver fetches missing files in groups of a few megabytes, and writes the variants. A file that several variants share is fetched
+once, or not at all if the store of the driver contains the file.
 
     <place>/work/                the unpacked workspace
     <place>/out/variants/<id>/   built variants that have not been fetched
     <place>/out/assets/<sha256>  shared files
-    <place>/aside/a/b/c          working folder of runners if the driver's is outside of the workspace
+    <place>/aside/a/b/c          working folder of runners if the working folder of the driver is outside the workspace
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 T = TypeVar("T")
 
 WORK, OUT, ASIDE = "work", "out", os.path.join("aside", "a", "b", "c")
-"""Subfolders. The last one is deeply nested, so that paths to the others are displayed as absolute paths."""
+"""Subfolders. The last subfolder is deeply nested, so that paths to the other subfolders are displayed as absolute paths."""
 PULL_BYTES = 8_000_000
-"""Size [bytes] of a group of files to fetch. Larger files are fetched alone."""
+"""Size [bytes] of a group of files that are fetched together. A larger file is fetched alone."""
 CHUNK_SECONDS = 2.0
-"""Target duration [s] of a chunk. It is longer than without file transfer, because each chunk needs one more request."""
+"""Target duration [s] of a chunk. The duration is longer than without file transfer, because each chunk needs an additional request."""
 FAREWELL = 30.0
-"""Time [s] to wait at the end for running transfers."""
+"""Time limit [s] for running transfers at the end of a batch."""
 
 
 # --- on the worker ----------------------------------------------------------------------------------------------------
@@ -65,9 +65,9 @@ class WorkerFolder(FrozenStruct):
 
 
 _PLACES: dict[str, WorkerFolder] = {}
-"""Folders of this process, by the name of the shipment."""
+"""Shipment folders of this process, by the name of the shipment."""
 _REFUSED: dict[str, str] = {}
-"""Reasons why shipments could not be unpacked, by name of the shipment."""
+"""Reasons why this process could not unpack shipments, by the name of the shipment."""
 
 
 def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> None:
@@ -87,7 +87,7 @@ def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> N
 
 
 def leave(name: str) -> None:
-    """Remove a shipment. Builds in progress fail, but their results are no longer needed."""
+    """Remove a shipment. Builds in progress fail; their results are no longer needed."""
     place = _PLACES.pop(name, None)
     _REFUSED.pop(name, None)
     if place is None:
@@ -96,7 +96,7 @@ def leave(name: str) -> None:
     with contextlib.suppress(OSError):
         os.rename(place.folder, gone)
         shutil.rmtree(gone, ignore_errors=True)
-    RUNNERS.close()  # they worked in the folder
+    RUNNERS.close()  # these runners worked in the folder
 
 
 def _worker_folder(name: str) -> WorkerFolder:
@@ -117,12 +117,12 @@ class BuiltFile(FrozenStruct):
 
     @property
     def there(self) -> str:
-        """The path of the file in `out/`."""
+        """The path of the file below `out/`."""
         return f"{folder_layout.ASSETS}/{self.sha256}" if self.shared else f"{folder_layout.VARIANTS}/{self.id}/{self.path}"
 
 
 class Answer(FrozenStruct):
-    """The results of a chunk: one row per variant, and the files of built variants in `place` by id."""
+    """The results of a chunk: a row for each variant, and the files of built variants in `place`, by id."""
 
     place: WorkerFolder
     rows: list[Row]
@@ -134,12 +134,12 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float
 
     `job` was encoded by `RemoteExecutor`, with paths relative to the workspace. Raises `WorkerLost` and `RunnersBroken`.
     """
-    if name in _REFUSED:  # otherwise, a worker that connects later would fail chunk after chunk
+    if name in _REFUSED:  # otherwise, a worker that connects later would fail for every chunk
         raise RunnersBroken(f"a worker cannot unpack the workspace: {_REFUSED[name]}", "")
     place = _worker_folder(name)
 
     def still(row: Row) -> None:
-        _worker_folder(name)  # raises if the batch has ended
+        _worker_folder(name)  # this raises an exception if the batch has ended
 
     rows = evaluate(_settled(job, place), tasks, timeout, still)
     return Answer(place=place, rows=rows, files={row["id"]: _listed(place, row) for row in rows if row["status"] == "built"})
@@ -147,7 +147,7 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float
 
 @lru_cache(maxsize=4)
 def _settled(job: str, place: WorkerFolder) -> str:
-    """Return the job with paths on the worker. Use the worker's store unless the batch has a store."""
+    """Return the job with paths on the worker. The job uses the store of the worker, unless the batch has a store."""
     decoded = Job.decode(job)
     work = os.path.join(place.folder, WORK)
     cwd = os.path.join(work, decoded.cwd) if decoded.cwd is not None else ""
@@ -160,7 +160,7 @@ def _settled(job: str, place: WorkerFolder) -> str:
 
 
 def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
-    """Return the files of a built variant. For a packed variant, files in its row are omitted."""
+    """Return the files of a built variant. For a packed variant, files that its row contains are omitted."""
     folder = folder_layout.variant_folder(os.path.join(place.folder, OUT), row["id"])
     assets = os.path.join(place.folder, OUT, folder_layout.ASSETS)
     try:
@@ -181,7 +181,7 @@ def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
 
 
 def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[bytes]:
-    """Read files in `out/` on a worker, then remove the variants `done`. Raises `WorkerLost`."""
+    """Read files below `out/` on a worker, then remove the variants `done`. Raises `WorkerLost`."""
     out = os.path.join(_worker_folder(name).folder, OUT)
     contents: list[bytes] = []
     for path in paths:
@@ -202,8 +202,8 @@ class RemoteExecutor(Cluster):
     """A cluster whose workers share no folder with this machine. The context manager does not close the cluster.
 
     `folder` is the folder of the batch, `store` is the store of the driver, and `name` is the name of the shipment. `submit` only accepts
-    `evaluate`. Its future is done when the variants are written. Entering the context raises `BatchFault` if a worker cannot unpack the
-    workspace.
+    the function `evaluate`. The returned future completes when the variants have been written. Entering the context raises `BatchFault` if
+    a worker cannot unpack the workspace.
     """
 
     chunk_seconds = CHUNK_SECONDS
@@ -226,7 +226,7 @@ class RemoteExecutor(Cluster):
 
     @property
     def ahead(self) -> int:  # type: ignore[override]
-        """The maximum number of chunks at a time, as for the cluster."""
+        """The maximum number of chunks at the same time, as for the cluster."""
         return self.cluster.ahead
 
     def check(self, files: Mapping[str, str]) -> None:
@@ -249,7 +249,7 @@ class RemoteExecutor(Cluster):
         return outer
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Remove the shipment from the workers. No more variants are written on this machine."""
+        """Remove the shipment from the workers. No further variants are written on this machine."""
         self._stopping = True
         self._arrived.put(None)
         if self._thread.is_alive():
@@ -257,7 +257,7 @@ class RemoteExecutor(Cluster):
         self.cluster.unship(self.name)
 
     def _packed(self, text: str) -> str:
-        """Return the job with paths relative to the workspace. A store in a folder of this machine is omitted."""
+        """Return the job with paths relative to the workspace. If the store is a folder on this machine, it is omitted."""
         job = Job.decode(text)
         root, here = os.path.realpath(self.transfer.root), os.path.realpath(os.getcwd())
         inside = os.path.join(here, "").startswith(os.path.join(root, ""))
@@ -304,7 +304,7 @@ class RemoteExecutor(Cluster):
         return rows
 
     def _keep(self, row: Row, blobs: _Blobs) -> None:
-        """Write a variant, or only its shared files for a packed batch. Raises the same errors as `write_variant`."""
+        """Write a variant. For a packed batch, write only its shared files. Raises the same errors as `write_variant`."""
         files = blobs.files(row["id"])
         if SHARED not in row:
             write_variant(self.folder, row["id"], files, blobs)
@@ -313,7 +313,7 @@ class RemoteExecutor(Cluster):
             keep_asset(self.folder, sha256, blobs)
 
     def _mapped(self, said: Any, work: str, key: str = "") -> Any:
-        """Replace paths on the worker in a row by paths on this machine."""
+        """Replace the paths on the worker in a row with paths on this machine."""
         if isinstance(said, dict):
             return {name: value if name == FILES else self._mapped(value, work, name) for name, value in said.items()}
         if isinstance(said, list):
@@ -329,7 +329,7 @@ def _stopped(row: Row, message: str) -> Row:
 
 
 class _Blobs:
-    """The files of an answer, read from the driver's store or fetched in groups, in the order in which they are used."""
+    """The files of an answer, in the order of use. Files are read from the store of the driver or fetched in groups."""
 
     def __init__(self, shipping: RemoteExecutor, answer: Answer) -> None:
         self.shipping = shipping
@@ -339,7 +339,7 @@ class _Blobs:
         self._waiting: deque[BuiltFile] | None = None
 
     def files(self, id: str) -> dict[str, Content]:
-        """Return the files of a variant. Call it in the order of the rows. Raises `WorkerLost` and `StoreUnusable`."""
+        """Return the files of a variant. The method must be called in the order of the rows. Raises `WorkerLost` and `StoreUnusable`."""
         if self._waiting is None:
             self._waiting = deque(self._wanted())
         self.shared.clear()
@@ -364,7 +364,7 @@ class _Blobs:
         return self._asked([BuiltFile(id="", path="", size=0, sha256=sha256, shared=True)], ())[0]
 
     def _next_is(self, id: str) -> bool:
-        """Return whether the next file belongs to this variant, and fetch it if necessary."""
+        """Return whether the next file belongs to this variant. If it does, fetch the file if necessary."""
         assert self._waiting is not None
         if not self._ahead and self._waiting and self._waiting[0].id == id:
             group = [self._waiting.popleft()]
@@ -376,7 +376,7 @@ class _Blobs:
         return bool(self._ahead) and self._ahead[0][0].id == id
 
     def _wanted(self) -> Iterator[BuiltFile]:
-        """Yield the files to fetch: files of single variants, and shared files that are not available here."""
+        """Yield the files to fetch: files of single variants, and shared files that this machine does not have."""
         known: set[str] = set()
         for row in self.answer.rows:
             for one in self.answer.files.get(row["id"], ()):

@@ -1,4 +1,4 @@
-"""SLURM as the engine of a batch, through submitit. Each chunk is a job that takes long compared with its time in the queue.
+"""SLURM as the engine of a batch, through submitit. Each chunk is a SLURM job. A job takes long compared with its time in the queue.
 
 Example of the settings: `slurm:partition=cpu,cpus=8,time=2 h`. With `cluster=local`, jobs are processes on this machine, without SLURM.
 """
@@ -27,9 +27,9 @@ from thingc.batch.planning import Variant
 T = TypeVar("T")
 
 JOB_SECONDS = 300.0
-"""Target duration [s] of a job, long compared to its time in the queue."""
+"""Target duration [s] of a job. It is long compared with the time of a job in the queue."""
 JOBS = 16
-"""Default number of jobs at a time."""
+"""Default number of jobs at the same time."""
 POLL = 0.5
 """Polling interval [s] for results. submitit itself asks SLURM once a minute."""
 
@@ -37,8 +37,8 @@ POLL = 0.5
 class SlurmSettings(FrozenStruct):
     """The settings after `slurm:`.
 
-    `cpus` is the number of cores of a job, and of variants that it builds at a time. `minutes` is its time limit. `cluster` is submitit's
-    name of the engine (`slurm` or `local`), and `more` are further parameters of submitit.
+    `cpus` is the number of cores of a job, which builds this number of variants at the same time. `minutes` is the time limit of a job.
+    `cluster` is submitit's name of the engine (`slurm` or `local`), and `more` are further parameters of submitit.
     """
 
     cpus: int = 1
@@ -91,7 +91,7 @@ def _minutes(text: str) -> int:
 
 
 def spread(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> dict[str, Any]:
-    """Build the variants of a chunk with `width` runners. Runs in the job.
+    """Build the variants of a chunk with `width` runners. This function runs in the job.
 
     Returns `{"rows": [...]}`, or `{"broken": message, "detail": ...}` if no runner can be started.
     """
@@ -122,7 +122,7 @@ def _silent() -> Iterator[None]:
 
 
 class SlurmCluster(Cluster):
-    """SLURM jobs, with at most `jobs` in the queue (0 means `JOBS`). `folder` is for submitit, and must be on a shared file system.
+    """SLURM jobs, with at most `jobs` in the queue (0 means `JOBS`). submitit uses `folder`, which must be on a shared file system.
 
     Raises `BatchFault` if SLURM is not installed.
     """
@@ -176,7 +176,7 @@ class SlurmCluster(Cluster):
         return future
 
     def check(self, files: Mapping[str, str]) -> None:
-        """Do nothing, because workers exist only while a job runs. A job that cannot access the files reports it."""
+        """Do nothing, because workers exist only while a job runs. A job that cannot access the files reports an error."""
 
     def fault(self) -> BatchFault | None:
         """Return the error of the last submission, or None."""
@@ -195,7 +195,7 @@ class SlurmCluster(Cluster):
         with self._lock:
             job = self._jobs.pop(future, None)
         if job is not None and future.cancelled():
-            with contextlib.suppress(Exception):  # it may have ended
+            with contextlib.suppress(Exception):  # the job may have ended
                 job.cancel(check=False)
 
     def _watch(self) -> None:

@@ -1,4 +1,4 @@
-"""Pack a workspace to an archive for machines that cannot access its folder. Equal files give equal bytes.
+"""Pack a workspace into an archive for machines that cannot access its folder. Equal files result in equal archives.
 
 The files that part code opens are not known in advance, so the archive contains the whole folder of the workspace, except
 - hidden files and folders, `__pycache__`, `node_modules`, `*.pyc`, and virtual environments;
@@ -32,7 +32,7 @@ MOST_BYTES = 100_000_000
 MOST_FILES = 20_000
 """Maximum number of files, folders and links."""
 NAMES = frozenset(("__pycache__", "node_modules"))
-"""Names of folders that are omitted, in addition to hidden folders."""
+"""Names of folders that the archive omits, in addition to hidden folders."""
 MODIFIED = 946_684_800
 """Modification time [s] of all entries (2000-01-01)."""
 
@@ -40,8 +40,8 @@ MODIFIED = 946_684_800
 class WorkspaceArchive(FrozenStruct):
     """A packed workspace.
 
-    `root` is its absolute path on this machine. `data` is a tar archive compressed with zlib, `sha256` (hex) is the hash of the
-    uncompressed archive, and `names` is the number of entries.
+    `root` is the absolute path of the workspace on this machine. `data` is a tar archive compressed with zlib, `sha256` (hex) is the hash
+    of the uncompressed archive, and `names` is the number of entries.
     """
 
     root: str
@@ -74,13 +74,14 @@ class WorkspaceArchive(FrozenStruct):
 def pack(plan: Plan, batch: str) -> WorkspaceArchive:
     """Pack the workspace of a plan. `batch` is the folder of the batch.
 
-    Raises `BatchFault` if the workspace is too large, has a link to the outside or an unreadable file, or has changed since it was planned.
+    Raises `BatchFault` if the workspace is too large, contains a link to the outside or an unreadable file, or has changed since the plan
+    was computed.
     """
     workspace = plan.workspace
     names = _Search(workspace, (workspace.build, batch)).names(plan)
     stream = io.BytesIO()
     with tarfile.open(fileobj=stream, mode="w", format=tarfile.PAX_FORMAT) as archive:
-        if workspace.origin is None:  # otherwise, a workspace file above the unpacked folder would apply
+        if workspace.origin is None:  # otherwise, thingc would use a workspace file above the unpacked folder
             _add(archive, OWN_FILE, b'thingc = "workspace/1"\n', 0o644)
         for name in sorted(names):
             _put(archive, workspace, name, plan.inputs.get(name))
@@ -89,7 +90,7 @@ def pack(plan: Plan, batch: str) -> WorkspaceArchive:
 
 
 class _Search:
-    """Collects the files to pack. `without` are absolute paths of folders to omit."""
+    """Collects the files to pack. `without` are the absolute paths of omitted folders."""
 
     def __init__(self, workspace: Workspace, without: tuple[str, ...]) -> None:
         self.workspace = workspace

@@ -1,4 +1,4 @@
-"""Convert many settings to a few models and arrays, for simulators that step many worlds of one model at once."""
+"""Convert many settings to a few models and arrays, for simulators that step many worlds of a model at once."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 
 class Batched(OneLineRepr, FrozenStruct, eq=False):
-    """Settings that share one model.
+    """Settings that share a model.
 
-    `fields` are the arrays in which they differ, by the name of the field of `MjModel` (`body_mass`; `opt.gravity` for an option), with
-    shape (settings, *shape of the field), for `thingc.batch.apply`; for the fields of `LEADING`, only the rows of bodies. `indices` are the
-    indices of the settings in the input. `model` is that of the first settings; if they have different meshes, it contains all of them, and
-    `geom_dataid` selects the mesh of each geom.
+    `fields` are the arrays in which the settings differ, by the name of the field of `MjModel` (`body_mass`; `opt.gravity` for an option),
+    with shape (settings, *shape of the field), for `thingc.batch.apply`. Fields of `LEADING` only contain the rows of bodies. `indices` are
+    the indices of the settings in the input. `model` is the model of the first settings. If the settings have different meshes, the model
+    contains all meshes, and `geom_dataid` selects the mesh of each geom.
     """
 
     model: mujoco.MjModel
@@ -43,11 +43,11 @@ class Batches(OneLineRepr, FrozenStruct):
 
 
 def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], ModelSource] | None) -> Batches:
-    """Group the models of settings. The models may be shared objects.
+    """Group the models of settings. Several settings may share a model object.
 
     Models in a group differ only in numbers that a simulation reads at every step (`thingc.batch.shared_model`). If `source` is given,
-    which returns the source of the model at an index, they may also differ in meshes; then they must have the same elements, limits and
-    contacts.
+    which returns the source of the model at an index, models in a group may also differ in meshes. Such models must have the same elements,
+    limits and contacts.
     """
     groups: dict[bytes, _Group] = {}
     refused: dict[int, NoModel] = {}
@@ -139,7 +139,7 @@ def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> B
 
 
 def _kind(model: mujoco.MjModel) -> bytes:
-    """Return a digest of everything that must be equal in a group: sizes, names, and arrays that are not changeable."""
+    """Return a digest of all values that must be equal in a group: sizes, names, and arrays that cannot be changed."""
     digest = hashlib.sha256()
     for name in names(model):
         if name not in changeable_fields():

@@ -48,26 +48,26 @@ if TYPE_CHECKING:
 class ModeNames(tuple[str, ...]):
     """The names of the modes of a family.
 
-    A call with settings returns their `thingc.modes.Modes`, for switching between these modes (default: all) at run time. It returns
-    `NoModel`, which is false, if the settings are refused. Raises `UnknownChoice` for an unknown mode.
+    A call with settings returns a `thingc.modes.Modes` object, which switches between these modes (default: all) at run time. If the
+    settings are refused, the call returns `NoModel`, which is false. Raises `UnknownChoice` for an unknown mode.
     """
 
     of: Callable[[Mapping[str, Any] | Variant, Sequence[str]], Modes | NoModel]
 
     def __call__(self, settings: Mapping[str, Any] | Variant, *modes: str) -> Modes | NoModel:
-        """Return the modes of the settings."""
+        """Return the modes for given settings."""
         return self.of(settings, modes)
 
 
 class RobotFamily:
-    """A document as a family of robots in memory. As a context manager, it ends the worker for parts on exit.
+    """A document as a family of robots in memory. On exit, this context manager ends the worker for parts.
 
     Settings are mappings from names of parameters, or paths in the document (`joints.elbow.limit.upper`, `components.bus_board.mass`,
-    `joints.*.dynamics.damping`), to numbers in SI units or texts as in documents. A `Variant` of a plan is also accepted. They are checked
-    like those of `thingc build -p`, and errors are part of the results. The documents are read once; later changes have no effect.
+    `joints.*.dynamics.damping`), to numbers in SI units or strings as in documents. A `Variant` of a plan is also accepted. Settings are
+    checked as for `thingc build -p`, and errors are part of the results. The documents are read once; later changes have no effect.
 
-    Most models and results are computed without a compilation. `verify` controls how often one of them is compared with a compilation: the
-    first, then one in `verify` (0: never; None: the first, second, fourth, eighth ...).
+    Most models and results are computed without a compilation. `verify` controls how often such a model or result is compared with a
+    compilation: the first, then one in `verify` (0: never; None: the first, second, fourth, eighth ...).
 
     Not thread-safe; after a fork or when pickled, each process has its own family. All methods that build parts or read their meshes raise
     `StoreUnusable` if the store cannot be used or has lost them.
@@ -122,7 +122,7 @@ class RobotFamily:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Support copying and pickling: the copy reads the documents again."""
+        """Support copying and pickling. The copy reads the documents a second time."""
         return self._again, ()
 
     def close(self) -> None:
@@ -141,8 +141,8 @@ class RobotFamily:
     def evaluate(self, settings: Any, *, tests: bool = False) -> Evaluated | list[Evaluated]:
         """Return the results of settings, or a list of results for a list of settings.
 
-        The mode and the pose are those of the variants document, else the mode of the family in its pose. With `tests`, those of the
-        assembly document are run, too. Errors in settings are not raised, but part of the results.
+        The mode and the pose come from the variants document; for an assembly, they are the mode of the family and the pose of this mode.
+        With `tests`, the tests of the assembly document are run, too. Errors in settings are not raised; they are part of the results.
         """
         found = list(self._evaluation_of(self.mode).each(map(self._read, as_many(settings)), tests=tests))
         return found[0] if is_single(settings) else found
@@ -150,7 +150,7 @@ class RobotFamily:
     def model(
         self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True, floor: bool = False,
     ) -> mujoco.MjModel | NoModel:
-        """Return a new compiled model of settings in a mode, or `NoModel`, which is false, if they are refused.
+        """Return a new compiled model of settings in a mode. If the settings are refused, return `NoModel`, which is false.
 
         Without `visual`, visual geometry is omitted. With `floor`, the model includes the floor of its scene. Raises `UnknownChoice` for an
         unknown mode.
@@ -163,9 +163,9 @@ class RobotFamily:
     ) -> Iterator[mujoco.MjModel | NoModel]:
         """Yield the models of many settings, in order (up to 128 settings are read ahead).
 
-        With `share`, one model object is lent: it is valid until the next one is requested. An `MjData` of it stays valid as long as the
-        model is the same object. Changes of a lent model may persist in the next lent one, but not in others. `NoModel` replaces the model
-        of refused settings. Raises `UnknownChoice` for an unknown mode.
+        With `share`, the yielded models may be the same object: a model is valid until the next model is requested. An `MjData` of the
+        model stays valid as long as the model is the same object. Changes of a lent model may persist in the next lent model, but not in
+        other models. `NoModel` replaces the model of refused settings. Raises `UnknownChoice` for an unknown mode.
         """
         return self._of(mode, visual, floor).each(map(self._read, as_many(many)), share=share)
 
@@ -174,8 +174,8 @@ class RobotFamily:
     ) -> Batches:
         """Convert many settings to few models, without visual geometry, and arrays in which the settings differ.
 
-        With `union`, variants with different geometry share a model, too, which contains the meshes of all. With `floor`, models include
-        the floor of their scenes. Raises `UnknownChoice` for an unknown mode.
+        With `union`, variants with different geometry also share a model, which contains the meshes of all variants. With `floor`, models
+        include the floor of their scenes. Raises `UnknownChoice` for an unknown mode.
         """
         models, read = self._of(mode, False, floor), [self._read(one) for one in as_many(many)]
         models.take_back()
@@ -186,10 +186,10 @@ class RobotFamily:
     ) -> tuple[Diagnostic, ...]:
         """Write the build of these settings into `folder`, with the same bytes as `thingc build`, and return the diagnostics.
 
-        Nothing is written if there are errors. `emit` are the targets, or a text as for `--emit`; by default, those of the variants
-        document, else those of a build. Files computed without a compilation (for targets other than `hag`, `glb` and `html`) are not
-        checked by MuJoCo, unless compared with a compilation. Raises `UnknownChoice` for an unknown target, `OutputError` if the system
-        refuses, and `UnexpectedFilesError` if the folder contains other files.
+        Nothing is written if there are errors. `emit` are the targets, or a string as for `--emit`. The default is the targets of the
+        variants document, else the default targets of a build. MuJoCo does not check files that are computed without a compilation (for
+        targets other than `hag`, `glb` and `html`), unless these files are compared with a compilation. Raises `UnknownChoice` for an
+        unknown target, `OutputError` for a system error, and `UnexpectedFilesError` if the folder contains other files.
         """
         from thingc.driver.output import OutputError, write_build
         from thingc.geometry.store.local import BlobMissing
@@ -214,7 +214,7 @@ class RobotFamily:
         return problems
 
     def _switching(self, settings: Mapping[str, Any] | Variant, modes: Sequence[str]) -> Modes | NoModel:
-        """Return the modes of settings; see `ModeNames`."""
+        """Return the modes of settings, as for a call of `ModeNames`."""
         from thingc.modes import Modes
 
         given, read = self._read(settings)
@@ -251,8 +251,8 @@ class RobotFamily:
     ) -> FamilyFunction:
         """Return the family as a function from numbers, by parameter or path, to results, with exact derivatives.
 
-        `outputs` are results as of `evaluate`, groups of them (`centre`, `inertia`, `box`), or positions of mounts (`site:hook`) in the
-        world. `at` are other settings, which are fixed. Raises `FamilyError` for names that are not numbers and unknown results, and
+        `outputs` are results of `evaluate`, groups of results (`centre`, `inertia`, `box`), or positions of mounts (`site:hook`) in the
+        world. `at` are additional fixed settings. Raises `FamilyError` for a name that is not a number and for an unknown result, and
         `UnknownChoice` for an unknown mode.
         """
         from thingc.batch.families.function import FamilyFunction
@@ -275,7 +275,7 @@ class RobotFamily:
         """
         _, read = self._read(settings)
         values, own = self._reader.values(read), self._reader.parameters
-        if self._plan is not None:  # which reads the values at its paths
+        if self._plan is not None:  # this reads the values at the paths of the document
             values.update((name, value) for name, value in self._plan.values(values).items() if "." in name)
             own = {**own, **self._plan.paths.own}
         given = {*read.names, *dict(read.texts)}
@@ -284,13 +284,14 @@ class RobotFamily:
 
     @property
     def variants(self) -> Iterator[Variant]:
-        """The variants of the variants document, in order; empty for an assembly."""
+        """The variants of the variants document, in order. For an assembly, the list is empty."""
         return iter(self._plan or ())
 
     def explain(self, name: str, value: Any = None, *, mode: str | None = None) -> Explanation | NoModel:
         """Explain how a number, given by its parameter or path, enters the models of a mode.
 
-        This sets it to `value` (None: the value in the document) and to numbers near it. Returns `NoModel` if it cannot be set to `value`.
+        The number is set to `value` (None: the value in the document) and to nearby values. Returns `NoModel` if the number cannot be set
+        to `value`.
         """
         models = self._of(mode, False)
         settings: dict[str, Any] = {one: self._stated(one) if value is None else value for one in self._reader.meant(str(name))}
@@ -314,7 +315,7 @@ class RobotFamily:
         return settings if isinstance(settings, Mapping) else {}, self._reader.read(settings)
 
     def _stated(self, name: str) -> Any:
-        """Return the value in the document [SI], or an empty text if there is none."""
+        """Return the value in the document [SI], or an empty string if the document contains no value."""
         kind = self._reader.kind(name)
         return kind.value if isinstance(kind, Quantity) else "" if kind is None else kind
 
@@ -369,7 +370,7 @@ class RobotFamily:
         return self._plan.written_in if self._plan is not None else {}
 
     def _written_units(self, names: Iterable[str]) -> dict[str, str]:
-        """Return the units in which the document writes numbers, by name, without expressions and values that it does not contain."""
+        """Return the units of numbers in the document, by name. Expressions and missing values are omitted."""
         from thingc.driver.edit_document import keys_of
 
         root = self._sources.documents.root
@@ -412,7 +413,7 @@ def _of_variants(path: str, workspace: Any) -> bool:
 
 
 def is_single(settings: Any) -> bool:
-    """Return whether this is a single set of settings (or an invalid value)."""
+    """Return whether the argument is a single set of settings (or an invalid value)."""
     return isinstance(settings, (Mapping, str, bytes)) or not isinstance(settings, Iterable)
 
 
@@ -433,13 +434,13 @@ def family(
     document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None, verify: int | None = None,
     compat: Iterable[str] | str | None = None,
 ) -> RobotFamily:
-    """Open an assembly or variants document as a family of robots in memory; see `RobotFamily`.
+    """Open an assembly or variants document as a family of robots in memory. The result is a `RobotFamily`.
 
     Args:
         store: The folder of cached parts (None: the user's cache).
-        jobs: Number of parts to build at once.
+        jobs: Number of parts to build in parallel.
         mode: The default mode (None: the first).
-        verify: How often a result is compared with a compilation.
-        compat: Programs besides MuJoCo that read the models (`["mjx"]`; None: those of the workspace).
+        verify: Controls how often a result is compared with a compilation.
+        compat: Programs besides MuJoCo that read the models (`["mjx"]`; None: the list of the workspace).
     """
     return RobotFamily(document, store=store, jobs=jobs, mode=mode, verify=verify, compat=compat)

@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     import mujoco
 
 _OF_MESHES = ("mesh_", "nmesh", "bvh_", "nbvh", "oct_", "names", "name_", "paths", "mat_", "tex_", "geom_matid", "stat.")
-"""Prefixes of fields of meshes, and of fields that depend on them or on visual geometry."""
+"""Prefixes of fields of meshes, and of fields that depend on meshes or on visual geometry."""
 _FOLLOWING = frozenset(("noct", "nnames", "nnames_map", "npaths", "nbuffer", "narena", "nmat", "geom_dataid"))
 
 
 class ModelSource(FrozenStruct, eq=False):
-    """The source of a model: its XML text, and its meshes by file name."""
+    """The source of a model: its XML, and its meshes by file name."""
 
     text: str
     assets: Mapping[str, bytes]
 
 
 def likeness(model: mujoco.MjModel) -> bytes:
-    """Return a digest of everything that must be equal to merge two models: all but changeable numbers and meshes."""
+    """Return a digest of all values that must be equal to merge two models: all values except changeable numbers and meshes."""
     digest = hashlib.sha256()
     for name in names(model):
         if name not in changeable_fields() and name not in _FOLLOWING and not name.startswith(_OF_MESHES):
@@ -38,7 +38,7 @@ def likeness(model: mujoco.MjModel) -> bytes:
 
 
 def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> tuple[mujoco.MjModel, list[list[int]]] | None:
-    """Merge models without visual geometry. Return the model, and for each source the mesh number of every geom (-1 for none).
+    """Merge models without visual geometry. Return the model, and for each source the mesh number of every geom (-1: no mesh).
 
     Return None if the geoms of the merged model differ from those of the sources.
     """
@@ -88,9 +88,10 @@ def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> 
 
 
 def _with_hulls(text: str, files: dict[str, bytes], meshes: Sequence[str]) -> mujoco.MjModel:
-    """Compile a text so that every mesh has a convex hull.
+    """Compile a model so that every mesh has a convex hull.
 
-    MuJoCo computes a hull only for meshes of colliding geoms, but any geom may get any mesh later. A hull stays after its geom is deleted.
+    MuJoCo computes a hull only for meshes of colliding geoms, but any geom may get any mesh later. A hull remains in the model after its
+    geom is deleted.
     """
     import mujoco
 

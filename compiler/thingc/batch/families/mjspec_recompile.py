@@ -1,5 +1,6 @@
-"""The text of a model with slots for numbers of a tape, and an `MjSpec` of it in which numbers and meshes are replaced, so that MuJoCo
-recompiles it without parsing.
+"""The XML of a model with slots for numbers of a tape, and an `MjSpec` of this model.
+
+Numbers and meshes in the `MjSpec` are replaced, so that MuJoCo recompiles the model without parsing.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ if TYPE_CHECKING:
 
 
 class ModelTemplate:
-    """The text of a model with slots.
+    """The XML of a model with slots.
 
     `outputs` are the numbers for the slots, in the order of the values for `text`. `why` is the reason why `Arrays` cannot be used. If
-    parts are exchanged, the names of their `meshes` are slots, too. `slotted` is the text with slots, `places` maps a slot to the index of
-    its value, and `plain` is the text with the numbers of the rehearsal.
+    parts are exchanged, the names of their `meshes` are also slots. `slotted` is the XML with slots, `places` maps a slot to the index of
+    its value, and `plain` is the XML with the numbers of the rehearsal.
     """
 
     def __init__(self, rehearsal: TraceResult, why: str = "", meshes: Sequence[str] = ()) -> None:
@@ -39,25 +40,25 @@ class ModelTemplate:
         self.plain = self.text([number.value for number in self.outputs], meshes)
 
     def text(self, values: Sequence[float], meshes: Sequence[str] = ()) -> str:
-        """Return the text with these values, formatted as by the compiler, and these names."""
+        """Return the XML with the given values, formatted as by the compiler, and the given names."""
         return self._template.fill({**self._numbers.words(values), **dict(zip(self._meshes.values(), meshes, strict=True))})
 
 
 _INERTIAL = {"pos": "ipos", "mass": "mass", "fullinertia": "fullinertia"}
-"""Names in `MjsBody` of attributes of `inertial`."""
+"""Names in `MjsBody` for the attributes of `inertial`."""
 _KINDS = ("body", "geom", "site", "joint", "key")
 """Elements whose attributes have the same names in `MjSpec`, and that can be found by name."""
 
 
 class NotInMjSpec(Exception):
-    """A slot has no equivalent in `MjSpec`, or the spec has another value than the text."""
+    """A slot has no equivalent in `MjSpec`, or the value in the spec differs from the value in the XML."""
 
 
 class RecompiledSpec:
     """A template as an `MjSpec`.
 
-    `text` is the text of the template with some values and names of `meshes`, whose files are in `files`. Raises `NotInMjSpec` if the
-    number of a slot does not appear unchanged in the spec, and `ValueError` if MuJoCo rejects the text.
+    `text` is the XML of the template with some values and names of `meshes`, whose files are in `files`. Raises `NotInMjSpec` if the number
+    of a slot does not appear unchanged in the spec, and `ValueError` if MuJoCo rejects the XML.
     """
 
     def __init__(self, template: ModelTemplate, text: str, meshes: Sequence[str], files: mujoco.MjVfs) -> None:
@@ -76,7 +77,7 @@ class RecompiledSpec:
         self._geoms = [(geom, order[geom.meshname]) for geom in self._spec.geoms if geom.meshname in order]
 
     def _entries(self, kind: str, name: str, attribute: str, stated: Sequence[str], gaps: Sequence[int | None]) -> list[int | float]:
-        """Return the entries of an attribute: the index of a value (an `int`) for slots, and numbers (`float`) for the rest."""
+        """Return the entries of an attribute: the index of a value (an `int`) for a slot, and a number (a `float`) otherwise."""
         one = getattr(self._spec, kind)(name)
         value: Any = getattr(one, attribute, None) if one is not None else None
         try:
@@ -89,7 +90,7 @@ class RecompiledSpec:
         return [*(number if gap is None else gap for number, gap in zip(words, gaps, strict=True)), *numbers[len(words):]]
 
     def model(self, values: Sequence[float], meshes: Sequence[str], files: mujoco.MjVfs) -> mujoco.MjModel:
-        """Return the model with these values and meshes. Raises `ValueError` if MuJoCo rejects it."""
+        """Return the model with the given values and meshes. Raises `ValueError` if MuJoCo rejects the model."""
         for one, attribute, entries in self._places:
             numbers = [values[entry] + 0.0 if type(entry) is int else entry for entry in entries]
             setattr(one, attribute, numbers if len(numbers) > 1 else numbers[0])

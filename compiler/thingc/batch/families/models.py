@@ -1,4 +1,4 @@
-"""Compute models of one mode, each by the fastest way that gives the same model as a build."""
+"""Compute the models of a mode. Each model is computed in the fastest way that results in the same model as a build."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from thingc.targets.artifact import StoredArtifact
 
 MESH_BYTES = 256_000_000
-"""Maximum size [bytes] of the meshes in MuJoCo's file system; above it, it is filled again."""
+"""Maximum size [bytes] of the meshes in MuJoCo's virtual file system. Above this size, the file system is cleared."""
 
 KEPT = 32
-"""Number of compiled models to cache, since training uses the same morphologies again."""
+"""Number of cached compiled models. Training uses the same morphologies repeatedly."""
 
 Item = tuple[Mapping[str, Any], ParsedSettings]
 
@@ -43,7 +43,8 @@ Item = tuple[Mapping[str, Any], ParsedSettings]
 class ModelsOfMode:
     """The models of one mode, with or without visual geometry and floor.
 
-    For each plan, the first model and then one in `verify` is compared with a compilation (None: the first, second, fourth, eighth ...).
+    For each plan, the first model, and then every `verify`-th model, is compared with a compilation (None: the first, second, fourth,
+    eighth ...).
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class ModelsOfMode:
         self._kept: OrderedDict[tuple[ParsedSettings, bool], mujoco.MjModel] = OrderedDict()
 
     def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
-        """Yield the models in order. A shared model is valid until the next one is requested."""
+        """Yield the models in order. A shared model is valid until the next model is requested."""
         waiting: list[tuple[Item, NumericPlan[Any], tuple[float, ...]]] = []
         for item in many:
             planned = None if self._is_kept(item[1], share) else self.forms.planned(item[1], self.plan)
@@ -77,7 +78,7 @@ class ModelsOfMode:
         yield from self._together(waiting, share)
 
     def take_back(self) -> None:
-        """Ensure that changes of lent models do not persist in later ones."""
+        """Ensure that changes of lent models do not persist in later models."""
         for form in self.forms.kept.values():
             for plan in form.plans:
                 if isinstance(plan.made, Arrays):
@@ -85,13 +86,16 @@ class ModelsOfMode:
         self._kept = OrderedDict((key, model) for key, model in self._kept.items() if not key[1])
 
     def _is_kept(self, read: ParsedSettings, share: bool) -> bool:
-        """Return whether the compiled model is cached and cannot be computed faster by writing arrays."""
+        """Return whether the compiled model is cached and writing arrays would not be faster."""
         return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
     def plan(self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate]) -> NumericPlan[Arrays | ModelTemplate] | None:
-        """Return a plan that gives the same models as compilations, or None with the reason in `form`."""
+        """Return a plan that results in the same models as compilations.
+
+        If no such plan exists, set the reason in `form` and return None.
+        """
         first = self._compiled(read)
-        if isinstance(first, tuple):  # refused settings, which do not show that others have no plan
+        if isinstance(first, tuple):  # refused settings do not prove that other settings have no plan
             return None
 
         def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
@@ -132,7 +136,7 @@ class ModelsOfMode:
             slower = f"a plan by arrays gave a different `{wrong}`"
 
     def _compared(self, plan: NumericPlan[Arrays | ModelTemplate], samples: Sequence[ParsedSettings], first: mujoco.MjModel) -> str:
-        """Return the first field in which a plan's models differ from compiled models, or an empty text.
+        """Return the first field in which a plan's models differ from compiled models, or an empty string.
 
         `first` is the compiled model of the first sample.
         """
@@ -164,7 +168,7 @@ class ModelsOfMode:
         if spec is not None:
             try:
                 return spec.model(outputs, meshes, self._files)
-            except ValueError:  # compile the text to report the error
+            except ValueError:  # compile the XML to report the error
                 self._specs[template] = None
         text = template.text(outputs, meshes)
         model = self._load(text)
@@ -175,7 +179,7 @@ class ModelsOfMode:
     def _kept_spec(
         self, template: ModelTemplate, text: str, outputs: tuple[float, ...], meshes: Sequence[str], model: mujoco.MjModel,
     ) -> RecompiledSpec | None:
-        """Return a spec that gives the same `model` as the text, or None."""
+        """Return a spec that compiles to the same `model` as the XML, or None."""
         try:
             spec = RecompiledSpec(template, self._asked(text), meshes, self._files)
             return None if different_fields(spec.model(outputs, meshes, self._files), model) else spec
@@ -193,7 +197,7 @@ class ModelsOfMode:
         if isinstance(plan.made, Arrays):
             try:
                 prepared = plan.made.prepare([outputs for _, _, outputs in waiting])
-            except ValueError:  # MuJoCo rejects one of them
+            except ValueError:  # MuJoCo rejects one of the models
                 for item, _, _ in waiting:
                     yield self._passed(item, share)
                 return
@@ -215,7 +219,7 @@ class ModelsOfMode:
             yield model if share or prepared is None else copy.copy(model)
 
     def _right(self, read: ParsedSettings, plan: NumericPlan[Any], model: mujoco.MjModel) -> bool:
-        """Return whether the model of a plan equals the compiled model. If not, stop using plans for its settings."""
+        """Return whether the model of a plan equals the compiled model. If the models differ, stop using plans for these settings."""
         whole = self._compiled(read)
         wrong = ["refused"] if isinstance(whole, tuple) else different_fields(model, whole)
         if wrong:
@@ -238,7 +242,7 @@ class ModelsOfMode:
         return known if share else copy.copy(known)
 
     def _keep(self, read: ParsedSettings, share: bool, model: mujoco.MjModel) -> None:
-        """Cache a model. Lent models, which may be changed, are separate from those that are copied."""
+        """Cache a model. Models that are lent, and may therefore be changed, are cached separately from models that are copied."""
         self._kept[read, share] = model
         self._kept.move_to_end((read, share))
         if len(self._kept) > KEPT:
@@ -247,7 +251,7 @@ class ModelsOfMode:
     # --- through every pass ---------------------------------------------------------------------------------------------
 
     def _compiled(self, read: ParsedSettings) -> mujoco.MjModel | tuple[Diagnostic, ...]:
-        """Compile settings, and return the model, or the diagnostics if there is none."""
+        """Compile settings. Return the model, or the diagnostics if the settings have no model."""
         if read.report is not None:
             return tuple(read.report.ordered())
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
@@ -261,11 +265,11 @@ class ModelsOfMode:
         try:
             return self._load(texts[self.mode])
         except ValueError:
-            self.session.emit(compilation, ["mjcf"])  # report it with the reason
+            self.session.emit(compilation, ["mjcf"])  # report the error with the reason
             return tuple(report.ordered())
 
     def problems(self, read: ParsedSettings) -> tuple[Diagnostic, ...]:
-        """Return why settings have no model, or nothing if they have one."""
+        """Return the diagnostics that explain why settings have no model. For settings with a model, return no diagnostics."""
         outcome = self._compiled(read)
         return outcome if isinstance(outcome, tuple) else ()
 
@@ -303,6 +307,6 @@ class ModelsOfMode:
         return mujoco.MjModel.from_xml_string(self._asked(text), vfs=self._files)
 
     def _asked(self, text: str) -> str:
-        # Most meshes are cached by MuJoCo: starting threads for them would take longer.
+        # MuJoCo has cached most meshes: starting threads would take longer.
         asked = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
         return text.replace("<compiler ", f"<compiler {asked} ", 1)

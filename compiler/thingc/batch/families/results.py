@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 
 class Evaluated(OneLineRepr, FrozenStruct):
-    """The results of one set of settings.
+    """The results for one set of settings.
 
-    `results` are as in the table of a batch, in SI units: `mass`, `centre.x`, `reach`, `length.elbow`, `torque_margin`; empty if the
-    settings are refused. `problems` are all diagnostics, including warnings. `broken` is the violated rule of the variants document, if
-    any. `tests` are the results of the tests in the assembly document, if requested.
+    `results` are as in the table of a batch, in SI units: `mass`, `centre.x`, `reach`, `length.elbow`, `torque_margin`. For refused
+    settings, `results` is empty. `problems` are all diagnostics, including warnings. `broken` is the violated rule of the variants
+    document, if any. `tests` are the results of the tests in the assembly document, if requested.
     """
 
     settings: Mapping[str, Any]
@@ -40,7 +40,7 @@ class Evaluated(OneLineRepr, FrozenStruct):
         return self.sound and self.broken is None and all(one.passed for one in self.tests)
 
     def __getitem__(self, name: str) -> float | None:
-        """Return a result by name. Raises `UnknownVariant`, a `KeyError`, with the reason if there is none."""
+        """Return a result by name. If the result does not exist, raises `UnknownVariant`, a `KeyError`, with the reason."""
         if name in self.results:
             return self.results[name]
         refused = next((one.message for one in self.problems if one.severity is Severity.ERROR), None)
@@ -50,7 +50,7 @@ class Evaluated(OneLineRepr, FrozenStruct):
 
 
 class NoModel(OneLineRepr, FrozenStruct):
-    """The result for settings without a model. It is false, while models are true. `problems` are all diagnostics."""
+    """The result for settings without a model. This object is false in a boolean context. `problems` are all diagnostics."""
 
     settings: Mapping[str, Any]
     problems: tuple[Diagnostic, ...]
@@ -70,9 +70,9 @@ class NoModel(OneLineRepr, FrozenStruct):
 class Explanation(OneLineRepr, FrozenStruct):
     """How a number enters the models of a mode.
 
-    `way` is `arrays` (it is written into arrays of one compiled model, `fields`), `text` (into the text of one model, which MuJoCo
-    recompiles), `parts` (the same, with other parts) or `passes` (everything is recompiled). `why` is the reason why no faster way is
-    possible.
+    `way` is `arrays` (the number is written into arrays of a compiled model, `fields`), `text` (the number is written into the XML of a
+    model, which MuJoCo recompiles), `parts` (as `text`, with other parts) or `passes` (all passes run). `why` is the reason why no faster
+    way is possible.
     """
 
     name: str

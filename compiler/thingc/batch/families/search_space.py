@@ -16,7 +16,7 @@ from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 
 
 class SpaceDimension(OneLineRepr, FrozenStruct):
-    """One dimension: a number between `low` and `high` (SI, in `unit`; None: unbounded; `whole`: integers only), or one of `choices`.
+    """A dimension: a number between `low` and `high` (SI, in `unit`; None: unbounded; `whole`: integers only), or one of `choices`.
 
     `value` is the value in the document.
     """
@@ -31,7 +31,7 @@ class SpaceDimension(OneLineRepr, FrozenStruct):
 
     @property
     def bounded(self) -> bool:
-        """Whether values can be sampled."""
+        """Whether values of the dimension can be sampled."""
         return bool(self.choices) or (self.low is not None and self.high is not None)
 
 
@@ -80,7 +80,7 @@ class SearchSpace(Sequence[SpaceDimension]):
         """Return a `gymnasium.spaces.Dict` of all bounded dimensions: a `Box` for a number, a `Discrete` for integers or indices of
         choices.
 
-        `settings` converts a point of it to settings.
+        `settings` converts a point of this space to settings.
         """
         import numpy as np
         from gymnasium import spaces
@@ -112,13 +112,13 @@ class SearchSpace(Sequence[SpaceDimension]):
             raise ValueError(f"expected a point of `gymnasium()`, found `{point}`") from None
 
     def bounds(self) -> tuple[tuple[float, float], ...]:
-        """Return the bounds of all bounded numbers, as for `scipy.optimize`; `at` converts such a vector to settings."""
+        """Return the bounds of all bounded numbers, as for `scipy.optimize`. `at` converts a vector of these numbers to settings."""
         return tuple((one.low, one.high) for one in self._drawn() if one.low is not None and one.high is not None)
 
     def at(self, vector: Sequence[float]) -> dict[str, float]:
         """Convert a vector of the bounded numbers to settings; integers are rounded.
 
-        Raises `ValueError` for a vector of another length, or if it is not a vector of numbers.
+        Raises `ValueError` for a vector of another length, or for a value that is not a vector of numbers.
         """
         numbers = [one for one in self._drawn() if not one.choices]
         try:

@@ -1,4 +1,4 @@
-"""One episode of one robot: initial state, actions and rewards."""
+"""An episode of a robot: initial state, actions and rewards."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 class EpisodeRules(FrozenStruct):
     """The rules of all episodes.
 
-    An action lasts `frame_skip` simulation steps, and an episode lasts `max_steps` actions. It starts in the keyframe `pose` (None: the
-    first), with a random change of each degree of freedom by at most `noise` [rad or m].
+    An action lasts `frame_skip` simulation steps, and an episode lasts `max_steps` actions. An episode starts in the keyframe `pose` (None:
+    the first keyframe), with a random change of each degree of freedom by at most `noise` [rad or m].
     """
 
     reward: Reward
@@ -34,7 +34,7 @@ class EpisodeRules(FrozenStruct):
 
 
 class SimulationStep(FrozenStruct):
-    """The models to simulate: models of a `mode`, with or without the floor (`floor`) and visual geometry (`visual`).
+    """The models to simulate: the models of a `mode`, with or without floor (`floor`) and visual geometry (`visual`).
 
     `cache` is the number of models to cache.
     """
@@ -77,7 +77,7 @@ def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> di
 
 
 def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
-    """Convert actions to an array of this shape. Raises `FamilyError` if this is impossible."""
+    """Convert actions to an array of the given shape. Raises `FamilyError` for invalid actions."""
     try:
         numbers = np.asarray(actions, np.float64)
     except (TypeError, ValueError):
@@ -88,10 +88,10 @@ def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
 
 
 class Episode:
-    """An episode of one robot: its `model`, `data` and `variant`, and the `spans` of its controls (lower and upper bounds).
+    """An episode of a robot: its `model`, `data` and `variant`, and the `spans` of its controls (lower and upper bounds).
 
-    Call `begin` first, and then `ask`, `run` and `judge` for each action. `run` executes the simulation, and can be called in other threads
-    for several episodes at a time.
+    Call `begin` first, and then `ask`, `run` and `judge` for each action. `run` executes the simulation. It can be called for several
+    episodes in parallel threads.
     """
 
     __slots__ = ("_action", "_before", "_high", "_low", "_rules", "_started", "data", "model", "start", "steps", "unstable", "variant")
@@ -149,8 +149,8 @@ class Episode:
     def judge(self) -> tuple[float, bool, bool, Mapping[str, Any]]:
         """Return the reward, whether the episode is terminated, whether it is truncated, and further infos.
 
-        It is terminated if `terminated` returns true or if the simulation is unstable (reward 0). Raises `FamilyError` for an invalid
-        reward.
+        The episode is terminated if `terminated` returns true or if the simulation is unstable (reward 0). Raises `FamilyError` for an
+        invalid reward.
         """
         if self.unstable:
             return 0.0, True, False, {"unstable": True}
@@ -189,6 +189,6 @@ def _unstable(data: mujoco.MjData) -> bool:
 
 
 def spans_of(model: mujoco.MjModel) -> tuple[Array, Array]:
-    """Return the lower and upper bounds of all controls, each with shape (nu,). Controls without limits get [-1, 1]."""
+    """Return the lower and upper bounds of all controls, each with shape (nu,). The bounds of a control without limits are [-1, 1]."""
     limited = model.actuator_ctrllimited.astype(bool)
     return np.where(limited, model.actuator_ctrlrange[:, 0], -1.0), np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)

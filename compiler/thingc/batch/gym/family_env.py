@@ -48,7 +48,7 @@ __all__ = [
 
 ENVIRONMENT = "thingc/Family-v0"
 CACHED = 1024
-"""Default number of cached morphologies, in addition to the ones being simulated."""
+"""Default number of cached morphologies, in addition to the morphologies that are being simulated."""
 DRAWS = 100
 """Maximum number of successive refused settings when an episode starts."""
 
@@ -96,7 +96,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
 
     A world behaves like a single environment of `thingc.batch.gym.variants_env` with the same robot: it has the same observations, rewards
     and infos, and the same episodes for the same seed. When an episode has ended, the world restarts as defined by
-    `metadata["autoreset_mode"]`. If settings are refused, new ones are drawn; `refused` counts the refused settings by message.
+    `metadata["autoreset_mode"]`. If settings are refused, new settings are drawn; `refused` counts the refused settings by message.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
@@ -149,8 +149,8 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
     ) -> tuple[Array, dict[str, Any]]:
         """Start an episode in every world, or in the worlds selected by `options["reset_mask"]`.
 
-        Each world gets a random variant, or all get `options["variant"]` (an index, or for a variants document also an id or name). World k
-        gets the seed `seed + k`. Raises gymnasium's `ClosedEnvironmentError` after `close`.
+        Each world uses a random variant, or all worlds use `options["variant"]` (an index, or for a variants document also an id or name).
+        World k uses the seed `seed + k`. Raises gymnasium's `ClosedEnvironmentError` after `close`.
         """
         self._open()
         options = known_options(options, ("variant", "reset_mask"))
@@ -214,7 +214,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
 
     @property
     def data(self) -> tuple[mujoco.MjData, ...]:
-        """The state of each world, for reading or rendering with its model. `data.model` can be another model."""
+        """The state of each world, for reading or rendering with the model of the world. `data.model` can be another model."""
         return tuple(self._world(k)[2].data for k in range(self.num_envs))
 
     @property
@@ -237,7 +237,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
             raise ClosedEnvironmentError(f"Trying to operate on `{type(self).__name__}`, after a call to `close()`.")
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """Return a seed for each world. None means that the generator of the world does not change."""
+        """Return a seed for each world. None means that the random generator of the world does not change."""
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, Integral):
@@ -248,14 +248,14 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         return [None if one is None else int(one) for one in seeds]
 
     def _simulate(self, episodes: Sequence[Episode]) -> None:
-        """Run the episodes, in threads if there are enough of them. MuJoCo releases the GIL while it steps."""
+        """Run the episodes. A large number of episodes runs in threads, because MuJoCo releases the GIL while it steps."""
         if self._pool is None or len(episodes) < 2 * self._threads:
             _run(episodes)
         else:
             list(self._pool.map(_run, [episodes[k:: self._threads] for k in range(self._threads)]))
 
     def _begin(self, worlds: Sequence[int], infos: dict[str, Any], wanted: Any) -> None:
-        """Start episodes, with redrawn settings if some are refused. Raises `FamilyError` if `wanted` or too many others are refused."""
+        """Start episodes. Refused settings are redrawn. Raises `FamilyError` if `wanted` or too many other settings are refused."""
         refused: NoModel | None = None
         for _ in range(DRAWS if wanted is None else 1):
             drawn = [self._drawn(self._source(k), wanted) for k in worlds]
@@ -282,7 +282,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
                 raise UnknownVariant(f"there is no variant `{wanted}`: a function draws the settings")
             settings = self._choices.draw(source)
             return _key(settings), settings
-        place = int(self._likely.searchsorted(source.random(), side="right"))  # always drawn, so that options do not change later draws
+        place = int(self._likely.searchsorted(source.random(), side="right"))  # always draw, so that options do not change later draws
         if wanted is not None:
             place = self._place(wanted)
         return place, self._choices.many[place]
@@ -344,7 +344,7 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
         row[nq + nv:] = morphology.described
 
     def _called(self, k: int) -> dict[str, Any]:
-        """Return the infos of a world, which contain the variant of its episode."""
+        """Return the `infos` of a world, which contain the variant of its episode."""
         key = self._world(k)[0]
         return {} if self._choices.draw is not None else {"variant": self._choices.ids[key] if self._choices.ids else key}
 
@@ -370,7 +370,7 @@ def make_vec_env(
 
     The other arguments are as in `thingc.batch.gym.variants_env.make_env`; `floor` is called `scene` there.
 
-    If settings are refused, new ones are drawn. Raises `FamilyError` if there is nothing to simulate or too many successive settings are
+    If settings are refused, new settings are drawn. Raises `FamilyError` if no settings are given or too many successive settings are
     refused, `UnknownVariant` for an unknown task or descriptor, `UnknownChoice` for an unknown mode, and `CompileError` for a document with
     errors.
     """
@@ -438,7 +438,7 @@ class FamilyEnv(gymnasium.Env[Array, Array]):
 
 
 def _first(infos: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the infos of the only world."""
+    """Return the `infos` of the only world."""
     return {name: values[0] for name, values in infos.items() if not name.startswith("_")}
 
 
@@ -448,7 +448,7 @@ def make_env(
     max_steps: int = 1000, descriptor: Sequence[str] | str = (), pose: str | None = None, noise: float = 0.0, cache: int = CACHED,
     seed: int | None = None,
 ) -> FamilyEnv:
-    """Create a single environment. Its episodes equal those of the first world of `make_vec_env`, which describes the arguments."""
+    """Create a single environment. The first world of `make_vec_env` has the same episodes. `make_vec_env` describes the arguments."""
     return FamilyEnv(make_vec_env(
         family, 1, settings=settings, mode=mode, floor=floor, visual=visual, reward=reward, terminated=terminated, frame_skip=frame_skip,
         max_steps=max_steps, descriptor=descriptor, pose=pose, noise=noise, threads=1, cache=cache,
@@ -474,7 +474,7 @@ def _choices(family: RobotFamily, settings: Iterable[Settings] | Draw | None) ->
 
 
 def _key(settings: Settings) -> tuple[tuple[str, Any], ...]:
-    """Return the key of settings in the cache. Raises `FamilyError` if they are not a mapping from names to numbers or texts."""
+    """Return the cache key of settings. Raises `FamilyError` for settings that are not a mapping from names to numbers or strings."""
     try:
         key = tuple(sorted(settings.items()))
         hash(key)

@@ -59,7 +59,7 @@ TASKS: Mapping[str, Reward] = {"forward": forward, "hold": hold}
 
 
 class Descriptor:
-    """Numbers from the settings that are appended to an observation, scaled from their bounds to [-1, 1].
+    """Numbers from the settings that are appended to an observation. Each number is scaled from its bounds to [-1, 1].
 
     Raises `UnknownVariant` for an unknown name, and `FamilyError` for a name without bounds.
     """

@@ -73,7 +73,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
             seed, self._seed = self._seed, None
         super().reset(seed=seed)
         wanted = known_options(options, ("variant",)).get("variant")
-        place = self.np_random.choice(len(self.family), p=self._weights)  # always drawn, so that options do not change later draws
+        place = self.np_random.choice(len(self.family), p=self._weights)  # always draw, so that options do not change later draws
         self.variant = self.family[int(place) if wanted is None else wanted]
         episode = self._of(self.variant)
         episode.begin(self.np_random, self.variant.name)
@@ -137,7 +137,7 @@ def make_env(
     """Create an environment for the variants of a batch: its folder, or the result of `load`, which can be filtered.
 
     Args:
-        mode: The mode of the models (default: the mode passed to `load`, or the only one).
+        mode: The mode of the models (default: the mode passed to `load`, or the only mode).
         scene: Include the floor of the scene.
         visual: Include visual geometry. Without it, models move in the same way and compile in less than half the time.
         reward: A function of a `StepInfo`, or a name in `TASKS`.
@@ -168,7 +168,7 @@ def make_env(
 
 
 def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
-    """Return the maximum sizes. Raises `FamilyError` if sizes differ and `pad` is not set."""
+    """Return the maximum sizes of all variants. Raises `FamilyError` if sizes differ and `pad` is not set."""
     sizes = [variant.sizes(mode) for variant in family]
     for name in ("nq", "nv", "nu") if not pad else ():
         values = [getattr(one, name) for one in sizes]

@@ -1,1 +1,1 @@
-"""Create MuJoCo models from other models by writing arrays: for other numbers (`Arrays`), or for many texts (`TextModels`)."""
+"""Create MuJoCo models from other models by writing arrays: for other numbers (`Arrays`), or for many XML models (`TextModels`)."""

@@ -1,4 +1,4 @@
-"""A compiled model whose arrays are overwritten for other numbers in its text."""
+"""A compiled model. Its arrays are overwritten for other numbers in its XML."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PLANE = 0.1
 
 
 class Statistics:
-    """Computes MuJoCo's statistics of one model structure for many variants. Statistics that are `stated` in the text are omitted."""
+    """Computes MuJoCo's statistics of a model structure for many variants. Statistics that the XML specifies (`stated`) are omitted."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, stated: Collection[str] = ()) -> None:
         import mujoco
@@ -110,16 +110,16 @@ TOGETHER = 128
 INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
 """The fields of the mass properties of a body."""
 PLACING = frozenset(("body_ipos", "body_pos", "body_quat", "jnt_pos", "site_pos"))
-"""The fields that move the elements used for statistics."""
+"""The fields that move elements on which the statistics depend."""
 
 Compile = Callable[[str], "mujoco.MjModel"]
 
 
 class Arrays:
-    """The model of one structure, and the entries of its arrays that depend on varying numbers.
+    """The model of a structure, and the entries of its arrays that depend on varying numbers.
 
-    `text` contains a word for each of these numbers, and `tokens` maps words to indices of numbers. `plain` is the text with numbers,
-    `assets` are the meshes by file, and `compile` compiles a text. `lines` are the indices of the numbers for `prepare`, in order. Raises
+    `text` is the XML with a word for each of these numbers, and `tokens` maps words to indices of numbers. `plain` is the XML with numbers,
+    `assets` are the meshes by file, and `compile` compiles XML. `lines` are the indices of the numbers for `prepare`, in order. Raises
     `NotAnArrayEntry` if a number does not appear unchanged in an array.
     """
 
@@ -155,12 +155,12 @@ class Arrays:
             [column(tokens[word]) if word in tokens else float(word) for words in said for word in words] for said in inertials.values()
         ]
         self._traced = np.array([[word in tokens for words in said for word in words] for said in inertials.values()], dtype=bool)
-        self._resting = [  # tendons whose springs are relaxed when the springs of the joints are
+        self._resting = [  # tendons whose springs are relaxed if the springs of the joints are relaxed
             self.model.tendon(tendon.get("name", "")).id for tendon in root.iterfind("tendon/*") if "springlength" not in tendon.attrib
         ]
         self._constants = not self._bodies and self.written <= (INERT - TENSED if self.model.ntendon else INERT)
         self._data = mujoco.MjData(self.model)
-        self._first = copy.copy(self.model)  # never lent, so never modified by borrowers
+        self._first = copy.copy(self.model)  # this model is never lent, so borrowers cannot modify it
         self._placed = mujoco.MjData(self._first)
         stated = {name for element in root.iter("statistic") for name in element.attrib}
         self._statistics = Statistics(self.model, self._placed, stated)
@@ -169,18 +169,18 @@ class Arrays:
         self._geoms = [self._colliding(body) for body in self._bodies]
 
     def lend(self) -> mujoco.MjModel:
-        """Return the model to a borrower, which can modify it."""
+        """Lend the model to a borrower, which can modify the model."""
         self._is_lent = True
         return self.model
 
     def take_back(self) -> None:
-        """Undo the changes of borrowers, so that `put` gives the exact model of a variant."""
+        """Undo the changes of borrowers, so that `put` results in the exact model of a variant."""
         if self._is_lent:
             restore(self.model, self._first)
         self._is_lent = False
 
     def _take(self, field: str, entries: list[tuple[int, Entry]]) -> None:
-        """Record the places of the numbers of a field, each by its column: in an array, or in an option."""
+        """Record the places of the numbers of a field, in an array or in an option. Each number is identified by its column."""
         import numpy as np
 
         owner, name = owner_of(self.model, field)
@@ -194,7 +194,10 @@ class Arrays:
             self._options.append((owner, name, entries[-1][0]))
 
     def _colliding(self, body: int) -> Array:
-        """Return the colliding geoms of a body, followed by -1, so that the index -1 gives -1. Return an empty array if there are none."""
+        """Return the colliding geoms of a body, followed by -1, so that the entry at index -1 is -1.
+
+        Without colliding geoms, return an empty array.
+        """
         import numpy as np
 
         m = self.model
@@ -203,7 +206,7 @@ class Arrays:
         return np.array([*colliding, -1] if colliding else [], dtype=int)
 
     def prepare(self, values: Sequence[tuple[float, ...]]) -> Prepared:
-        """Compute the entries for many variants from the numbers of each variant. Raises `ValueError` if MuJoCo rejects one."""
+        """Compute the entries for many variants from the numbers of each variant. Raises `ValueError` if MuJoCo rejects a variant."""
         import mujoco
         import numpy as np
 
@@ -295,10 +298,10 @@ class Prepared:
 
 
 class Bodies:
-    """Several copies of some bodies of a model in a small model.
+    """A small model with several copies of some bodies of a model.
 
-    MuJoCo's compiler then computes the principal axes and aligned boxes of many variants in one call. `text` is the text of the whole
-    model, and `assets` are its meshes by file name.
+    MuJoCo's compiler then computes the principal axes and aligned boxes of many variants in one call. `text` is the XML of the whole model,
+    and `assets` are its meshes by file name.
     """
 
     def __init__(self, text: str, assets: Mapping[str, bytes], names: Sequence[str], copies: int) -> None:
@@ -332,9 +335,10 @@ class Bodies:
         self._bodies = [self._spec.body(f"{name}#{index}") for name in names for index in range(copies)]
 
     def work_out(self, inertials: Array) -> BodyArrays:
-        """Compute at most as many variants as there are copies.
+        """Compute the results of some variants, at most as many as the number of copies.
 
-        `inertials` (variants, bodies, 10) are masses, centres and inertias, as in `fullinertia`. Raises `ValueError` if MuJoCo rejects one.
+        `inertials` (variants, bodies, 10) are masses, centres of mass and inertias, as in `fullinertia`. Raises `ValueError` if MuJoCo
+        rejects a variant.
         """
         count = len(inertials)
         for b in range(len(self.names)):

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class NotAnArrayEntry(Exception):
-    """Raised for a number that the compiler processes. `attribute` is its place, such as `geom.pos`."""
+    """Raised for a number that MuJoCo's compiler changes. `attribute` is the place of the number, such as `geom.pos`."""
 
     def __init__(self, attribute: str) -> None:
         super().__init__(attribute)
@@ -21,7 +21,7 @@ class NotAnArrayEntry(Exception):
 
 
 class Entry(FrozenStruct):
-    """An entry of a field of `MjModel`: its flat index, and the factor of the number (1 or -1).
+    """An entry of a field of `MjModel`: its flat index, and the factor by which the number is multiplied (1 or -1).
 
     Fields of options are named `opt.timestep`, and fields of statistics `stat.extent`.
     """
@@ -39,7 +39,7 @@ INERT = frozenset((
 ))
 """Fields that do not affect the constants that MuJoCo computes."""
 TENSED = frozenset(("qpos_spring", "site_pos"))
-"""Fields in `INERT` that affect these constants if there are tendons, because tendon lengths depend on them."""
+"""Fields in `INERT` that affect the computed constants of models with tendons, because tendon lengths depend on these fields."""
 
 _JOINT = {
     "damping": "dof_damping", "frictionloss": "dof_frictionloss", "armature": "dof_armature", "stiffness": "jnt_stiffness",
@@ -68,9 +68,10 @@ _KINDS = {**dict.fromkeys(_DRIVES, "actuator"), **dict.fromkeys(_TENDONS, "tendo
 
 
 def places(root: Element, tokens: Mapping[str, int], model: mujoco.MjModel) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
-    """Return the entries of every number, by the index of its token, and the texts of mass properties by body.
+    """Return the entries of every number, by the index of its token, and the strings of the mass properties by body.
 
-    The texts are mass, centre and inertia of each `inertial` with tokens. `model` is the compiled text. Raises `NotAnArrayEntry`.
+    These strings are mass, centre of mass and inertia of each `inertial` with tokens. `model` is the compiled XML. Raises
+    `NotAnArrayEntry`.
     """
     entries: list[tuple[int, Entry]] = []
     inertials: dict[str, list[list[str]]] = {}

@@ -21,7 +21,7 @@ def different_fields(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]
 
 
 def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
-    """Undo all changes of a model that was a copy of `first`."""
+    """Undo all changes of a model that was created as a copy of `first`."""
     import numpy as np
 
     for name in different_fields(model, first):

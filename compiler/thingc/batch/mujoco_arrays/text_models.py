@@ -1,4 +1,7 @@
-"""Create models from many texts. If texts differ only in numbers, one is compiled, and its arrays are overwritten for the others."""
+"""Create models from many XML strings.
+
+If models differ only in numbers, one model is compiled, and its arrays are overwritten for the other models.
+"""
 
 from __future__ import annotations
 
@@ -18,17 +21,18 @@ if TYPE_CHECKING:
     import mujoco
 
 ENOUGH = 3
-"""Number of texts of a kind to compile before arrays are overwritten. Preparing the arrays takes as long as some compilations."""
+"""Number of models of a kind that are compiled before arrays are overwritten. Preparing the arrays takes as long as some compilations."""
 KINDS, SHAPES = 32, 100_000
-"""Maximum number of cached kinds of texts, and of cached results of the check whether attribute values are numbers."""
+"""Maximum number of cached kinds of models, and of cached results of the check whether attribute values are numbers."""
 
 _NUMBERS = re.compile(r"[-+0-9.e ]*[0-9][-+0-9.e ]*")
 
 
 class ModelText(FrozenStruct, eq=False):
-    """The text of a model without includes.
+    """The XML of a model without includes.
 
-    `meshes` identifies its files; equal values mean equal files. `assets` reads them by name, and `compiled` compiles the text.
+    `meshes` identifies the files of the model; equal values mean equal files. `assets` reads these files by name, and `compiled` compiles
+    the XML.
     """
 
     text: str
@@ -38,7 +42,7 @@ class ModelText(FrozenStruct, eq=False):
 
 
 class TextModels:
-    """Creates the models of texts.
+    """Creates models from XML.
 
     Some models that were created without compilation (the first, second, fourth, eighth ... of each kind) are compared with the compiled
     model. After a difference, models of this kind are always compiled. Not thread-safe.
@@ -49,9 +53,9 @@ class TextModels:
         self._shapes: dict[str, str | int] = {}
 
     def each(self, many: Iterable[ModelText], *, share: bool) -> Iterator[mujoco.MjModel]:
-        """Yield the models, in order. At most 128 texts are read ahead.
+        """Yield the models, in order. At most 128 inputs are read ahead.
 
-        With `share`, the same model object is lent each time, and valid until the next one is requested.
+        With `share`, the same model object is lent each time. It is valid until the next model is requested.
         """
         texts = iter(many)
         while some := list(islice(texts, TOGETHER)):
@@ -68,7 +72,7 @@ class TextModels:
                 yield one.compiled() if made is None else made if share else copy.copy(made)
 
     def _kind(self, one: ModelText, pieces: Sequence[str]) -> _Kind:
-        """Return the kind of a text. Texts of one kind differ only in numbers."""
+        """Return the kind of a model. Models of the same kind differ only in numbers."""
         if len(self._shapes) > SHAPES:
             self._shapes.clear()
         shapes = self._shapes
@@ -86,7 +90,7 @@ class TextModels:
 
 
 class _Kind:
-    """Texts that differ from `first` only in numbers. `pieces` are its parts between quotes."""
+    """Models that differ from `first` only in numbers. `pieces` are the parts of the XML between quotes."""
 
     def __init__(self, first: ModelText, pieces: Sequence[str]) -> None:
         self._first = first
@@ -97,7 +101,7 @@ class _Kind:
         self._seen = self._made = 0
 
     def prepared(self, texts: Sequence[Sequence[str]]) -> Prepared | None:
-        """Return the entries to write for each of these texts, or None if they must be compiled."""
+        """Return the entries to write for each of these models, or None if the models must be compiled."""
         self._seen += len(texts)
         if self._slow or self._seen <= ENOUGH:
             return None
@@ -109,12 +113,12 @@ class _Kind:
             return self._arrays.prepare([self._numbers(self._arrays, pieces) for pieces in texts])
         except NotAnArrayEntry:
             self._slow = True
-        except ValueError:  # MuJoCo rejects one of them: compile each to find out which
+        except ValueError:  # MuJoCo rejects one of the models: compile each to find out which
             pass
         return None
 
     def put(self, one: ModelText, prepared: Prepared, index: int, *, share: bool) -> mujoco.MjModel | None:
-        """Return the model of a text, lent or to be copied, or None if it must be compiled."""
+        """Return the model, which is lent or must be copied by the caller, or None if it must be compiled."""
         if self._slow or self._arrays is None:
             return None
         self._made += 1
@@ -140,6 +144,6 @@ class _Kind:
         return Arrays('"'.join(tokened), tokens, first.text, first.assets(), lambda text: first.compiled())
 
     def _numbers(self, arrays: Arrays, pieces: Sequence[str]) -> tuple[float, ...]:
-        """Return the numbers of a text in the order that `arrays` requires."""
+        """Return the numbers in the XML of a model, in the order that `arrays` requires."""
         words = [float(word) for k in self._gaps for word in pieces[k].split()]
         return tuple(words[line] for line in arrays.lines)
