@@ -141,7 +141,7 @@ LEAST_MASS = 1e-15
 
 
 def physical_fault(a: Matrix) -> str | None:
-    """Return the reason why no rigid body can have this inertia, or None if it is physical.
+    """Return the reason why no rigid body can have this inertia, or None for a physical inertia.
 
     The inertia must be positive definite, and no principal moment may exceed the sum of the other two moments (with a relative tolerance of
     1e-9).

@@ -43,7 +43,7 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
     @property
     def area(self) -> float:
-        """Surface area [m^2]. Raises for an ellipsoid, which has no closed formula."""
+        """Surface area [m^2]. Raises `ValueError` for an ellipsoid, because there is no closed formula for its area."""
         if self.shape == "ellipsoid":
             raise ValueError("the area of an ellipsoid is an elliptic integral")
         if self.shape == "plane":
@@ -88,7 +88,7 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
     def lowest(self, down: Vector) -> float:
         """Return the minimum [m] over all points x of the dot product of x and `down`, a unit vector in the part's frame.
 
-        This is the negated support function of the opposite direction.
+        The result is the negated support function of the opposite direction.
         """
         x, y, z = (dot(down, column) for column in transpose(self.pose.rotation))
         middle, size = dot(down, self.pose.translation), self.size

@@ -56,7 +56,7 @@ def line_of(file: str, line: int = 1) -> Span:
 
 
 Origin = tuple[Span, ...]
-"""A chain of spans that created an element, innermost first. It is never empty for elements of a document."""
+"""A chain of spans that created an element, innermost first. The origin of an element of a document is never empty."""
 
 
 class Edit(FrozenStruct):

@@ -57,7 +57,7 @@ class _Process:
 
 
 class Workers:
-    """The worker processes of one service: a single process that forks if the system supports it, else one process per job.
+    """The worker processes of one service: a single process that forks if the system supports fork, otherwise one process per job.
 
     Processes are started when they are first needed. `close` or the end of this process ends the worker processes. `seed` is the Python
     hash seed of the workers, which determines the iteration order of sets of strings. `there` is False if no worker will ever be started.

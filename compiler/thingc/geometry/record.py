@@ -359,7 +359,7 @@ class PartFailure(OneLineRepr, FrozenStruct):
 
 
 NO_PARTS = frozenset({"invalid", "missing", "resultless"})
-"""Failure kinds of classes that are not parts. They are reported only if a document references such a class."""
+"""Failure kinds of classes that are not parts. These failures are reported only if a document references the class."""
 
 
 class Placed(OneLineRepr, FrozenStruct):

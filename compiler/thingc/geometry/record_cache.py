@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 Ran = Mapping[str, Sequence[int] | None]
-"""Numbers of the functions that ran, by label of the module; None for all functions."""
+"""Numbers of the functions that ran, by label of the module. None means all functions."""
 
 
 def outlined(code: CodeIngredients) -> CodeIngredients:

@@ -54,8 +54,8 @@ class _Task(FrozenStruct):
 class GeometryService:
     """Part schemas, part records and STEP files of one workspace. A context manager that ends its workers on exit.
 
-    At most `jobs` parts are built at once, each in at most `timeout` [s]. `on_progress(what, done, total)` is called for each part, and
-    `on_printed(part, lines)` with the lines that a part printed.
+    At most `jobs` parts are built at the same time. Each part may take at most `timeout` [s]. `on_progress(what, done, total)` is called
+    for each part, and `on_printed(part, lines)` with the lines that a part printed.
 
     After `realize`, `modelled` and `reused` contain the definition texts of parts that were built or reused, `decisions` the reasons, and
     `wanted` the requested definitions. `inputs` contains the absolute paths of all files and folders that the answers depend on, including
@@ -269,7 +269,10 @@ class GeometryService:
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None, *, locked: bool = True,
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return a mapping of definition text to its record (with meshes if not `locked`) or failure. `convex` texts get convex pieces."""
+        """Return a mapping of definition text to its record (with meshes if not `locked`) or failure.
+
+        Records whose texts are in `convex` get convex pieces.
+        """
         self.decisions = {}
         self.wanted = tuple(definitions)
         answers: dict[str, PartRecord | PartFailure] = {}

@@ -44,7 +44,10 @@ SLIDE: Mapping[str, Dimension] = {
 
 
 def dimensions_of(coordinate: Dimension) -> Mapping[str, Dimension]:
-    """Return the physical dimensions of the values of a coordinate by key. They depend on the physical dimension of the coordinate."""
+    """Return the physical dimensions of the values of a coordinate by key.
+
+    These dimensions depend on the physical dimension of the coordinate.
+    """
     return TURN if coordinate == ANGLE else SLIDE
 
 

@@ -31,7 +31,7 @@ _METADATA = re.compile(r"(?P<name>[^-]+)-(?P<version>.+)\.(dist-info|egg-info)$"
 def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], store: Store | None = None) -> dict[str, str]:
     """Return `{"version build123d": "0.13.0"}` for top-level packages of the environment.
 
-    The value is the version of the distribution, else a hash of the file `file_of(name)`. Modules of the standard library are omitted,
+    The value is the version of the distribution, otherwise a hash of the file `file_of(name)`. Modules of the standard library are omitted,
     because the version of Python covers them.
     """
     ingredients: dict[str, str] = {}
@@ -94,7 +94,10 @@ def _installed() -> dict[str, str]:
 
 
 def _by_import_name(store: Store | None) -> dict[str, str]:
-    """Return versions by import name, for packages whose distribution has another name. Cached in the store, because it is slow."""
+    """Return versions by import name, for packages whose distribution has another name.
+
+    The store caches the result, because the search is slow.
+    """
     key = hashlib.sha256(repr(sorted(_installed().items())).encode()).hexdigest()
     kept = store.get_json("packages", key) if store is not None else None
     if isinstance(kept, dict):

@@ -1,1 +1,1 @@
-"""`parts.lock.json`: the schemas and records of parts, stored beside the documents and used in place of building the parts."""
+"""`parts.lock.json`: a file in the workspace with the schemas and records of parts, which replaces building the parts."""

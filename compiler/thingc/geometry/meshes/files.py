@@ -65,7 +65,7 @@ def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], s
 
 
 class MeshPiece(OneLineRepr, FrozenStruct, array_like=True):
-    """The triangles of one colour (`#rrggbb`, `#rrggbbaa`; None if the file specifies none)."""
+    """The triangles of one colour (`#rrggbb`, `#rrggbbaa`; None if the file does not specify a colour)."""
 
     mesh: Mesh
     color: str | None

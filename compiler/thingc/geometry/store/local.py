@@ -48,7 +48,7 @@ class BlobMissing(Exception):
 
 
 def default_root() -> str:
-    """Return `$THINGC_STORE` if it names a folder, else `cache_root()`."""
+    """Return the folder in `$THINGC_STORE`, otherwise `cache_root()`."""
     stated = os.environ.get("THINGC_STORE")
     return os.path.abspath(stated) if stated and "://" not in stated else cache_root()
 

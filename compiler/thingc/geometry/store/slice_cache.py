@@ -1,4 +1,4 @@
-"""The slices of printed parts, by mesh and slicing. They are from the store if possible, otherwise from workers."""
+"""The slices of printed parts, by mesh and slicing. The store provides slices if possible, otherwise workers compute them."""
 
 from __future__ import annotations
 

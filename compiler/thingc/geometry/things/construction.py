@@ -59,7 +59,7 @@ class Construction:
     mounts: dict[str, MountPoint] = field(default_factory=dict)
 
     def scopes(self) -> Iterator[Mapping[str, Value]]:
-        """Yield the scopes of `p`: the `__init__` that is running, then the class's own parameters, then those of its parents."""
+        """Yield the scopes of `p`: the `__init__` that is running, then the class's own parameters, then the parameters of its parents."""
         if self.running:
             yield self.running[-1].values
         yield self.parameters

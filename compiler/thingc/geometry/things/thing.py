@@ -87,11 +87,11 @@ class Thing(Framed, metaclass=ThingType):
         return None
 
     def centre(self) -> Sequence[float] | Any | None:
-        """Return the centre of mass [mm], three numbers (or a `Vector`) or `(numbers, source)`; None to compute it from the geometry."""
+        """Return the centre of mass [mm] as three numbers, a `Vector` or `(numbers, source)`, or None to use the centre of the geometry."""
         return None
 
     def matrix_of_inertia(self) -> Sequence[Sequence[float]] | Any | None:
-        """Return the 3 x 3 inertia [kg m^2] about the centre of mass along the Thing's axes; None to compute it from the geometry."""
+        """Return the 3 x 3 inertia [kg m^2] about the centre of mass along the Thing's axes, or None to use the inertia of the geometry."""
         return None
 
     def density(self) -> Number | None:

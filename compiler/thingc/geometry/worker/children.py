@@ -219,7 +219,7 @@ def kill_group(process: int) -> None:
 
 
 def die_with_parent(parent: int) -> None:
-    """Make the system kill this process when its parent ends (Linux). Exit at once if the parent has already ended."""
+    """Make the system kill this process when its parent ends (Linux). Exit immediately if the parent has already ended."""
     if sys.platform == "linux":
         prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:

@@ -335,7 +335,7 @@ class _NumpysRandom(importlib.abc.MetaPathFinder):
     """Wraps `numpy.random` when it is loaded, because few parts use it."""
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
-        """Return Python's own spec for `numpy.random`, with a loader that wraps the module; None for any other module."""
+        """Return Python's own spec for `numpy.random`, with a loader that wraps the module. Return None for other modules."""
         if fullname != "numpy.random":
             return None
         sys.meta_path.remove(self)

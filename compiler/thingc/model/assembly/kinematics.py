@@ -146,8 +146,8 @@ def forward_kinematics(
 ) -> dict[int, Pose]:
     """Return the poses of all occurrences connected to `start`, which has the pose `base`.
 
-    `q` [rad or m] is by joint path (default 0). If `rigid`, the search uses only mates without a joint. Poses are in the frame of `base`.
-    The time is linear in the number of connected occurrences.
+    `q` [rad or m] is by joint path (default 0). If `rigid`, the search uses only mates without a joint. Poses are in the same reference
+    frame as `base`. The time is linear in the number of connected occurrences.
     """
     at = {start: base}
     waiting = [start]

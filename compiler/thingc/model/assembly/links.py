@@ -130,7 +130,8 @@ def links_between(
 ) -> frozenset[int]:
     """Return the indices of massless intermediate links.
 
-    They have no mass, inertia, geometry, hold, foot or adhesion, and exactly two joints, which are not balls and not on loops.
+    An intermediate link has no mass, inertia, geometry, hold, foot or adhesion. It has exactly two joints, which are neither ball joints
+    nor on loops.
     """
     ends: dict[int, list[Mate]] = {link.index: [] for link in links if link.properties.mass == 0.0 and link.properties.inertia == ZERO}
     busy = [mount.occurrence for mount in adhesions]

@@ -162,8 +162,8 @@ def stated_inertia(six: tuple[float, ...]) -> Matrix:
 def _matter(record: PartRecord | None, process: Process | None, overrides: Overrides) -> tuple[MassProperties, str | None]:
     """Return the mass properties of a part at density 1 (volume [m^3], centre [m], inertia [m^5]) and the estimation method.
 
-    They are exact for a part without infill. The method `layers` uses the sliced part. The method `skin` uses `V_s + infill * (V - V_s)`
-    for a solid with volume V and area A, where `V_s = min(V, A * walls * line_width)`.
+    For a part without infill, the properties are exact. The method `layers` uses the sliced part. The method `skin` uses `V_s + infill * (V
+    - V_s)` for a solid with volume V and area A, where `V_s = min(V, A * walls * line_width)`.
     """
     if record is None or record.volume <= 0.0:
         return (NOTHING if record is None else replace(NOTHING, centre=record.centre)), None
@@ -179,7 +179,7 @@ def _matter(record: PartRecord | None, process: Process | None, overrides: Overr
 
 
 def _natural(matter: MassProperties, density: Density | None, estimate: str | None) -> MassResult | None:
-    """Return the mass properties for a density. They are zero for a part without volume, and None without a density."""
+    """Return the mass properties for a density. The result is zero for a part without volume, and None without a density."""
     if matter.mass <= 0.0:
         return MassResult(properties=NOTHING, source="derived")
     if density is None:

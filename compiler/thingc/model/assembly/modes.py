@@ -142,7 +142,7 @@ def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
 
 
 def mount_of(tree: Tree, instance: Instance, reference: Reference) -> LinkedMount | None:
-    """Resolve a reference in the document of `instance` to a mount. Return None if it is invalid (reported)."""
+    """Resolve a reference in the document of `instance` to a mount. Report an invalid reference and return None."""
     mount = tree.find(instance, reference)
     if mount is None:
         return None

@@ -1,4 +1,4 @@
-"""Warnings about suspicious values. Each shows the value and its likely cause.
+"""Warnings about suspicious values. Each warning shows the value and its likely cause.
 
 These checks need only numbers, so the command `check` runs them. Checks of the geometry are part of `build`.
 """
@@ -61,7 +61,7 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
 def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
     """Return the turn [deg] about the mount's z axis that makes two children at q = 0 mirror images of each other.
 
-    Return 0 if there is no such turn, if they are already mirror images, or if the mounts are not mirror images of each other.
+    Return 0 if this turn does not exist, if the children are already mirror images, or if the mounts are not mirror images of each other.
     """
     axes = [axis for mate in (one, other) if (axis := assembly.occurrences[mate.child].definition.mirror) is not None]
     if len(axes) != 1 or dist(one.X_PJ.translation, other.X_PJ.translation) < CLOSE:

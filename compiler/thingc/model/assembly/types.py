@@ -62,8 +62,8 @@ class Surface(OneLineRepr, FrozenStruct):
 class Listed(OneLineRepr, FrozenStruct):
     """The geometry of a link that lists its shapes, in the link's frame.
 
-    It contains the shapes for display, for collision, and for the mass (`solids`). `box` is the bounding box (two corners [m]), or None if
-    there are no shapes or if a mesh file has not been read.
+    `Listed` contains the shapes for display, for collision, and for the mass (`solids`). `box` is the bounding box (two corners [m]), or
+    None if there are no shapes or if a mesh file has not been read.
     """
 
     drawn: tuple[Surface, ...]
@@ -76,8 +76,8 @@ class PartInstance(OneLineRepr, FrozenStruct):
     """A component that is a part, a link or a frame. `record` is set for a part, and `listed` for a link.
 
     `properties` and `mounts` (with `origin`) are in its own frame. `mass_source` is `measured | vendor | stated | derived | estimated`.
-    `estimate` is the method for infill (`layers | skin`), else None. `sound` is False if the mass of the component is invalid (an error is
-    then reported). `color` is `#rrggbb`.
+    `estimate` is the method for infill (`layers | skin`), otherwise None. `sound` is False if the mass of the component is invalid (an
+    error is then reported). `color` is `#rrggbb`.
     """
 
     component: Component

@@ -37,7 +37,7 @@ def mirrored(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
 
 
 def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | None:
-    """Return the dotted path and the axis of a component mirrored along another axis; None if there is none."""
+    """Return the dotted path and the axis of a component that is mirrored along another axis, or None."""
     for component in definition.components:
         inner = component.definition
         if inner is None:

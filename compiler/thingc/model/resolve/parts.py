@@ -39,7 +39,7 @@ _FAILURES: Mapping[FailureKind, Code] = {
 
 
 def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDefinition | None:
-    """Return the definition of a component with `part:`. Return None if it is invalid (reported once per reference)."""
+    """Return the definition of a component with `part:`. Report an invalid part once per reference and return None."""
     schema = context.schemas.get(reference)
     if schema is None:
         return None

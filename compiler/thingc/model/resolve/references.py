@@ -96,7 +96,7 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
 
 
 def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Return the reference to a mount, `component.mount`. Return None if it is invalid (reported now or before)."""
+    """Return the reference to a mount, `component.mount`. Report an invalid reference once and return None."""
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -109,7 +109,7 @@ def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: boo
 
 
 def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Return the reference to a mount or to an exported mount of this document. Return None if it is invalid (reported now or before)."""
+    """Return the reference to a mount or to an exported mount of this document. Report an invalid reference once and return None."""
     if text not in table.exports:
         if "." not in text and table.doubts.lacks("mounts"):
             return None
@@ -141,7 +141,7 @@ def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key:
 
 
 def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[Reference, ComponentScope] | None:
-    """Return the reference to a component. Return None if it is invalid (reported now or before)."""
+    """Return the reference to a component. Report an invalid reference once and return None."""
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -154,7 +154,7 @@ def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key:
 def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
     """Return the reference to a component, a mount of a component, or an exported mount of this document.
 
-    Return None if it is invalid (reported now or before).
+    Report an invalid reference once and return None.
     """
     parts = words(scope, text, path, key=key)
     if parts is None:
@@ -236,7 +236,7 @@ def _unbuilt(prefixes: list[str], name: str) -> bool:
 
 
 def _descend(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> ComponentScope | None:
-    """Return the component at a path. Return None if the component does not exist (reported now or before)."""
+    """Return the component at a path. Report a missing component once and return None."""
     node: ComponentScope | None = None
     inner: DocumentScope | None = table
     for depth, part in enumerate(parts):

@@ -98,7 +98,7 @@ class Scope(FrozenStruct):
     # --- values ---------------------------------------------------------------------------------------------------
 
     def value(self, raw: Any, path: Path) -> ExpressionValue | None:
-        """Evaluate the value of a field. Return None if it is invalid (reported now or before)."""
+        """Evaluate the value of a field. Report an invalid value once and return None."""
         if isinstance(raw, Quantity):
             return raw
         if isinstance(raw, Expression):

@@ -45,7 +45,7 @@ class PathNotFound(FrozenStruct, kw_only=False):
 def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str]) -> tuple[Document, AssemblySpec]:
     """Return the document and its model after inserting the strings `values` at their paths.
 
-    Both are unchanged if one of the values is invalid (reported), or if the document itself has errors (reported).
+    If a value is invalid or the document itself has errors, report the errors and return both unchanged.
     """
     if not values or context.doubts(document):
         return document, spec

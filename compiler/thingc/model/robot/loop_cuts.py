@@ -85,8 +85,8 @@ def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPrior
 def _unclosable(mate: Mate) -> int:
     """Rate how widely targets support a cut at this joint, from 0 (best) to 2.
 
-    Revolute and ball joints (0) are supported by all targets with loops. Universal joints (1) need a tendon in MuJoCo. Other joints (2) are
-    not supported by all targets.
+    All targets with loops support revolute and ball joints (0). Universal joints (1) need a tendon in MuJoCo. Some targets do not support
+    other joints (2).
     """
     first = mate.joints[0]
     if first.kind.at_once or len(mate.joints) == 1 and first.twist.turns and not first.twist.pitch:

@@ -132,7 +132,7 @@ class Loops:
         return frozenset(path for path, (leader, _) in self._moves.items() if leader not in moved)
 
     def alone(self, q: Mapping[str, float]) -> Loops:
-        """Return the loops without other bodies and without limits of joints `outside` that `q` respects. They do not affect the loops."""
+        """Return the loops without joints of other bodies, and without limits of joints `outside` if `q` is within these limits."""
         outside = self.outside
         if not all(c.lower <= q[c.path] <= c.upper for c in self.coordinates if c.path in outside):
             return self

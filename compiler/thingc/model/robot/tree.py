@@ -25,7 +25,7 @@ def in_link(assembly: Assembly) -> tuple[Pose, ...]:
 
 
 def placing(assembly: Assembly) -> frozenset[int]:
-    """Return the indices of the mates by which documents place components. They form a tree that is the same in every mode."""
+    """Return the indices of the mates by which documents place components. These mates form a tree that is the same in every mode."""
     return frozenset(n for n, mate in enumerate(assembly.mates) if mate.joints and mate.loop is None)
 
 

@@ -177,7 +177,7 @@ class Robot(OneLineRepr, FrozenStruct):
 
     @property
     def start(self) -> Keyframe | None:
-        """The pose in which the mode starts; None if it starts with all joints at 0."""
+        """The pose in which the mode starts. None if all joints start at 0."""
         return next((frame for frame in self.keyframes if frame.name == self.mode.pose), None)
 
     @property

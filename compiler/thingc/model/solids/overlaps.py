@@ -149,7 +149,7 @@ def _cubic(volume: float) -> str:
 
 
 def _thickness(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> float:
-    """Return the smallest extent [m] of the intersection of two boxes. It bounds the mean thickness of the intersection of their parts.
+    """Return the smallest extent [m] of the intersection of two boxes, an upper bound of the mean thickness of the parts' intersection.
 
     The result is not positive if the boxes do not intersect.
     """

@@ -127,7 +127,7 @@ def _each_axis_as_z(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _axes(inertia: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the principal axes as columns. They are right-handed, and the largest entry of each axis is positive if possible."""
+    """Return the principal axes as columns. The axes are right-handed, and the largest entry of each axis is positive if possible."""
     _, axes = np.linalg.eigh(inertia)
     for column in range(3):
         if axes[np.argmax(np.abs(axes[:, column])), column] < 0.0:

@@ -360,7 +360,7 @@ def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
 
 
 def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning, ...]:
-    """Return a warning if a simplified mesh deviates too much from the original. Both are in metres."""
+    """Return a warning if a simplified mesh deviates too much from the original. Both meshes are in metres."""
     away, size = deviation(mesh, fewer), float(np.ptp(mesh.vertices, axis=0).max())
     if away <= DEVIATION * size:
         return ()

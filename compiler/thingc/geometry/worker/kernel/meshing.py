@@ -33,7 +33,7 @@ class Triangles(FrozenStruct, kw_only=False):
 
     @property
     def volume(self) -> float:
-        """The enclosed volume by the divergence theorem. Negative if the triangles face inwards."""
+        """The enclosed volume by the divergence theorem. The volume is negative if the triangles face inwards."""
         if len(self.faces) == 0:
             return 0.0
         middle = self.vertices.mean(axis=0)

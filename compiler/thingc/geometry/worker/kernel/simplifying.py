@@ -94,7 +94,7 @@ def _triangles(solid: Any) -> Triangles:
 def _farthest(points: NDArray[np.float64], surface: Triangles) -> float:
     """Return the largest distance of points from a surface, measured to the nearest of a few triangles around each point.
 
-    The farthest points are measured again with more triangles.
+    For the farthest points, a second measurement uses more triangles.
     """
     import trimesh
     from scipy.spatial import cKDTree

@@ -227,7 +227,7 @@ class _Slicer:
         return _opened(left, lengths.spacing / 2.0)
 
     def walls(self, outline: Region, core: Region) -> Region:
-        """Return the region of the walls. It is smaller than the outline, because lines have round corners."""
+        """Return the region of the walls, which is smaller than the outline, because lines have round corners."""
         return _without(_grown(outline, -self.lengths.rounding), core)
 
     def filled(self, core: Region) -> Region:
