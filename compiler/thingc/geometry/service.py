@@ -269,10 +269,7 @@ class GeometryService:
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None, *, locked: bool = True,
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return a mapping of definition text to its record (with meshes if not `locked`) or failure.
-
-        Records whose texts are in `convex` get convex pieces.
-        """
+        """Return the record (with meshes if not `locked`) or failure by definition text, with convex pieces for texts in `convex`."""
         self.decisions = {}
         self.wanted = tuple(definitions)
         answers: dict[str, PartRecord | PartFailure] = {}
