@@ -147,13 +147,13 @@ class PrintSpec(Model):
 
 
 class AtSpec(PoseSpec):
-    """Placement by a pose: this component's frame at this pose in another frame, without a mate."""
+    """Placement by a pose: the pose of this component's frame in another frame, without a mate."""
 
     in_: MountField = Field(alias="in", description="The frame: a mount, or a component's `origin`.")
 
 
 class AttachSpec(Model):
-    """The rigid mate with all keys."""
+    """A rigid mate in its long form, with all keys."""
 
     mount: OwnMountField
     """A mount of this component."""
@@ -166,7 +166,7 @@ class AttachSpec(Model):
 
 
 class RepeatSpec(Model):
-    """Creates the copies `name_0` to `name_{count-1}`."""
+    """A repeat, which creates the copies `name_0` to `name_{count-1}`."""
 
     count: CountField
     as_: NewIndex = Field(default="i", alias="as", description="The index: in expressions `i`, in references `$i`.")
@@ -183,7 +183,7 @@ class ComponentDefaults(Model):
     mass: MassSpec | MassField | None = Field(default=None, examples=["57.2 g", {"value": "57.2 g", "source": "measured"}])
     """Mass, instead of the mass from the part and its material."""
     com: CentreOfMassSpec | Vector3Length | None = Field(default=None, examples=["0 0 12 mm", {"value": "0 0 12 mm", "source": "vendor"}])
-    """Centre of mass, component axes."""
+    """Centre of mass, in component axes."""
     inertia: InertiaSpec | InertiaMatrix | None = Field(
         default=None, examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}],
     )
@@ -191,11 +191,11 @@ class ComponentDefaults(Model):
     collision: Collision | None = None
     """The collision shape for simulators; default: `hull`."""
     visual: bool | None = None
-    """Whether it is drawn; default: true."""
+    """Whether the component is drawn; default: true."""
     process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 4, "infill": "30 %"}])
-    """Manufacturing process; overrides keys of the material's process."""
+    """The manufacturing process. Its keys override keys of the material's process."""
     print: PrintSpec | None = Field(default=None, examples=[{"up": [0, 0, 1]}])
-    """Its orientation on the printer."""
+    """The orientation of the part on the printer."""
     bom: BomSpec | None = Field(
         default=None, examples=[{"number": "902-0135-000", "supplier": "ROBOTIS", "cost": "269.90 USD", "make": "buy"}],
     )
@@ -254,15 +254,15 @@ class ComponentSpec(ComponentDefaults):
     attach: Annotated[AttachSpec | dict[OwnMountKey, MountField] | None, Field(union_mode="left_to_right")] = Field(
         default=None, examples=[{"back": "plate.servo_seat"}, {"mount": "back", "to": "plate.servo_seat", "turn": "90 deg"}],
     )
-    """The rigid mate: `{my_mount: other.mount}`, or with all keys."""
+    """The rigid mate that places the component: `{my_mount: other.mount}`, or the long form with all keys."""
     at: AtSpec | None = Field(default=None, examples=[{"in": "bracket.board", "xyz": "0 0 4 mm"}])
     """Placement by a pose in another frame."""
     mounts: dict[NewMount, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
-    """Mounts to add."""
+    """Mounts that this document adds to the component, by name."""
     mirror: Literal["x", "y", "z"] | None = None
-    """Mirrors the part, or the whole assembly, at the plane normal to this axis of its frame."""
+    """The axis of mirroring: the part, or the whole assembly, is mirrored at the plane normal to this axis of its frame."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}, {"count": "=legs", "as": "k"}])
-    """Repeats it as `name_0`, `name_1` and so on."""
+    """Repeats the entry as `name_0`, `name_1` and so on."""
     allow: Allow = allow()
     """Suppressed warnings of this component, by code, each with a reason."""
 
@@ -315,11 +315,11 @@ class LimitSpec(Model):
     upper: JointValueField | None = None
     """The largest position."""
     effort: EffortField | None = None
-    """Largest torque or force; default: from the drive."""
+    """Largest torque or force of the joint; default: from the drive."""
     velocity: SpeedField | None = None
-    """Largest speed; default: from the drive."""
+    """Largest speed of the joint; default: from the drive."""
     cone: AngleField | None = None
-    """The largest rotation of a ball, about any axis; a ball has no other limit."""
+    """The largest rotation of a ball joint, about any axis. A ball joint has no other position limit."""
 
 
 class MimicSpec(Model):
@@ -356,11 +356,11 @@ class JointDefaults(Model):
     limit: LimitSpec | list[LimitSpec] | dict[Index, LimitSpec] | None = Field(
         default=None, examples=[{"lower": "-90 deg", "upper": "90 deg"}, {"lower": 0, "upper": "20 mm"}],
     )
-    """Its limits; a list for a joint with several coordinates."""
+    """The limits of the joint; a list for a joint with several coordinates."""
     dynamics: DynamicsSpec | list[DynamicsSpec] | dict[Index, DynamicsSpec] | None = Field(
         default=None, examples=[{"damping": "0.02 N*m*s/rad", "friction": "0.05 N*m"}],
     )
-    """Its passive dynamics; a list for a joint with several coordinates."""
+    """The passive dynamics of the joint; a list for a joint with several coordinates."""
     turn: AngleField | None = None
     """A constant rotation about the parent mount's z, or the joint's `axis`, before the motion."""
     gap: LengthField | None = None
@@ -381,19 +381,19 @@ class JointSpec(JointDefaults):
     child: MountField
     """The child mount; the joint places its component."""
     axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 1, 0]])
-    """The axis of motion, in the parent mount's frame; with it, the mounts coincide at q = 0 instead of facing each other."""
+    """The axis of motion, in the parent mount's frame. With an `axis`, the mounts coincide at q = 0 instead of facing each other."""
     offset: JointValueField | list[JointValueField] | dict[Index, JointValueField] | None = Field(default=None, examples=["30 deg"])
-    """Pose of the geometry at q = 0."""
+    """The position of the joint at q = 0. It is added to q."""
     lead: LengthField | None = Field(default=None, examples=["8 mm", "-2 mm"])
     """For a `screw`, the advance per turn; negative for a left-hand thread."""
     mimic: MimicSpec | list[MimicSpec] | dict[Index, MimicSpec] | None = Field(
         default=None, examples=[{"joint": "left_jaw", "multiplier": -1}],
     )
-    """The joint that it mimics: q = multiplier * q(joint) + offset."""
+    """The joint that this joint mimics: q = multiplier * q(joint) + offset."""
     loop: bool = False
-    """Closes a loop instead of placing the child."""
+    """Whether the joint closes a loop instead of placing the child."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}])
-    """Repeats it as `name_0`, `name_1` and so on."""
+    """Repeats the entry as `name_0`, `name_1` and so on."""
     allow: Allow = allow()
     """Suppressed warnings of this joint, by code, each with a reason."""
 
@@ -453,18 +453,18 @@ class AssemblySpec(Model):
     )
     """Tendons, by name: sums of joint coordinates, or paths, along which drives and springs act."""
     links: dict[NewLink, ComponentField] = Field(default={}, examples=[{"base_link": "plate"}])
-    """Names of links; each also selects the frame of its link."""
+    """Names of links. Each entry also selects the component whose frame is the frame of the link."""
     mounts: dict[NewExport, MountField] = Field(default={}, examples=[{"base": "plate.bottom", "tip": "hand.tip"}])
     """Mounts that this assembly exports to a parent assembly."""
     poses: dict[NewPose, dict[JointKey, PoseValueField | list[JointValueField] | dict[Index, JointValueField] | TurnSpec]] = Field(
         default={}, examples=[{"home": {"yaw": "30 deg", "leg_*.knee": "-90 deg"}}],
     )
-    """Positions of joints, by name of the pose; joints that are not set are at 0."""
+    """Poses, by name: positions of joints. Joints that a pose does not set are at 0."""
     modes: dict[NewMode, ModeSpec] = Field(default={}, examples=[{"bench": {"root": "plate", "pose": "home"}}])
-    """Modes, by name: one simulation model each; the first is the default."""
+    """Modes, by name. Each mode is a simulation model; the first mode is the default."""
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "2 ms", "integrator": "implicitfast"}])
     raw: dict[str, RawField] = Field(default={}, examples=[{"mjcf": {"joint": {"yaw": {"solreflimit": "0.01 1"}}}}])
-    """Attributes of one target, by path; only the target checks them."""
+    """Raw attributes for the files of a target, by path. Only the target checks these attributes."""
     sensors: dict[NewSensor, SensorSpec] = Field(default={}, examples=[{"imu": {"type": "imu", "at": "body.imu"}}])
     """Sensors, by name."""
     names: NamesSpec | None = Field(default=None, examples=[{"joints": {"joint_1": "1"}}])

@@ -57,7 +57,7 @@ class DriveSpec(Model):
     })
 
     component: ComponentField | None = None
-    """A component that is an actuator. The other keys replace its values."""
+    """A component that is an actuator. The other keys replace values of this actuator."""
     kind: DriveKind | None = Field(default=None, validate_default=True)
     """The commanded quantity: a position, a velocity, or the torque or force itself (`motor`); default: as in the component."""
     kp: StiffnessField | None = None
@@ -71,7 +71,7 @@ class DriveSpec(Model):
     armature: ArmatureField | None = None
     """Reflected rotor inertia."""
     axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[1, 0, 0]])
-    """The axis about which it rotates a ball, in the parent mount's axes at q = 0; it moves with the child."""
+    """The axis about which the drive rotates a ball, in the parent mount's axes at q = 0. The axis moves with the child."""
 
     @field_validator("kind")
     @classmethod

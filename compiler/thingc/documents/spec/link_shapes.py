@@ -53,32 +53,32 @@ class ShapeSpec(Model):
     scale: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | NumberField | None = Field(
         default=None, examples=[[1, 1, -1], 0.5],
     )
-    """Factors for a `mesh`, along x, y and z or one for all; a negative one mirrors it."""
+    """Scale factors for a `mesh` along x, y and z, or a single factor. A negative factor mirrors the mesh."""
     box: Vector3Length | None = Field(default=None, examples=["380 90 110 mm"])
-    """Its lengths along x, y and z."""
+    """A box: its lengths along x, y and z."""
     sphere: RoundSpec | None = Field(default=None, examples=[{"radius": "20 mm"}])
-    """Its radius."""
+    """A sphere: its radius."""
     cylinder: LongSpec | None = Field(default=None, examples=[{"radius": "20 mm", "length": "80 mm"}])
-    """Its radius, and its length along z."""
+    """A cylinder: its radius, and its length along z."""
     capsule: LongSpec | None = Field(default=None, examples=[{"radius": "20 mm", "length": "80 mm"}])
-    """A cylinder along z, of this radius and length, between two half balls."""
+    """A capsule along z: a cylinder with this radius and length between two hemispheres."""
     ellipsoid: Vector3Length | None = Field(default=None, examples=["40 20 20 mm"])
-    """Its half axes along x, y and z."""
+    """An ellipsoid: its half axes along x, y and z."""
     plane: Annotated[list[LengthField], Field(min_length=2, max_length=2)] | None = Field(default=None, examples=[[0, 0], ["2 m", "1 m"]])
-    """Its lengths along x and y, 0 for an infinite one; the solid is below it, z points out of it."""
+    """A plane: its lengths along x and y, 0 for an infinite length. The solid is below the plane, and z points out of the solid."""
     at: PoseSpec | None = Field(default=None, examples=[{"xyz": "0 0 40 mm", "rpy": "0 90 0 deg"}])
-    """Its pose in the link's frame; default: the origin."""
+    """The pose of the shape in the link's frame; default: the origin."""
     for_: Literal["visual", "collision", "both"] = Field(
         default="both", alias="for", description="Whether the shape is visual, for collision, or both; default: both.",
     )
     material: MaterialField | None = Field(default=None, examples=["rubber"])
     """A material in scope; default: the material of the link."""
     color: ColorField | None = None
-    """Its own colour; default: the colour of its material."""
+    """The colour of the shape; default: the colour of its material."""
     friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.6}])
-    """Its own friction, which overrides the friction of its material."""
+    """The friction of the shape, which overrides the friction of its material."""
     name: FileName | None = Field(default=None, examples=["left-foot"])
-    """The name of its geom, visual and collision in files; default: numbered after the component."""
+    """The name of the geom, visual and collision of the shape in output files; default: the name of the component with a number."""
 
     @property
     def kind(self) -> ShapeKind:

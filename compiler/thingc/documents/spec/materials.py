@@ -40,7 +40,7 @@ class ProcessSpec(Model):
     infill: RatioField | None = None
     """Share of the interior that is filled, 0 % to 100 %."""
     overlap: RatioField | None = Field(default=None, examples=["25 %"])
-    """How far infill reaches into the walls, as a share of the line width; default: 25 %, as in PrusaSlicer."""
+    """Overlap of infill and walls, as a share of the line width; default: 25 %, as in PrusaSlicer."""
     bridge_flow: RatioField | None = Field(default=None, examples=["100 %"])
     """Amount of material in bridges; default: 100 %, as in PrusaSlicer."""
     estimate: Literal["layers", "skin"] | None = None

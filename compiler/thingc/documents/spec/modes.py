@@ -43,9 +43,9 @@ class ContactsSpec(Model):
     exclude: list[Annotated[list[ComponentField], Field(min_length=2, max_length=2)]] = Field(
         default=[], examples=[[["plate", "hand"], ["leg_*", "body"]]],
     )
-    """Pairs of components without contact; patterns allowed."""
+    """Pairs of components whose contacts are ignored; patterns are allowed."""
     adhesion: dict[ShownMountField, ForceField] = Field(default={}, examples=[{"front_foot.sole": "300 N"}])
-    """Pull-off force per mount."""
+    """Pull-off force of adhesion, by mount."""
 
 
 class HoldSpec(PoseSpec):
@@ -73,13 +73,13 @@ class StandingSpec(Model):
     """The mounts on which the robot of a floating mode stands."""
 
     mounts: Annotated[list[ShownMountField], Field(min_length=1)] = Field(examples=[["leg_0.sole", "leg_2.sole", "leg_4.sole"]])
-    """The mounts at which the floor supports the robot; patterns allowed."""
+    """The mounts at which the floor supports the robot; patterns are allowed."""
     friction: NumberField | None = None
-    """Sliding friction between them and the floor; default: the friction of their materials."""
+    """Sliding friction between these mounts and the floor; default: the friction of their materials."""
 
 
 class ModeSpec(Model):
-    """One simulation model."""
+    """A mode: a simulation model of the robot."""
 
     root: RootField | None = None
     """A mount (mated to the world) or a component (placed at the world frame)."""
@@ -92,11 +92,11 @@ class ModeSpec(Model):
     gravity: StandsOn | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])
     """`floor` or `ceiling`, or a vector in the world frame; default: `floor`."""
     pose: PoseField | None = None
-    """The start pose."""
+    """The pose in which the mode starts."""
     poses: list[PoseField] | None = Field(default=None, examples=[["home", "folded"]])
-    """Its keyframes; default: all."""
+    """The poses that are keyframes of the mode; default: all poses."""
     actuators: list[JointPattern] | None = Field(default=None, examples=[["yaw", "leg_*"]])
-    """The driven joints; patterns allowed; default: all."""
+    """The driven joints; patterns are allowed; default: all."""
     contacts: ContactsSpec | None = Field(default=None, examples=[{"exclude": [["plate", "hand"]]}])
     hold: dict[RootField, HoldSpec | Literal["here"]] | None = Field(
         default=None, examples=[
@@ -107,11 +107,11 @@ class ModeSpec(Model):
     standing_on: StandingSpec | list[ShownMountField] | None = Field(
         default=None, examples=[["leg_0.sole", "leg_2.sole", "leg_4.sole"], {"mounts": ["leg_*.sole"], "friction": 0.6}],
     )
-    """The mounts on which a free base stands: the floor can push there, but not pull. Used by statics."""
+    """The mounts on which a free base stands. The floor can push at these mounts but not pull. Only static analyses use this key."""
     cut: list[JointPattern] | None = Field(default=None, examples=[["rear_knee"]])
-    """The joints at which kinematic loops are cut; patterns allowed."""
+    """The joints at which kinematic loops are cut; patterns are allowed."""
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "1 ms"}])
-    """Simulation settings of this mode, which override those of the document."""
+    """Simulation settings of this mode, which override the settings of the document."""
     extends: ModeField | None = None
     """The mode on which this mode is based."""
     allow: Allow = allow()

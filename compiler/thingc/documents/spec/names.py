@@ -36,11 +36,11 @@ class NamesSpec(Model):
     """Names in output files that differ from the names in the document, for example names of an imported robot."""
 
     components: dict[OwnComponentKey, FileName] = Field(default={}, examples=[{"left_arm": "left-arm"}])
-    """Components, and the links named after them."""
+    """Names of components, and of the links with the same names."""
     mounts: dict[OwnExportKey, FileName] = Field(default={}, examples=[{"tool": "tool.0"}])
-    """Mounts that this document exports."""
+    """Names of mounts that this document exports."""
     joints: dict[OwnJointKey, FileName] = Field(default={}, examples=[{"joint_1": "1"}])
-    """Joints; for a joint with several coordinates, the index is appended to the name."""
+    """Names of joints. For a joint with several coordinates, the index is appended to the name."""
     tendons: dict[OwnTendonKey, FileName] = Field(default={}, examples=[{"cable": "cable.0"}])
     """Tendons."""
     actuators: dict[DrivenKey, FileName] = Field(default={}, examples=[{"knee": "knee_motor"}])
@@ -48,6 +48,6 @@ class NamesSpec(Model):
     equalities: dict[OwnJointKey, FileName] = Field(default={}, examples=[{"finger": "coupling"}])
     """Equalities in MuJoCo models, by the joint that mimics another joint or closes a loop."""
     sensors: dict[SensorKey, FileName] = Field(default={}, examples=[{"imu": "torso-imu", "imu:gyro": "torso_gyro"}])
-    """Sensors, or single readings of a sensor in MuJoCo: `imu:gyro`."""
+    """Names of sensors, or of single readings of a sensor in MuJoCo: `imu:gyro`."""
     poses: dict[OwnPoseKey, FileName] = Field(default={}, examples=[{"home": "home pose"}])
     """Poses."""

@@ -33,15 +33,15 @@ class VolumeSpec(Model):
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [kind]} for kind in VOLUMES]})
 
     box: Vector3Length | None = Field(default=None, examples=["20 20 5 mm"])
-    """Its lengths along x, y and z of the mount."""
+    """A box: its lengths along x, y and z of the mount."""
     sphere: RoundSpec | None = Field(default=None, examples=[{"radius": "10 mm"}])
-    """Its radius."""
+    """A sphere: its radius."""
     cylinder: LongSpec | None = Field(default=None, examples=[{"radius": "10 mm", "length": "5 mm"}])
-    """Its radius, and its length along z."""
+    """A cylinder: its radius, and its length along z."""
     capsule: LongSpec | None = Field(default=None, examples=[{"radius": "10 mm", "length": "20 mm"}])
-    """A cylinder along z, of this radius and length, between two half balls."""
+    """A capsule along z: a cylinder with this radius and length between two hemispheres."""
     ellipsoid: Vector3Length | None = Field(default=None, examples=["10 10 5 mm"])
-    """Its half axes along x, y and z."""
+    """An ellipsoid: its half axes along x, y and z."""
 
     @property
     def kind(self) -> PrimitiveShape:

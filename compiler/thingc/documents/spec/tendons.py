@@ -27,13 +27,13 @@ class AroundSpec(Model):
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["sphere"]}, {"required": ["cylinder"]}]})
 
     around: ShownMountField
-    """The mount at its centre; z of the mount is the axis of a cylinder."""
+    """The mount at the centre of the obstacle; z of the mount is the axis of a cylinder."""
     sphere: LengthField | None = None
     """The radius of a sphere."""
     cylinder: LengthField | None = None
     """The radius of an infinite cylinder."""
     side: ShownMountField | None = None
-    """A mount outside it, on the same link. The tendon passes on that side; default: the shorter side."""
+    """A mount outside the obstacle, on the same link. The tendon passes on the side of this mount; default: the shorter side."""
 
     @model_validator(mode="after")
     def _one_shape(self) -> AroundSpec:
@@ -45,10 +45,10 @@ class AroundSpec(Model):
 
 
 class PulleySpec(Model):
-    """Splits a path into segments: lengths after it are divided by a factor, as in a block and tackle."""
+    """A pulley, which splits a path into segments. Lengths after the pulley are divided by a factor, as in a block and tackle."""
 
     pulley: NumberField
-    """The divisor of the lengths after it."""
+    """The divisor of the lengths after the pulley."""
 
 
 def _rules(schema: dict[str, Any]) -> None:
@@ -69,15 +69,15 @@ class TendonSpec(Model):
     path: Annotated[list[ShownMountField | AroundSpec | PulleySpec], Field(min_length=2)] | None = Field(
         default=None, examples=[["arm.hook", {"around": "drum.axle", "cylinder": "12 mm"}, "hand.hook"]],
     )
-    """The mounts that it passes through, with obstacles between two of them, and pulleys. Its length is the length of the path."""
+    """The path of the tendon: the mounts through which it passes, obstacles between two mounts, and pulleys."""
     width: LengthField | None = None
     """For a tendon along a path, its diameter when drawn."""
     limit: TendonLimitSpec | None = Field(default=None, examples=[{"lower": "-10 mm", "upper": "25 mm"}])
-    """Its smallest and largest length."""
+    """The smallest and largest length of the tendon."""
     dynamics: DynamicsSpec | None = Field(default=None, examples=[{"stiffness": "200 N/m", "rest": "5 mm"}])
-    """Its passive dynamics."""
+    """The passive dynamics of the tendon."""
     drive: DriveSpec | None = Field(default=None, examples=[{"kind": "motor", "effort": "40 N"}])
-    """Its drive."""
+    """The drive of the tendon."""
 
     @model_validator(mode="after")
     def _one_way(self) -> TendonSpec:

@@ -81,9 +81,9 @@ class ListedSpec(Model):
     """A single variant, listed explicitly."""
 
     name: Name | None = None
-    """Its name; default: the name of the document with a number."""
+    """The name of the variant; default: the name of the document with a number."""
     parameters: dict[SettingField, AnyQuantityField] = Field(default={}, examples=[{"leg_length": "100 mm"}])
-    """Values of parameters of the assembly, or of other values by path."""
+    """Values of the assembly's parameters by name, and other values by path."""
     choices: dict[ChoicePathField, ChoiceField] = Field(default={}, examples=[{"components.foot.part": "minchw.foot:WideFoot"}])
     """Parts, assemblies and materials, by their path in the assembly."""
 

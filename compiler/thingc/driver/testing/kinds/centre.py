@@ -60,7 +60,7 @@ class CentreTest(Model):
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     within: WithinSpec = Field(examples=[{"x": ["-10 mm", "10 mm"], "y": ["-10 mm", "10 mm"]}])
-    """Bounds on its coordinates in that frame."""
+    """Bounds on the coordinates of the centre of mass in that frame."""
 
 
 class CentreCheck(OneLineRepr, FrozenStruct):

@@ -48,7 +48,7 @@ class PointTest(Model):
     at: Vector3Length
     """The point."""
     within: LengthField
-    """The largest allowed distance of its origin from the point."""
+    """The largest allowed distance of the origin of the mount from the point."""
     direction: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 0, -1]])
     """Required direction of the z axis of the mount, in the same frame: three numbers, of any length."""
     angle: AngleField | None = None

@@ -45,7 +45,7 @@ class SettlesTest(Model):
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     within: TimeField
-    """The time until it must be at rest."""
+    """The time within which the robot must come to rest."""
     for_: TimeField | None = Field(default=None, alias="for", description="How long it must stay at rest; default: 1 s.")
     drift: LengthField
     """The largest allowed distance of any point of a link from its final position while the robot is at rest."""
