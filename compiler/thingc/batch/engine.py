@@ -64,7 +64,7 @@ class Runners:
         self._closed = False
 
     def take(self, job: str) -> RunnerProcess:
-        """Return an idle runner of the job, or a new one. Raises `RunnersBroken`, and `Cancelled` after `cancel`."""
+        """Return an idle runner of the job, or a new runner. Raises `RunnersBroken`, and `Cancelled` after `cancel`."""
         with self._lock:
             if self._closed:
                 raise Cancelled

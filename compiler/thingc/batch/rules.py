@@ -89,7 +89,7 @@ def dimension_of(result: str) -> Dimension:
 def meaning(name: str, parameters: Iterable[str], lengths: Iterable[str]) -> str | None:
     """Return the result to which a name refers, or None for a parameter.
 
-    Raises `KeyError` for an unknown name, and `ValueError` for an ambiguous one.
+    Raises `KeyError` for an unknown name, and `ValueError` for an ambiguous name.
     """
     known = {*RESULTS, *(LENGTHS + joint for joint in lengths)}
     own = set(parameters)

@@ -96,7 +96,8 @@ def _targets(emit: Sequence[str] | str) -> tuple[str, ...]:
 def planned(document: str, options: Options, emit: Sequence[str] | str, layout: str | None) -> Plan:
     """Return the plan of a document.
 
-    Targets and layout, if given, replace those in the document. Raises `PlanError`, and `BatchFault` for an unknown target.
+    Targets and layout, if given, replace the targets and the layout in the document. Raises `PlanError`, and `BatchFault` for an unknown
+    target.
     """
     targets, plan = _targets(emit), variants_document.plan(document, options=options)
     return replace(plan, emit=targets or plan.emit, layout=layout or plan.layout)

@@ -179,7 +179,7 @@ class SettingsReader:
         return quantities
 
     def values(self, read: ParsedSettings) -> dict[str, ExpressionValue]:
-        """Return the values of all parameters, including dependent ones, and of settings by path: numbers, booleans and expressions."""
+        """Return the values of all parameters (also of dependent parameters) and of settings by path: numbers, booleans and expressions."""
         settings = self.settings(read)
         values = {**self._declared.given(settings.parameters), **self.quantities(read)}
         stated = {path: _stated(text, values) for path, text in read.texts if path in settings.choices}

@@ -24,8 +24,8 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
     """Return the hierarchical assembly graph.
 
     Nodes are texts of definitions with `label`, `reference`, `kind`, `quantity` (their number in the robot), and for a mirror image
-    `mirror` and `mirrors` (a text). Edges go from an assembly to its components. The key of an edge is the component; its attributes are
-    `mounts` and `joint`.
+    `mirror` and `mirrors` (the text of the original). Edges go from an assembly to its components. The key of an edge is the component; its
+    attributes are `mounts` and `joint`.
     """
     graph = networkx.MultiDiGraph(name=hag.label)
     for one in hag.definitions:
@@ -41,8 +41,8 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
 def mate_graph(assembly: Assembly) -> Graph:
     """Return the graph of mates.
 
-    Nodes are paths of occurrences with `definition` (a text), `link` and `mass` [kg]. Edges go from the parent of a mate to its child. The
-    key of an edge is `mount -> mount`; its attributes are `parent_mount`, `child_mount`, `joint` (omitted if rigid) and `loop`.
+    Nodes are paths of occurrences with `definition` (its text), `link` and `mass` [kg]. Edges go from the parent of a mate to its child.
+    The key of an edge is `mount -> mount`; its attributes are `parent_mount`, `child_mount`, `joint` (omitted if rigid) and `loop`.
     """
     graph = networkx.MultiDiGraph(name=assembly.name)
     names = [occurrence.path for occurrence in assembly.occurrences]

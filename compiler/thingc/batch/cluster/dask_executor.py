@@ -31,7 +31,7 @@ LOOK = 5.0
 
 
 def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
-    """Return the installed versions, and the digest of each file and folder (`up_to_date.state_of`), or None for missing ones.
+    """Return the installed versions, and the digest (`up_to_date.state_of`) of each file and folder, or None for a missing file.
 
     This function runs on the worker.
     """

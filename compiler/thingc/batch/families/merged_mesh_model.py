@@ -40,7 +40,7 @@ def likeness(model: mujoco.MjModel) -> bytes:
 def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> tuple[mujoco.MjModel, list[list[int]]] | None:
     """Merge models without visual geometry. Return the model, and for each source the mesh number of every geom (-1: no mesh).
 
-    Return None if the geoms of the merged model differ from those of the sources.
+    Return None if the geoms of the merged model differ from the geoms of the sources.
     """
     root = ElementTree.fromstring(sources[0].text)
     for body in root.iter("body"):

@@ -25,7 +25,7 @@ class CannotSetValue(Exception):
 def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     """Return a document with values set at the given paths. Values are strings as in a document (`120 mm`).
 
-    Missing entries are added after existing ones, as a mapping in braces if necessary. In a section whose mappings are on several lines,
+    Missing entries are added after existing entries, as a mapping in braces if necessary. In a section whose mappings are on several lines,
     and in a new section, a new mapping is also written on several lines. Raises `CannotSetValue` if this would change other values.
     """
     set_one = _in_toml if _is_toml(document.path) else _in_yaml

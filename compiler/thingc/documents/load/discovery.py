@@ -71,7 +71,7 @@ MOST_FOLDERS, MOST_FILES = 200, 2000
 
 
 def documents_near(folder: str, workspace: Workspace | None) -> list[str]:
-    """Return the absolute paths of documents below a folder (or its `workspace`, if any), including those of other workspaces.
+    """Return the absolute paths of documents below a folder (or its `workspace`, if any), including documents of other workspaces.
 
     The search is bounded (`MOST_FOLDERS`, `MOST_FILES`), because it also runs after a mistyped name in a home folder.
     """

@@ -266,7 +266,7 @@ class _Joiner:
 
 
 def _too_large(source: Source, syntax: TomlSyntax, report: Report) -> bool:
-    """Return whether nesting of brackets or dotted keys, or the number of values, exceeds the limit (reported).
+    """Return whether the nesting of brackets or dotted keys, or the number of values, exceeds the limit, and report this.
 
     The check does not recurse.
     """

@@ -256,7 +256,7 @@ class _Builder:
         return MappingNode(entries=entries, keys=keys, span=span, damaged=damaged)
 
     def collection_span(self, start: int, end: int, last: Any, flow: bool) -> Span:
-        """Return the span of a collection from its first character to its last one, without following spaces and comments."""
+        """Return the span of a collection from its first to its last character, without trailing spaces and comments."""
         end = max(end, last.end_mark.index)
         if flow:
             return self.source.span(start, end)

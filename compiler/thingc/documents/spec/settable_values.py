@@ -103,7 +103,7 @@ def _coordinate(document: Document, name: str) -> Dimension | None:
 
 
 def current_value(documents: Documents, path: str) -> ExpressionValue | Expression | None:
-    """Return the value at a path in the root document or a nested one.
+    """Return the value at a path in the root document or a nested document.
 
     A vector that is written as one string is returned as a string. Return None if the document does not specify the value, or if the value
     is an expression in a nested document.

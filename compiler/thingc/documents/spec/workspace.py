@@ -90,7 +90,7 @@ class WorkspaceSpec(Model):
     build: str = Field(default="build", examples=["build"])
     """The folder of build outputs."""
     emit: list[str] = Field(default=[], examples=[["mjcf", "step", "urdf"], ["all"]])
-    """Default of `--emit` of `thingc build`; default: all targets except those that must be named."""
+    """Default of `--emit` of `thingc build`. Without this key: all targets except targets that must be named explicitly."""
     mesh_uri: Literal["relative", "package", "absolute"] = Field(default="relative", examples=["package"])
     """Paths of meshes in URDF files: relative to the file, in the ROS package of the robot, or absolute on this machine."""
     about: AboutSpec | None = Field(default=None, examples=[{"maintainer": "Ada Lovelace <ada@example.org>", "license": "Apache-2.0"}])

@@ -52,7 +52,7 @@ class GroundClearanceTest(Model):
 
 
 class GroundClearance(OneLineRepr, FrozenStruct):
-    """Requires all parts, except those of the components `spared`, to be at least `least` [m] above z = `plane` [m] of the mode's world."""
+    """Requires all parts, except parts of the components `spared`, to be at least `least` [m] above z = `plane` [m] in the mode's world."""
 
     plane: float
     least: float

@@ -83,7 +83,7 @@ class NoCollisionTest(Model):
 
 
 class AllowedContact(OneLineRepr, FrozenStruct):
-    """Components that may touch: every component of `one` and every component of `other`. `text` is the display name of the pair."""
+    """Components that may touch: every component of `one` with every component of `other`. `text` is the display name of the pair."""
 
     one: tuple[Reference, ...]
     other: tuple[Reference, ...]
