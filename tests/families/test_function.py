@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,39 @@ components:
 mounts: {{hand: base.r}}
 modes: {{standing: {{root: base, base: fixed}}}}
 """.replace(";", ",")
+
+
+SPECIAL = f"""\
+thingc: assembly/1
+name: special
+parameters:
+  twist: {{value: 0 deg, min: -30 deg, max: 30 deg}}
+  load: {{value: 1 kg, min: 100 g, max: 2 kg}}
+  count: {{value: 2, min: 0.5, max: 4}}
+  z: {{value: 0.37, min: -2, max: 2}}
+components:
+  post: {{frame: true, mass: 2 kg, {INERTIA}}}
+  beam: {{frame: true, mass: =load * count, com: [100 mm, 0, 0], {INERTIA}, mounts: {{tip: {{xyz: [300 mm, 0, 0]}}}}}}
+  knob: {{frame: true, mass: "=1 kg * (3 + abs(z) * z)", at: {{in: post.origin}}}}
+joints:
+  tilt:
+    type: revolute
+    parent: post.origin
+    child: beam.origin
+    axis: [0, 1, 0]
+    turn: =twist
+    limit: {{lower: -90 deg, upper: 90 deg}}
+modes: {{standing: {{root: post, base: fixed}}}}
+"""
+
+
+@pytest.fixture(scope="module")
+def special(tmp_path_factory: pytest.TempPathFactory) -> Iterator[thingc.RobotFamily]:
+    folder = tmp_path_factory.mktemp("special")
+    (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (folder / "special.yaml").write_text(SPECIAL)
+    with thingc.family(folder / "special.yaml") as family:
+        yield family
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +146,7 @@ def test_an_estimate_covers_its_error(strung: thingc.RobotFamily, monkeypatch: p
     for x in ([0.021, 0.075, 0.12], [0.005, 0.02, 0.3]):  # the second one is at a limit
         exact = function.jacobian(x)
         with monkeypatch.context() as patch:
-            patch.setattr(FamilyFunction, "_exact", lambda self, read: None)
+            patch.setattr(FamilyFunction, "_derivatives_at", lambda self, read: None)
             estimated = function.jacobian(x)
         assert estimated.error is not None and (estimated.error > 0.0)[np.asarray(exact) != 0.0].all()
         assert (np.abs(np.asarray(estimated) - exact) <= estimated.error).all()
@@ -138,6 +172,78 @@ def test_at_a_bound_there_is_a_derivative(kinked: thingc.RobotFamily) -> None:
         np.testing.assert_allclose(function.jacobian(x), function.jacobian(inside), rtol=1e-4)
 
 
+@pytest.mark.parametrize("load", [1.0, 0.1])
+def test_beside_special_numbers_derivatives_are_those_of_both_sides(special: thingc.RobotFamily, load: float) -> None:
+    """No turn and a whole number are special for the compiler; a limit has one side."""
+    function = special.function(["twist", "load", "count"], ["mass", "centre", "inertia"])
+    x = np.array([0.0, load, 2.0])
+    found = function.jacobian(x)
+    for place in range(3):
+        step = np.zeros(3)
+        step[place] = 1e-4
+        if place == 1:  # to the inside
+            f = [np.asarray(function.value(x + k * step)) for k in (0, 1, 2)]
+            expected = (-3.0 * f[0] + 4.0 * f[1] - f[2]) / 2e-4
+        else:
+            expected = (np.asarray(function.value(x + step)) - np.asarray(function.value(x - step))) / 2e-4
+        np.testing.assert_allclose(found[:, place], expected, rtol=1e-4, atol=1e-6)
+    assert found.error is not None and found.error.max() < 1e-4 and (load == 0.1 or found.error[:, 1].max() == 0.0)
+    assert abs(found[function.outputs.index("centre.z"), 0]) > 0.003
+    assert (found.error[:, 0] > 0.0).any() and (found.error[:, 2] > 0.0).any()
+
+
+def test_an_estimate_covers_a_jump_of_the_second_derivative(special: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
+    function = special.function(["z"], ["mass"])
+    monkeypatch.setattr(FamilyFunction, "_derivatives_at", lambda self, read: None)
+    for z in (0.0, 0.0005, 0.003):
+        found = function.jacobian([z])
+        assert found.error is not None and abs(found[0, 0] - 2.0 * abs(z)) <= found.error[0, 0]
+
+
+def test_a_kink_or_a_jump_beside_is_an_error(special: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
+    function = special.function(["twist"], ["centre.z"])
+    value = FamilyFunction.value
+
+    def kinked(self: FamilyFunction, x: Any) -> Any:
+        made = value(self, x)
+        made += 0.01 * np.abs(np.asarray(x))
+        made.ok, made.problems = True, ((),)
+        return made
+
+    def jumping(self: FamilyFunction, x: Any) -> Any:
+        made = value(self, x)
+        made += 0.01 * (np.asarray(x) > 0.0)
+        made.ok, made.problems = True, ((),)
+        return made
+
+    for changed in (kinked, jumping):
+        with monkeypatch.context() as patch:
+            patch.setattr(FamilyFunction, "value", changed)
+            with pytest.raises(NotDifferentiable, match="by `twist` at twist = 0 rad: they, or their derivatives, jump there"):
+                function.jacobian([0.0])
+
+
+def test_plans_are_not_made_again(special: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
+    function = special.function(["twist", "load"], ["mass"])
+    function.jacobian([0.0, 0.1])
+    made: list[object] = []
+    plan = Evaluation._plan
+    monkeypatch.setattr(Evaluation, "_plan", lambda self, *given, **named: made.append(given) or plan(self, *given, **named))
+    function.jacobian([0.0, 0.1])
+    assert not made
+
+
+def test_a_function_can_be_pickled(everything: thingc.RobotFamily) -> None:
+    function = everything.function("load", "mass", at={"length": "350 mm"})
+    copy = pickle.loads(pickle.dumps(function))
+    assert copy.value([0.7]).tolist() == function.value([0.7]).tolist() and copy.names == ("load",)
+
+
+def test_variants_fix_settings_and_parameters_have_their_limits(many: thingc.RobotFamily) -> None:
+    function = many.function(["length", "load"], ["mass"])
+    assert function.bounds.tolist() == [[0.1, 0.9], [0.01, 20.0]] and function.start.tolist() == [0.3, 0.5]
+
+
 def test_a_wrong_plan_is_dropped(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with thingc.family(workspace / "everything.yaml") as family:
         function = family.function("load", "mass")
@@ -153,8 +259,11 @@ def test_a_wrong_plan_is_dropped(workspace: Path, monkeypatch: pytest.MonkeyPatc
 
 BAD: list[tuple[dict[str, Any], str]] = [
     ({"names": ["lod"]}, "the document has no number `lod`: did you mean `load`?"),
-    ({"names": ["heavy"]}, "`heavy` is not a number, but `False`: set it with `at={'heavy': ...}`"),
+    ({"names": ["heavy"]}, "`heavy` is not a number, but `false`: set it with `at={'heavy': ...}`"),
     ({"names": ["joints.*.offset"]}, "expected the name of one number, found `joints.*.offset`: write the names one by one"),
+    ({"names": ["joints.lift.velocty"]}, "the document has no number at `joints.lift.velocty`: correct the path, or write a value there"),
+    ({"names": ["load"], "at": [1]}, "expected `at` to be a mapping from names to values, found `[1]`"),
+    ({"names": ["load"], "at": {"lo*": 1.0}}, "`load` is given twice: leave out one of them"),
     ({"names": ["load", "load"]}, "`load` is given twice: leave out one of them"),
     ({"names": ["load"], "at": {"load": 1.0}}, "`load` is given twice: leave out one of them"),
     ({"names": ["load"], "outputs": ["mas"]}, "there is no result `mas`: did you mean `mass`?"),
@@ -174,6 +283,7 @@ def test_a_wrong_array_and_refused_settings_are_explained(everything: thingc.Rob
     function = everything.function(["load", "length"])
     for x, message in [
         ([0.5], r"expected an array of shape (2,) or (k, 2) for load, length, found (1,)"),
+        ([10**400, 0.3], f"expected 2 numbers (load, length), found `[{10**400}, 0.3]`"),
         ("much", "expected 2 numbers (load, length), found `'much'`"),
         ([[[0.5, 0.3]]], r"expected an array of shape (2,) or (k, 2) for load, length, found (1, 1, 2)"),
     ]:

@@ -12,7 +12,7 @@ import pytest
 
 from plans.operations import OPERATIONS
 from thingc.base.inertia import principal_moments
-from thingc.base.numeric import hypot, maximum, minimum, sin, sqrt
+from thingc.base.numeric import hypot, maximum, minimum, rounded, sin, sqrt
 from thingc.batch.plans import derivatives
 from thingc.batch.plans.derivatives import RULES, NotSmooth, derivative_function
 from thingc.batch.plans.program import Operation, program_of
@@ -57,7 +57,7 @@ def test_every_rule_is_tested() -> None:
     for function, draw, _ in OPERATIONS.values():
         line = program(function(*traced(*draw(random.Random(1))))).statements
         used |= {one.operation for one in line if isinstance(one, Operation)}
-    assert set(RULES) - used == {"negative", "cosine of", "sine of", "round", "rounded"}  # see `negative`, `quarter_exact`, kinks
+    assert set(RULES) - used == {"negative", "cosine of", "sine of", "round", "rounded"}  # tested as `-`, `quarter_exact`, and below
 
 
 def composed(a: Any, b: Any, c: Any) -> list[Any]:
@@ -100,7 +100,7 @@ def test_all_ways_give_the_same_jacobian(way: str, monkeypatch: pytest.MonkeyPat
 def test_the_way_with_fewer_statements_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     taken: list[int] = []
     generated = derivatives._generated
-    monkeypatch.setattr(derivatives, "_generated", lambda *given: taken.append(len(given[2][0])) or generated(*given))
+    monkeypatch.setattr(derivatives, "_generated", lambda *given: taken.append(len(given[3][0])) or generated(*given))
     many = traced(*(0.1 * place for place in range(20)))
     chain = many[0]
     for one in many[1:]:
@@ -118,8 +118,8 @@ def test_the_way_with_fewer_statements_is_used(monkeypatch: pytest.MonkeyPatch) 
     (lambda a, b: maximum(a, b), (1.5, 1.5), "greatest of equal values"),
     (lambda a, b: minimum(a, 2.0 * b) * 3.0, (1.0, 0.5), "smallest of equal values"),
     (lambda a: a % 0.5, (1.5,), "remainder"),
-    (lambda a: round(a, 2), (0.3,), "rounds it"),
-    (lambda a: principal_moments(((a, 0.1, 0.0), (0.1, 2.0, 0.3), (0.0, 0.3, 1.5)))[0], (4.0,), "_principal_moments"),
+    (lambda a: round(a, 2), (0.3,), "is rounded"),
+    (lambda a: principal_moments(((a, 0.1, 0.0), (0.1, 2.0, 0.3), (0.0, 0.3, 1.5)))[0], (4.0,), "operation without a rule"),
 ])
 def test_a_kink_is_an_error(function: Callable[..., Any], values: Sequence[float], why: str) -> None:
     inputs = traced(*values)
@@ -133,6 +133,25 @@ def test_a_kink_between_branches_with_the_same_derivative_is_none() -> None:
     outputs = program(maximum(a + b, b + a, 1.0 + 0.5 * b), abs(a * 0.0) * 1.0, minimum(a, b))
     found = derivative_function(outputs)((1.5, 2.0))
     assert found is not None and found.jacobian.tolist() == [[1.0, 1.0], [0.0, 0.0], [1.0, 0.0]]
+
+
+def test_decisions_between_equal_numbers_are_reported_by_variable() -> None:
+    a, b, c = traced(1.0, 2.0, 3.0)
+    assert a * 2.0 <= b and a + b > 1.0 and c != 0.0
+    run = derivative_function(program(a * b + c))
+    for values, special in [((1.0, 2.0, 3.0), {0, 1}), ((0.5, 2.0, 3.0), set()), ((0.5, 0.5, 1.0), None), ((0.4, 1.0, 0.0), None)]:
+        found = run(values)
+        assert (found is None) == (special is None)
+        if found is not None:
+            assert found.special == special and found.jacobian.tolist() == [[values[1], values[0], 1.0]]
+    only = derivative_function(program(a * b + c), [2])((1.0, 2.0, 3.0))
+    assert only is not None and only.special == frozenset() and only.jacobian.tolist() == [[1.0]]
+
+
+def test_rounding_to_many_digits_has_the_derivative_of_the_number() -> None:
+    a, = traced(0.3)
+    found = derivative_function(program(round(a * 2.0, 7), rounded(a, 9)))((0.4,))
+    assert found is not None and found.jacobian.tolist() == [[2.0], [1.0]]
 
 
 def test_other_decisions_and_failures_have_no_derivatives() -> None:

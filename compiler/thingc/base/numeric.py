@@ -30,6 +30,15 @@ class Recorded:
         """Return the placeholder for this number in files. `form` is one of `FORMATTERS`, or `:` and a format specification."""
         raise NotImplementedError
 
+    def for_text(self) -> Any:
+        """Return the number if texts are recorded, otherwise its value."""
+        raise NotImplementedError
+
+
+def for_text(value: float) -> float:
+    """Return a number for a text: the value of a recorded number, if its texts are not recorded."""
+    return cast("float", value.for_text()) if isinstance(value, Recorded) else value
+
 
 def one_operation(function: Function) -> Function:
     """Decorate a function of numbers, so that calls are recorded as one operation.

@@ -11,6 +11,7 @@ import re
 from typing import TYPE_CHECKING, Union
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.numeric import for_text
 from thingc.base.suggestions import Hint, Suggestion, closest_name, nearest
 from thingc.base.unit_spellings import SYNONYMS, spellings
 
@@ -174,13 +175,13 @@ class Quantity(FrozenStruct, kw_only=False):
 
     def shown(self, digits: int) -> str:
         """Format the quantity in mm, deg, g and similar units, with a number of significant digits."""
-        if self.dimension == MASS and abs(self.value) >= 1.0:
-            return f"{self.value:.{digits}g} kg"
+        value = for_text(self.value)
+        if self.dimension == MASS and abs(value) >= 1.0:
+            return f"{value:.{digits}g} kg"
         for dimension, unit, scale in _SHOWN:
             if dimension == self.dimension:
-                return f"{self.value * scale:z.{digits}g} {unit}"
-        symbol = self.dimension.symbol
-        return f"{self.value:z.{digits}g} {symbol}" if symbol else f"{self.value:z.{digits}g}"
+                return f"{value * scale:z.{digits}g} {unit}"
+        return f"{value:z.{digits}g} {self.dimension.symbol}".rstrip()
 
 
 _SHOWN = ((LENGTH, "mm", 1e3), (ANGLE, "deg", 180.0 / math.pi), (MASS, "g", 1e3), (TORQUE, "N*m", 1.0), (FORCE, "N", 1.0))

@@ -13,7 +13,7 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.batch.families.results import Evaluated
 from thingc.batch.measurements import Results, UnknownMount, measure
 from thingc.batch.plans import numeric_plan
-from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults
+from thingc.batch.plans.numeric_plan import MOST, NumericPlan, PlanCache, PlanCaches, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.refusals import Refusals
 from thingc.batch.plans.tape import Tape
@@ -109,12 +109,13 @@ class Evaluation:
         """Return the plan that applies to settings, made if necessary, or None with the reason."""
         form = self.forms.of(read)
         known = form.plan_for(read)
-        if known is None and form.refused is None and (plan := self._plan(read, form)) is not None:
-            form.plans.insert(0, plan)
-            known = form.plan_for(read)
+        for nearby in (True, False):
+            plan = self._plan(read, form, nearby=nearby) if known is None and form.refused is None else None
+            if plan is not None and (outputs := plan.outputs(read.values)) is not None:
+                form.plans, known = [plan, *form.plans[: MOST - 1]], (plan, outputs)
         return (None if known is None else known[0]), "; ".join(f"`{name}`: {why}" for name, why in form.why.items()) or form.refused or ""
 
-    def _plan(self, read: ParsedSettings, form: PlanCache[ResultsShape]) -> NumericPlan[ResultsShape] | None:
+    def _plan(self, read: ParsedSettings, form: PlanCache[ResultsShape], *, nearby: bool = True) -> NumericPlan[ResultsShape] | None:
         """Return a plan that gives the same results as compilations, or None with the reason in `form`."""
         first = self._measured(read)
         if not first[0]:
@@ -133,7 +134,7 @@ class Evaluation:
             shape = ResultsShape(rehearsal.made, first[1])
             return shape.outputs, shape
 
-        plan = numeric_plan.make(read, self.reader, attempt, finish, form, exchanged)
+        plan = numeric_plan.make(read, self.reader, attempt, finish, form, exchanged, nearby=nearby)
         if plan is None:
             return None
         for sample in numeric_plan.samples(read, self.reader, form):

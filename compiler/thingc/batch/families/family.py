@@ -253,14 +253,16 @@ class RobotFamily:
 
         `outputs` are results of `evaluate`, groups of results (`centre`, `inertia`, `box`), or positions of mounts (`site:hook`) in the
         world. `at` are additional fixed settings. Raises `FamilyError` for a name that is not a number and for an unknown result, and
-        `UnknownChoice` for an unknown mode.
+        `UnknownChoice` for an unknown mode. The rules of a variants document do not apply.
         """
         from thingc.batch.families.function import FamilyFunction
 
         wanted = _as_names(outputs)
         sites = tuple(dict.fromkeys(name[len(SITE):] for name in wanted if name.startswith(SITE)))
         evaluation = self._evaluation_of(self.mode if mode is None else self._known(mode), sites, torques=TORQUES in wanted)
-        return FamilyFunction(evaluation, self._reader, self.space, _as_names(names), wanted, at or {})
+        limits = of_parameters(self._spec, self._reader.parameters, self._bound)
+        again = partial(self.function, names, outputs, mode=mode, at=at)
+        return FamilyFunction(evaluation, self._reader, limits, _as_names(names), wanted, {} if at is None else at, again)
 
     @cached_property
     def space(self) -> SearchSpace:

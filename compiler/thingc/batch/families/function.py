@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +15,13 @@ from thingc.base.suggestions import did_you_mean
 from thingc.base.units import NUMBER, Quantity
 from thingc.batch.families.evaluation import FEW, Evaluation, ResultsShape
 from thingc.batch.families.search_space import SearchSpace
-from thingc.batch.plans.derivatives import DerivativeFunction, NotSmooth, derivative_function
+from thingc.batch.plans.derivatives import DerivativeFunction, Derivatives, NotSmooth, derivative_function
 from thingc.batch.plans.numeric_plan import MOST, NumericPlan
 from thingc.batch.results import FamilyError
 from thingc.driver.settings import ParsedSettings, SettingsReader
+
+if TYPE_CHECKING:
+    from thingc.batch.families.jax_function import JaxFunction
 
 Floats = npt.NDArray[np.float64]
 
@@ -79,20 +82,28 @@ class FamilyFunction:
 
     def __init__(
         self, evaluation: Evaluation, reader: SettingsReader, space: SearchSpace, names: Sequence[str], outputs: Sequence[str],
-        at: Mapping[str, Any],
+        at: Mapping[str, Any], again: Callable[[], FamilyFunction],
     ) -> None:
-        self._evaluation, self._reader, self._fixed = evaluation, reader, dict(at)
+        if not isinstance(at, Mapping):
+            raise FamilyError(f"expected `at` to be a mapping from names to values, found `{at!r}`")
+        self._evaluation, self._reader, self._fixed, self._again = evaluation, reader, dict(at), again
         self.names = tuple(names)
-        if twice := [name for place, name in enumerate(self.names) if name in (*self.names[:place], *at)]:
+        fixed = [other for name in at for other in (str(name), *reader.meant(str(name)))]
+        if twice := [name for place, name in enumerate(self.names) if name in (*self.names[:place], *fixed)]:
             raise FamilyError(f"`{twice[0]}` is given twice: leave out one of them")
         kinds = [self._number(name) for name in self.names]
         self.units = tuple("" if kind.dimension == NUMBER else kind.dimension.symbol for kind in kinds)
-        self.start = np.array([kind.value for kind in kinds], dtype=np.float64)
+        own = dict(zip(given.names, given.values)) if (given := reader.read({})).report is None else {}
+        self.start = np.array([own.get(name, kind.value) for name, kind in zip(self.names, kinds)], dtype=np.float64)
         known = {one.name: (one.low, one.high) for one in space}
         limits = [known.get(name, (None, None)) for name in self.names]
         self.bounds = np.array([(-np.inf if low is None else low, np.inf if high is None else high) for low, high in limits])
         self.outputs = self._expanded(outputs)
         self._plans: dict[int, RestrictedPlan] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Support copying and pickling: the copy opens the family again."""
+        return self._again, ()
 
     def __repr__(self) -> str:
         return f"FamilyFunction({', '.join(self.names)} -> {', '.join(self.outputs)})"
@@ -124,22 +135,42 @@ class FamilyFunction:
         if not single:
             raise FamilyError(f"expected {len(self.names)} numbers, found an array of shape {np.shape(x)}: call `jacobian` for each row")
         shape = (len(self.outputs), len(self.names))
-        read = self._item(rows[0])[1]
-        found = self._exact(read)
+        made, error = np.zeros(shape), np.zeros(shape)
+        names, found = self._derivatives_at(self._item(rows[0])[1]) or ((), None)
         if found is None:
             self._require(rows[0])
-            plan, _ = self._evaluation.plan_at(read)
-            if plan is not None and plan.exchange is None:
-                self._restricted(plan)
-                found = self._exact(read)
-        traced, exact = found or ((), np.empty((shape[0], 0)))
-        made, error = np.zeros(shape), np.zeros(shape)
-        made[:, traced] = exact
-        for place in sorted(set(range(shape[1])) - set(traced)):
-            made[:, place], error[:, place] = self._estimated(rows[0], place)
+        elif not np.isfinite(found.values).all():
+            name = self.outputs[int(np.flatnonzero(~np.isfinite(found.values))[0])]
+            raise NotDifferentiable(f"`{name}` is not finite at {self._shown(rows[0])}: leave it out, or choose other settings")
+        for place in range(shape[1]):
+            if found is None or place not in names:
+                made[:, place], error[:, place] = self._estimated(rows[0], place)
+                continue
+            column = names.index(place)
+            made[:, place] = found.jacobian[:, column]
+            if column in found.special:
+                made[:, place], error[:, place] = self._beside(rows[0], place, made[:, place])
         jacobian = made.view(FamilyJacobian)
         jacobian.error = error
         return jacobian
+
+    def jax(self, *, dtype: str = "float64") -> JaxFunction:
+        """Return a pure function of JAX from `(n,)` to `(outputs (m,), ok)`, fit for `jit`, `vmap` and `grad`.
+
+        It makes the decisions of `start`: `ok` is False for settings that are refused or decide otherwise, and their outputs are undefined.
+        Raises `FamilyError` if JAX has no 64-bit numbers (with `dtype="float64"`), cannot run an operation, or if a part or a decision
+        depends on one of the names.
+        """
+        from thingc.batch.families.jax_function import jax_function
+
+        read = self._item(self.start)[1]
+        self._require(self.start)
+        plan, why = self._evaluation.plan_at(read)
+        if plan is None or plan.exchange is not None or (set(self.names) & {read.names[at] for at, _ in plan.fixed}):
+            why = why or "a part depends on a number"
+            raise FamilyError(f"JAX cannot compute {', '.join(self.outputs)}: {why}; use `value` and `jacobian`")
+        by = [plan.free.index(read.names.index(name)) for name in self.names]
+        return jax_function(self._restricted(plan).program, by, [read.values[at] for at in plan.free], dtype)
 
     # --- implementation -------------------------------------------------------------------------------------------------
 
@@ -190,8 +221,18 @@ class FamilyFunction:
             )
         return self._plans[id(plan)].restricted
 
-    def _exact(self, read: ParsedSettings) -> tuple[tuple[int, ...], Floats] | None:
-        """Return the derivatives of the outputs by the names that a known plan traces, with the indices of these names."""
+    def _derivatives_at(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
+        """Return the derivatives by the names that a plan traces, with the indices of these names. The plan is made if necessary."""
+        found = self._exact(read)
+        if found is None and read.report is None:
+            plan, _ = self._evaluation.plan_at(read)
+            if plan is not None and plan.exchange is None:
+                self._restricted(plan)
+                found = self._exact(read)
+        return found
+
+    def _exact(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
+        """Return the derivatives by the names that a known plan traces, with the indices of these names."""
         known = self._evaluation.forms.of(read).plans if read.report is None else ()
         for one in self._plans.values():
             if not any(one.plan is other for other in known) or any(read.values[at] != value for at, value in one.plan.fixed):
@@ -199,14 +240,49 @@ class FamilyFunction:
             try:
                 found = one.derivatives([read.values[at] for at in one.plan.free])
             except NotSmooth as fault:
+                if fault.unknown:
+                    return None
                 where = self._shown([read.values[read.names.index(name)] for name in self.names])
                 message = f"`{self.outputs[fault.output]}` is not differentiable at {where}: a value that it depends on {fault.why}"
                 raise NotDifferentiable(f"{message}; choose other settings, or leave out `{self.outputs[fault.output]}`") from None
             except (ArithmeticError, ValueError):
                 continue
             if found is not None and not np.isnan(found.values).any():
-                return tuple(one.traced), found.jacobian
+                return tuple(one.traced), found
         return None
+
+    def _beside(self, x: Floats, place: int, own: Floats) -> tuple[Floats, Floats]:
+        """Return the derivatives by one name at settings for which a decision between equal numbers depends on it, and their errors.
+
+        Other operations may compute the results for greater or smaller numbers, so derivatives next to `x` are compared with changes of the
+        results. If only one side is valid, as at a bound, the derivative `own` at `x` is the one of this side.
+        """
+        low, high = self.bounds[place]
+        scale = abs(x[place]) or min(high - low, 1.0)
+        step = BESIDE * scale
+        here, sides = np.asarray(self.value(x)), []
+        for sign in (1.0, -1.0):
+            point = x.copy()
+            point[place] += sign * step
+            there = self.value(point) if low <= point[place] <= high else None
+            if there is None or not there.ok:
+                continue
+            names, found = self._derivatives_at(self._item(point)[1]) or ((), None)
+            if found is None or place not in names or names.index(place) in found.special:
+                return self._estimated(x, place)
+            sides.append((found.jacobian[:, names.index(place)], (np.asarray(there) - here) / (point[place] - x[place])))
+        rounding = 100.0 * ROUNDING * np.abs(here) / step
+        tolerance = SAME * np.abs(here) / scale + rounding + BESIDE
+        same = all(np.all(np.abs(one - sides[0][0]) <= SAME * np.abs(one) + tolerance) for pair in sides for one in pair)
+        if not sides or not same:
+            raise NotDifferentiable(
+                f"the results are not differentiable by `{self.names[place]}` at {self._shown(x)}: they, or their derivatives, jump there; "
+                f"choose another value of `{self.names[place]}`"
+            )
+        if len(sides) == 1 and np.all(np.abs(own - sides[0][0]) <= SAME * np.abs(own) + tolerance):
+            return own, np.zeros(len(own))
+        error = np.max([np.abs(slope - change) for slope, change in sides], axis=0) * 2.0 + rounding
+        return np.mean([slope for slope, _ in sides], axis=0), error
 
     def _estimated(self, x: Floats, place: int) -> tuple[Floats, Floats]:
         """Return the derivatives by one name from five settings near `x`, and the estimates of their errors."""
@@ -220,21 +296,20 @@ class FamilyFunction:
         points[:, place] = nodes
         values = self.value(points)
         if not np.all(values.ok):
-            name = self.names[place]
+            name, problems = self.names[place], values.problems[int(np.argmin(values.ok))] if values.ok is not None else ()
             raise NotDifferentiable(
-                f"the derivative by `{name}` is estimated from `{name}` = {nodes[0]:g} to {nodes[-1]:g}, and not all of these settings are "
-                f"valid: choose a value of `{name}` with more distance to the limits"
+                f"the derivative by `{name}` is estimated from `{name}` = {nodes[0]:g} to {nodes[-1]:g}, and some of these have no "
+                f"results: {_errors(problems) or 'a result does not exist'}; choose another value of `{name}`"
             )
         offsets, results = nodes - x[place], np.asarray(values)
-        nearest = np.argsort(np.abs(offsets), kind="stable")[:4]
-        best, coarse = _weights(offsets) @ results, _weights(offsets[nearest]) @ results[nearest]
-        return best, np.abs(best - coarse) + ROUNDING * np.abs(results).max(axis=0) / step
+        best, *others = (_weights(offsets[chosen]) @ results[chosen] for chosen in ([0, 1, 2, 3, 4], [1, 2, 3], [0, 2, 4]))
+        return best, np.sum([np.abs(best - one) for one in others], axis=0) + ROUNDING * np.abs(results).max(axis=0) / step
 
     def _rows(self, x: npt.ArrayLike) -> tuple[Floats, bool]:
         """Return settings as rows, and whether there is a single one."""
         try:
             rows = np.array(x, dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise FamilyError(f"expected {len(self.names)} numbers ({', '.join(self.names)}), found `{x!r}`") from None
         if rows.ndim not in (1, 2) or rows.shape[-1] != len(self.names):
             expected = f"({len(self.names)},) or (k, {len(self.names)})"
@@ -255,9 +330,12 @@ class FamilyFunction:
         read = self._reader.read({name: 0.0})
         if kind is None and name not in read.names:
             known = [other for other, value in self._reader.parameters.items() if isinstance(value, Quantity)]
+            if "." in name:
+                raise FamilyError(f"the document has no number at `{name}`: correct the path, or write a value there in the document")
             raise FamilyError(f"the document has no number `{name}`: {did_you_mean(name, known, what='parameters')}")
         if kind is not None:
-            raise FamilyError(f"`{name}` is not a number, but `{kind}`: set it with `at={{{name!r}: ...}}`")
+            words = str(kind).lower() if isinstance(kind, bool) else str(kind)
+            raise FamilyError(f"`{name}` is not a number, but `{words}`: set it with `at={{{name!r}: ...}}`")
         raise FamilyError(f"the document has no value for `{name}`: give it one in the document, or set it with `at`")
 
     def _expanded(self, outputs: Sequence[str]) -> tuple[str, ...]:
@@ -283,6 +361,10 @@ def _errors(problems: Sequence[Diagnostic]) -> str:
     return "; ".join(dict.fromkeys(errors))
 
 
+BESIDE = 1e-6
+"""Distance of the settings beside special ones, relative to the number."""
+SAME = 1e-3
+"""Relative difference up to which derivatives beside special settings are the same."""
 ROUNDING = 1e-15
 """Relative rounding error of a value, which limits the accuracy of a difference quotient."""
 

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from thingc.batch.plans.program import NAMES, Argument, Operation, Program, expression, function, word
-from thingc.batch.plans.tape import Ref
+from thingc.batch.plans.program import Argument, Operation, Program, expression, function, names, word
+from thingc.batch.plans.tape import OPERATORS, Ref
 
 Floats = npt.NDArray[np.float64]
 
@@ -26,13 +26,18 @@ SAME = 1e-9
 """Relative difference up to which the derivatives of two branches are equal."""
 
 
-class NotSmooth(Exception):
-    """An output has no derivative: `output` is its index, `why` the reason, as a clause."""
+BESIDE = 1e-6
+"""Relative distance of the values that are tested beside those of a decision between equal numbers."""
 
-    def __init__(self, output: int, why: str) -> None:
+
+class NotSmooth(Exception):
+    """An output has no derivative: `output` is its index, `why` the reason, as a clause. `unknown`: an operation has no rule."""
+
+    def __init__(self, output: int, why: str, *, unknown: bool = False) -> None:
         super().__init__(why)
         self.output = output
         self.why = why
+        self.unknown = unknown
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,8 @@ class Partials:
 
 
 _FLOOR = "-(({0} - {r}) / {1})"
-_STEP = Partials(each="0.0", kink="True", why="rounds it")
+_ROUNDED = Partials(("1.0", "0.0"), kink="{1} < 6", why="is rounded")
+UNKNOWN = Partials(each="0.0", kink="True", why="is the result of a search, or of another operation without a rule")
 RULES: dict[str, Partials] = {
     "+": Partials(("1.0", "1.0")), "-": Partials(("1.0", "-1.0")), "*": Partials(("{1}", "{0}")),
     "/": Partials(("1.0 / {1}", "-{r} / {1}")),
@@ -78,10 +84,12 @@ RULES: dict[str, Partials] = {
     ),
     "radians": Partials((repr(math.pi / 180.0),)), "degrees": Partials((repr(180.0 / math.pi),)), "_fsum": Partials(each="1.0"),
     "min": Partials(each="float({i} == {r})", bounded=True), "max": Partials(each="float({i} == {r})", bounded=True),
-    "round": _STEP, "rounded": _STEP,
+    "round": _ROUNDED, "rounded": _ROUNDED,
     "negative": Partials(("-1.0",)), "item": Partials(("1.0",)), "cosine of": Partials(("-sin({0})",)), "sine of": Partials(("cos({0})",)),
 }
-"""Rules by operation. `negative` is the minus of one number; `cosine of` and `sine of` are the items of `quarter_exact`."""
+"""Rules by operation. `negative` is the minus of one number; `cosine of` and `sine of` are the items of `quarter_exact`. Rounding to many
+digits has the derivative of the exact number.
+"""
 EXTREMES = {"min": "smallest", "max": "greatest"}
 ROTATION = ("cosine of", "sine of")
 
@@ -98,7 +106,7 @@ class Step:
     @cached_property
     def rule(self) -> Partials:
         """The rule of the operation; operations without one have a kink everywhere."""
-        return RULES.get(self.operation) or Partials(each="0.0", kink="True", why=f"is computed by `{self.operation}`, which has no rule")
+        return RULES.get(self.operation, UNKNOWN)
 
     def code(self, template: str) -> str:
         """Return a partial derivative or a kink as a Python expression of the values."""
@@ -115,10 +123,15 @@ class Step:
 
 @dataclass(frozen=True)
 class Derivatives:
-    """Values of the outputs, `(m,)`, and their derivatives by the variables, `(m, n)`."""
+    """Values of the outputs, `(m,)`, and their derivatives by the variables, `(m, n)`.
+
+    `special` are the columns of variables on which a decision between equal numbers depends: beside these values, other operations may
+    compute the outputs.
+    """
 
     values: Floats
     jacobian: Floats
+    special: frozenset[int] = frozenset()
 
 
 DerivativeFunction = Callable[[Sequence[float]], "Derivatives | None"]
@@ -135,17 +148,25 @@ def derivative_function(program: Program, by: Sequence[int] | None = None) -> De
     steps = _steps_of(program, varying)
     forward, backward = _forward(program, steps, varying), _backward(program, steps, varying)
     shortest = min(forward, backward, key=lambda one: len(one[0]))
-    run = _generated(program, steps, shortest if len(shortest[0]) <= LONGEST else None)
+    code = shortest if len(shortest[0]) <= LONGEST else None
+    decisions = _decisions(program, varying)
+    run = _generated(program, steps, decisions, code)
     shape = (len(program.outputs), len(varying))
 
     def derivatives(values: Sequence[float]) -> Derivatives | None:
+        nonlocal decisions, run
         found = run(*values)
         if found is None:
             return None
         outputs, entries = found
+        special: frozenset[int] = frozenset()
         if isinstance(entries, dict):
+            special, always = _special(program, decisions, varying, values, entries)
             entries = _by_arrays(program, steps, varying, entries)
-        return Derivatives(np.array(outputs, dtype=np.float64), np.array(entries, dtype=np.float64).reshape(shape))
+            if always:  # equal for all values, so they decide nothing
+                decisions = [one for one in decisions if one not in always]
+                run = _generated(program, steps, decisions, code)
+        return Derivatives(np.array(outputs, dtype=np.float64), np.array(entries, dtype=np.float64).reshape(shape), special)
 
     return derivatives
 
@@ -154,15 +175,60 @@ Code = tuple[list[str], list[str]]
 """Statements, and the entries of the Jacobian as expressions, row by row."""
 
 
-def _generated(program: Program, steps: Sequence[Step], code: Code | None) -> Callable[..., Any]:
-    """Return the function that returns outputs and entries of the Jacobian; at a kink, and without `code`, all values by name."""
+Decision = tuple[str, frozenset[int]]
+"""A test whether the two numbers of a guard are equal, and the columns of the variables on which they depend."""
+
+
+def _decisions(program: Program, varying: Sequence[int]) -> list[Decision]:
+    """Return the decisions of the guards that depend on variables."""
+    depends: dict[int, frozenset[int]] = {index: frozenset((column,)) for column, index in enumerate(varying)}
+    tests: dict[str, frozenset[int]] = {}
+    for one in program.statements:
+        columns = frozenset[int]().union(*(depends.get(_index(argument), frozenset()) for argument in one.arguments))
+        if isinstance(one, Operation):
+            depends[one.target] = columns
+        elif columns and len(one.arguments) == 2 and one.operation in OPERATORS:
+            tests[f"{word(one.arguments[0])} == {word(one.arguments[1])}"] = columns
+    return list(tests.items())
+
+
+def _special(
+    program: Program, decisions: Sequence[Decision], varying: Sequence[int], values: Sequence[float], known: dict[str, float],
+) -> tuple[frozenset[int], list[Decision]]:
+    """Return the columns of variables beside whose values the program does not apply, and the decisions between numbers that stay equal.
+
+    Only variables of decisions between numbers that are equal now are tested.
+    """
+    equal = [one for one in decisions if eval(one[0], {}, known)]
+    probe = _generated(program, (), (), None)
+    special: set[int] = set()
+    differ: set[Decision] = set()
+    for column in sorted(frozenset[int]().union(*(columns for _, columns in equal))):
+        for sign in (1.0, -1.0):
+            place = program.variables.index(varying[column])
+            moved = [value + sign * BESIDE * (abs(value) or 1.0) if at == place else value for at, value in enumerate(values)]
+            try:
+                found = probe(*moved)
+            except (ArithmeticError, ValueError):
+                found = None
+            if found is None:
+                special.add(column)
+            differ.update(one for one in equal if column in one[1] and (found is None or not eval(one[0], {}, found[1])))
+    return frozenset(special), [one for one in equal if one not in differ]
+
+
+def _generated(program: Program, steps: Sequence[Step], decisions: Sequence[Decision], code: Code | None) -> Callable[..., Any]:
+    """Return the function that returns outputs and entries of the Jacobian.
+
+    At a kink, for a decision between equal numbers, and without `code`, it returns all values by name in place of the entries.
+    """
     text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
     for one in program.statements:
         text.append(f" v{one.target} = {expression(one.operation, one.arguments)}" if isinstance(one, Operation) else
                     f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None")
     outputs = "".join(f"{word(one)}, " for one in program.outputs)
-    kinks = [step.kink for step in steps if step.kink] if code is not None else ["True"]
-    text.append(f" if {' or '.join(kinks) or 'False'}: return ({outputs}), locals()")
+    tests = [*(test for test, _ in decisions), *(step.kink for step in steps if step.kink)]
+    text.append(f" if {'True' if code is None else ' or '.join(tests) or 'False'}: return ({outputs}), locals()")
     statements, entries = code or ([], [])
     text += [f" {one}" for one in statements]
     text.append(f" return ({outputs}), ({''.join(f'{one}, ' for one in entries)})")
@@ -233,15 +299,16 @@ def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], 
     zero = np.zeros(len(varying))
     known: dict[int, Floats] = dict(zip(varying, np.eye(len(zero)), strict=True))
     reasons: dict[int, str] = {}
+    functions = names(program.operations)
     for step in steps:
         inner = [known.get(_index(one), zero) for one in step.arguments]
-        at_kink = bool(step.kink) and eval(step.kink, NAMES, values)
+        at_kink = bool(step.kink) and eval(step.kink, functions, values)
         branches = [zero, *inner]
         if at_kink and step.operation in EXTREMES:
             result = values[f"v{step.target}"]
             branches = [one for one, argument in zip(inner, step.arguments, strict=True) if _number(argument, values) == result]
         if not at_kink:
-            terms = [eval(step.code(step.rule.partial(place)), NAMES, values) * inner[place] for place in step.varying]
+            terms = [eval(step.code(step.rule.partial(place)), functions, values) * inner[place] for place in step.varying]
             known[step.target] = np.sum(terms, axis=0)
         elif step.rule.bounded and all(np.allclose(one, branches[0], rtol=SAME, atol=0.0) for one in branches):
             known[step.target] = branches[0]
@@ -253,7 +320,7 @@ def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], 
             reasons.update((step.target, reasons[one]) for one in map(_index, step.arguments) if one in reasons)
     for row, output in enumerate(program.outputs):
         if _index(output) in reasons:
-            raise NotSmooth(row, reasons[_index(output)])
+            raise NotSmooth(row, reasons[_index(output)], unknown=reasons[_index(output)] == UNKNOWN.why)
     return np.array([known.get(_index(one), zero) for one in program.outputs]).reshape(len(program.outputs), len(zero))
 
 

@@ -226,19 +226,19 @@ class TracedResults:
 def make(
     read: ParsedSettings, reader: SettingsReader, rehearse: Rehearse,
     finish: Callable[[TraceResult, Exchange | None], tuple[Sequence[Any], Made]], form: PlanCache[Made],
-    exchanged: Callable[[TraceResult], Exchange] | None = None,
+    exchanged: Callable[[TraceResult], Exchange] | None = None, *, nearby: bool = True,
 ) -> NumericPlan[Made] | None:
     """Return a plan for these settings; None, with the reason in `form`, if there is none.
 
     `finish` returns the inputs that a plan computes, and the object that uses them. `exchanged` returns the exchange of records, if parts
-    depend on traced numbers; None: such numbers are not traced.
+    depend on traced numbers; None: such numbers are not traced. `nearby`: trace numbers near these, which may be special.
     """
     while form.refused is None:
         free = [name for name in read.names if name not in form.why]
         if not free:
             form.refused = "no number can be traced"
             break
-        rehearsal = _rehearsed(read, reader, rehearse, form, exchanging=exchanged is not None)
+        rehearsal = _rehearsed(read, reader, rehearse, form, exchanging=exchanged is not None, nearby=nearby)
         if rehearsal is None:  # retry with fewer numbers
             continue
         exchange = exchanged(rehearsal) if exchanged is not None and rehearsal.parts is not None else None
@@ -256,14 +256,14 @@ def make(
 
 
 def _rehearsed(
-    read: ParsedSettings, reader: SettingsReader, rehearse: Rehearse, form: PlanCache[Any], *, exchanging: bool,
+    read: ParsedSettings, reader: SettingsReader, rehearse: Rehearse, form: PlanCache[Any], *, exchanging: bool, nearby: bool,
 ) -> TraceResult | None:
     """Trace the numbers that `form` does not exclude; None if `form` was changed, and another attempt is necessary."""
     quantities = reader.quantities(read)
     free = {name: quantities[name] for name in read.names if name not in form.why}
     texts = {**{name: text_of(one) for name, one in quantities.items()}, **dict(read.texts)}  # in the order of `SettingsReader.settings`
     exact = [name for name in free if name in form.modelled]
-    near = {name: one if name in exact else _near(one, random.Random(name)) for name, one in free.items()}
+    near = {name: one if name in exact or not nearby else _near(one, random.Random(name)) for name, one in free.items()}
     attempt = partial(_attempt, partial(rehearse, exact=exact))
     rehearsal, fault = attempt(near, texts)
     if fault is not None:

@@ -16,8 +16,9 @@ Run = Callable[..., "tuple[float, ...] | None"]
 """Maps values of the variables to values of the outputs; returns None if a guard fails."""
 
 
-NAMES: dict[str, Any] = {"inf": numeric.inf, "nan": numeric.nan, "log": math.log, **numeric.OPERATIONS}
-"""The names that generated code can use."""
+def names(operations: Mapping[str, Callable[..., Any]] = {}) -> dict[str, Any]:
+    """Return the names that generated code can use: all operations that are known now, and `operations`."""
+    return {"inf": numeric.inf, "nan": numeric.nan, "log": math.log, **numeric.OPERATIONS, **operations}
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +85,10 @@ def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
 
 
 def function(name: str, lines: Sequence[str], operations: Mapping[str, Callable[..., Any]] = {}) -> Any:
-    """Return the function `name` of a generated source, which can use `operations` and `NAMES`."""
-    names = {**NAMES, **operations}
-    exec("\n".join(lines), names)
-    return names[name]
+    """Return the function `name` of a generated source, which can use `names`."""
+    known = names(operations)
+    exec("\n".join(lines), known)
+    return known[name]
 
 
 def expression(operation: str, arguments: Sequence[Argument]) -> str:

@@ -196,6 +196,10 @@ class Traced(Recorded):
             return self.tape.guard(name, arguments, result)
         return _items(self.tape.apply(name, arguments, result))
 
+    def for_text(self) -> Any:
+        """Return the number if its texts have slots, otherwise its value, which needs no decisions."""
+        return self if self.tape.writing or self.tape.reporting else self.value
+
     def slot(self, form: str) -> str:
         """Return the slot for the line."""
         return slot(f"{self.line}:{form}")

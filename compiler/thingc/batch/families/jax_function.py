@@ -1,0 +1,89 @@
+"""A family as a function of JAX, fit for `jit`, `vmap` and `grad` (`pip install thingc[jax]`)."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
+from typing import Any
+
+try:
+    import jax
+    import jax.numpy as jnp
+except ImportError as fault:  # pragma: no cover - reported with a help text
+    raise ImportError("functions of JAX need JAX: `pip install thingc[jax]`") from fault
+
+from thingc.batch.plans.program import Argument, Operation, Program
+from thingc.batch.plans.tape import OPERATORS, Ref
+from thingc.batch.results import FamilyError
+
+JaxFunction = Callable[[Any], "tuple[Any, Any]"]
+"""Maps values `(n,)` to outputs `(m,)` and a boolean: whether the program applies to these values."""
+LONGEST = 10_000
+"""Maximum number of statements, since the time to compile them grows faster than their number."""
+
+
+def jax_function(program: Program, by: Sequence[int], values: Sequence[float], dtype: str) -> JaxFunction:
+    """Return a program as a function of the variables at the indices `by`; the others have `values`.
+
+    Decisions are made for the values of the program: for others that decide otherwise, the boolean is False. Raises `FamilyError` for a
+    program with operations that JAX does not have, for one that is too long, and for `float64` without 64-bit numbers in JAX.
+    """
+    if dtype not in ("float64", "float32"):
+        raise FamilyError(f"expected `dtype` to be \"float64\" or \"float32\", found `{dtype}`")
+    if dtype == "float64" and not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
+        raise FamilyError("JAX has no 64-bit numbers: call `jax.config.update(\"jax_enable_x64\", True)` first, or use `dtype=\"float32\"`")
+    if len(program.statements) > LONGEST:
+        raise FamilyError(f"the function has {len(program.statements)} operations, and JAX can compile {LONGEST}: use `value` instead")
+    unknown = {one.operation for one in program.statements} - FUNCTIONS.keys() - {"item"}
+    if unknown:
+        raise FamilyError(f"JAX does not have the operation `{sorted(unknown)[0]}`: use `value` instead")
+
+    def run(x: Any) -> tuple[Any, Any]:
+        given = [jnp.asarray(value, dtype=dtype) for value in values]
+        for place, index in enumerate(by):
+            given[index] = jnp.asarray(x, dtype=dtype)[place]
+        known: dict[int, Any] = dict(zip(program.variables, given, strict=True))
+        ok = jnp.asarray(True)
+        for one in program.statements:
+            arguments = [_value(argument, known) for argument in one.arguments]
+            result = arguments[0][arguments[1]] if one.operation == "item" else FUNCTIONS[one.operation](*arguments)
+            if isinstance(one, Operation):
+                known[one.target] = result
+            else:
+                ok = ok & (jnp.asarray(result, dtype=bool) == one.outcome)
+        return jnp.stack([jnp.asarray(_value(one, known), dtype=dtype) for one in program.outputs]), ok
+
+    return run
+
+
+def _value(argument: Argument, known: Mapping[int, Any]) -> Any:
+    return known[int(argument)] if isinstance(argument, Ref) else argument.value
+
+
+def _minus(first: Any, *second: Any) -> Any:
+    return first - second[0] if second else -first
+
+
+def _hypot(*components: Any) -> Any:
+    return jnp.sqrt(reduce(operator.add, [one * one for one in components]))
+
+
+def _remainder(x: Any, y: Any) -> Any:
+    return x - y * jnp.round(x / y)
+
+
+def _moments(*entries: Any) -> Any:
+    matrix = jnp.stack([jnp.asarray(one) for one in entries]).reshape(3, 3)
+    return jnp.linalg.eigvalsh((matrix + matrix.T) / 2.0)
+
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    **{name: function for name, function in OPERATORS.items() if name != "-"}, "-": _minus, "abs": jnp.abs, "sqrt": jnp.sqrt,
+    "sin": jnp.sin, "cos": jnp.cos, "tan": jnp.tan, "asin": jnp.arcsin, "acos": jnp.arccos, "atan": jnp.arctan, "atan2": jnp.arctan2,
+    "radians": jnp.radians, "degrees": jnp.degrees, "copysign": jnp.copysign, "remainder": _remainder, "round": jnp.round,
+    "isfinite": jnp.isfinite, "isinf": jnp.isinf, "hypot": _hypot, "_fsum": lambda *values: reduce(operator.add, values),
+    "min": lambda *values: reduce(jnp.minimum, values), "max": lambda *values: reduce(jnp.maximum, values),
+    "quarter_exact": lambda angle: (jnp.cos(angle), jnp.sin(angle)), "_principal_moments": _moments,
+}
+"""Operations of programs in JAX. Decisions within them, such as exact quarter turns, are not repeated, so last digits may differ."""
