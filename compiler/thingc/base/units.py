@@ -497,5 +497,4 @@ _SURELY: dict[Dimension, float] = {
 
 def shortened(text: str, limit: int = 60) -> str:
     """Shorten a source text to one line for a message."""
-    flat = " ".join(text.split())
-    return flat if len(flat) <= limit else flat[: limit - 3] + "..."
+    return flat if len(flat := " ".join(text.split())) <= limit else flat[: limit - 3] + "..."
