@@ -15,7 +15,7 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.base.filesystem import BadPath, listing
-from thingc.base.safe_text import quoted
+from thingc.base.safe_text import json_text, quoted
 from thingc.base.suggestions import Hint, text_of
 from thingc.batch import folder_layout
 from thingc.batch.packed_layout import DamagedChunk, complete
@@ -101,7 +101,8 @@ def whole(folder: str, described: Mapping[str, Any]) -> None:
 
 def write_batch(folder: str, batch: Mapping[str, Any]) -> None:
     """Write `batch.json` atomically."""
-    _write(os.path.join(folder, folder_layout.BATCH), json.dumps({"thingc": KIND, **batch}, indent=2, sort_keys=True, ensure_ascii=False))
+    text = json.dumps({"thingc": KIND, **batch}, indent=2, sort_keys=True, ensure_ascii=False)
+    _write(os.path.join(folder, folder_layout.BATCH), json_text(text))
 
 
 def _write(path: str, text: str) -> None:

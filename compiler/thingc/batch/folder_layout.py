@@ -21,6 +21,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.base.filesystem import check_tree, hash_name, listing, write_new
+from thingc.base.safe_text import json_text
 from thingc.driver.output import Blobs
 from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 
@@ -221,7 +222,7 @@ class Journal:
 
     def append(self, line: Line) -> None:
         """Append a line to the journal."""
-        data = json.dumps(line, separators=(",", ":"), ensure_ascii=False).encode() + b"\n"
+        data = json_text(json.dumps(line, separators=(",", ":"), ensure_ascii=False)).encode() + b"\n"
         size = os.fstat(self._descriptor).st_size
         try:
             done = os.write(self._descriptor, data)
