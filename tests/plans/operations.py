@@ -29,6 +29,7 @@ OPERATIONS: dict[str, tuple[Callable[..., Any], Draw, Oracle]] = {
     "negative": (lambda a: -a, between(ANY), lambda a: -a),
     "*": (lambda a, b: a * b, between(ANY, ANY), lambda a, b: a * b),
     "/": (lambda a, b: a / b, between(ANY, POSITIVE), lambda a, b: a / b),
+    "%": (lambda a, b: a % b, between(ANY, POSITIVE), lambda a, b: a - b * mpmath.floor(a / b)),
     "% of a negative divisor": (lambda a: a % -0.7, between(ANY), lambda a: a + mpmath.mpf(0.7) * mpmath.floor(a / mpmath.mpf(-0.7))),
     "square": (lambda a: a**2, between(ANY), lambda a: a**2),
     "cube": (lambda a: a**3.0, between(ANY), lambda a: a**3),
