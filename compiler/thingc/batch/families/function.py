@@ -135,14 +135,14 @@ class FamilyFunction:
         if not single:
             raise FamilyError(f"expected {len(self.names)} numbers, found an array of shape {np.shape(x)}: call `jacobian` for each row")
         shape = (len(self.outputs), len(self.names))
-        made, error = np.zeros(shape), np.zeros(shape)
         names, found = self._derivatives_at(self._item(rows[0])[1]) or ((), None)
+        made, error = np.zeros(shape) if found is None or len(names) < shape[1] else found.jacobian, np.zeros(shape)
         if found is None:
             self._require(rows[0])
         elif not np.isfinite(found.values).all():
             name = self.outputs[int(np.flatnonzero(~np.isfinite(found.values))[0])]
             raise NotDifferentiable(f"`{name}` is not finite at {self._shown(rows[0])}: leave it out, or choose other settings")
-        for place in range(shape[1]):
+        for place in range(shape[1]) if found is None or found.special or len(names) < shape[1] else ():
             if found is None or place not in names:
                 made[:, place], error[:, place] = self._estimated(rows[0], place)
                 continue
@@ -189,7 +189,7 @@ class FamilyFunction:
         values[:, [read.names.index(name) for name in self.names]] = rows + 0.0  # without the sign of zeros
         outputs, applies = self._restricted(plan).columns(values)
         places = np.flatnonzero(applies)
-        for place in places:
+        for place in places if evaluation.verify != 0 else ():
             if plan.is_due(evaluation.verify):
                 due = self._item(rows[place])[1]
                 whole = plan.outputs(due.values)
@@ -197,8 +197,7 @@ class FamilyFunction:
                     return range(len(rows))
         made[places] = outputs[places]
         ok[places] = not any(one.severity is Severity.ERROR for one in plan.made.problems)
-        for place in places:
-            problems[place] = plan.made.problems
+        problems[:] = [plan.made.problems] * len(rows)  # those of the other rows are replaced
         return np.flatnonzero(~applies).tolist()
 
     def _require(self, row: Floats) -> None:
