@@ -58,7 +58,11 @@ def test_lengths_are_rounded_once() -> None:
 def test_sums_are_rounded_once() -> None:
     tape, source = Tape(), random.Random(5)
     variables = [tape.variable(1.0), tape.variable(2.0), tape.variable(3.0), tape.variable(4.0)]
-    program = program_of(tape, [fsum(variables), fsum((variables[0], 1.0, -1.0)), fsum(variables[:2])])
+    constants = (0.1, 1e-17, -0.3, 1e9, 7e-5, -0.0)
+    program = program_of(tape, [
+        fsum(variables), fsum((variables[0], 1.0, -1.0)), fsum(variables[:2]), fsum((*constants, *variables[:2])),
+        fsum((variables[0], 1e300, 0.1, 1e-300)), fsum((variables[0], math.inf, 1.0, 2.0)),
+    ])
     rows = [[source.uniform(-1, 1) * 10.0 ** source.randint(-9, 9) for _ in variables] for _ in range(5000)]
     rows += [[float(source.randint(-9, 9)) * 0.1 for _ in variables] for _ in range(3000)]
     for _ in range(3000):

@@ -205,7 +205,9 @@ def _fsum(arguments: Sequence[Any], ok: Booleans) -> Any:
 
     Python adds values whose sum is near the middle of two floats, or much smaller than the values.
     """
-    values = [np.broadcast_to(np.asarray(one, dtype=np.float64), ok.shape) for one in arguments]
+    arrays = [one for one in arguments if isinstance(one, np.ndarray)]
+    constants = _few([one for one in arguments if not isinstance(one, np.ndarray)])
+    values = [*arrays, *(np.broadcast_to(np.float64(one), ok.shape) for one in constants)]
     total, errors, rest = values[0], np.zeros(ok.shape), np.zeros(ok.shape)
     for one in values[1:]:
         total, error = _sum(total, one)
@@ -221,6 +223,16 @@ def _fsum(arguments: Sequence[Any], ok: Booleans) -> Any:
         ok[row] &= exact is not None
         result[row] = np.nan if exact is None else exact
     return result
+
+
+def _few(numbers: Sequence[float]) -> Sequence[float]:
+    """Return two numbers with exactly the same sum, if there are such numbers, else `numbers`."""
+    try:
+        high = math.fsum(numbers)
+        low = math.fsum((*numbers, -high))
+        return (high, low) if len(numbers) > 2 and math.fsum((*numbers, -high, -low)) == 0.0 else numbers
+    except (OverflowError, ValueError):
+        return numbers
 
 
 def _sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
