@@ -33,7 +33,6 @@ import numpy as np
 import thingc
 from thingc.batch.families import FamilyFunction
 from thingc.batch.plans.program import Operation, Program, expression, word
-from thingc.batch.plans.tape import Ref
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
@@ -144,15 +143,9 @@ def error_of(function: FamilyFunction, x: np.ndarray) -> float:
 
 def in_many_digits(program: Program) -> Callable[..., Sequence[Any]]:
     """Return a program that computes its outputs with numbers of mpmath."""
-    lines = {one.target: one for one in program.statements if isinstance(one, Operation)}
-    waiting, needed = [int(one) for one in program.outputs if isinstance(one, Ref)], set()
-    while waiting:
-        index = waiting.pop()
-        if index in lines and index not in needed:
-            needed.add(index)
-            waiting += [int(one) for one in lines[index].arguments if isinstance(one, Ref)]
+    lines = [one for one in program.statements if isinstance(one, Operation) and one.target in program.needed]
     text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
-    text += [f" v{index} = {expression(lines[index].operation, lines[index].arguments)}" for index in sorted(needed)]
+    text += [f" v{one.target} = {expression(one.operation, one.arguments)}" for one in lines]
     text.append(f" return [{', '.join(f'mpf({word(one)})' for one in program.outputs)}]")
     same = ("mpf", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "radians", "degrees")
     names = {

@@ -61,22 +61,22 @@ modes: {{standing: {{root: post, base: fixed}}}}
 """
 
 
+def opened(folder: Path, document: str) -> Iterator[thingc.RobotFamily]:
+    """Yield the family of a document in a workspace of its own."""
+    (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (folder / "robot.yaml").write_text(document)
+    with thingc.family(folder / "robot.yaml") as family:
+        yield family
+
+
 @pytest.fixture(scope="module")
 def special(tmp_path_factory: pytest.TempPathFactory) -> Iterator[thingc.RobotFamily]:
-    folder = tmp_path_factory.mktemp("special")
-    (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
-    (folder / "special.yaml").write_text(SPECIAL)
-    with thingc.family(folder / "special.yaml") as family:
-        yield family
+    yield from opened(tmp_path_factory.mktemp("special"), SPECIAL)
 
 
 @pytest.fixture(scope="module")
 def kinked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[thingc.RobotFamily]:
-    folder = tmp_path_factory.mktemp("kinked")
-    (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
-    (folder / "kinked.yaml").write_text(KINKED)
-    with thingc.family(folder / "kinked.yaml") as family:
-        yield family
+    yield from opened(tmp_path_factory.mktemp("kinked"), KINKED)
 
 
 def differences(function: FamilyFunction, x: np.ndarray, step: float = 1e-3) -> np.ndarray:

@@ -136,20 +136,19 @@ class FamilyFunction:
             raise FamilyError(f"expected {len(self.names)} numbers, found an array of shape {np.shape(x)}: call `jacobian` for each row")
         shape = (len(self.outputs), len(self.names))
         names, found = self._derivatives_at(self._item(rows[0])[1]) or ((), None)
-        made, error = np.zeros(shape) if found is None or len(names) < shape[1] else found.jacobian, np.zeros(shape)
+        made, error = np.zeros(shape), np.zeros(shape)
         if found is None:
             self._require(rows[0])
         elif not np.isfinite(found.values).all():
             name = self.outputs[int(np.flatnonzero(~np.isfinite(found.values))[0])]
             raise NotDifferentiable(f"`{name}` is not finite at {self._shown(rows[0])}: leave it out, or choose other settings")
-        for place in range(shape[1]) if found is None or found.special or len(names) < shape[1] else ():
-            if found is None or place not in names:
+        else:
+            made[:, names] = found.jacobian
+        for place in range(shape[1]):
+            if place not in names:
                 made[:, place], error[:, place] = self._estimated(rows[0], place)
-                continue
-            column = names.index(place)
-            made[:, place] = found.jacobian[:, column]
-            if column in found.special:
-                made[:, place], error[:, place] = self._beside(rows[0], place, made[:, place])
+            elif found is not None and names.index(place) in found.special:
+                made[:, place], error[:, place] = self._beside(rows[0], place, made[:, place].copy())
         jacobian = made.view(FamilyJacobian)
         jacobian.error = error
         return jacobian

@@ -64,18 +64,11 @@ def column_function(program: Program) -> ColumnFunction:
 
 def _guards_only(program: Program) -> set[int]:
     """Return the values that depend on principal moments and that only guards need: they need not be exact."""
-    lines = {one.target: one for one in program.statements if isinstance(one, Operation)}
-    waiting, exact = [int(one) for one in program.outputs if isinstance(one, Ref)], set()
-    while waiting:
-        index = waiting.pop()
-        if index in lines and index not in exact:
-            exact.add(index)
-            waiting += [int(one) for one in lines[index].arguments if isinstance(one, Ref)]
     near: set[int] = set()
-    for line in lines.values():
-        moments = line.operation == MOMENTS or any(int(one) in near for one in line.arguments if isinstance(one, Ref))
-        if moments and line.target not in exact:
-            near.add(line.target)
+    for one in program.statements:
+        depends = any(int(argument) in near for argument in one.arguments if isinstance(argument, Ref))
+        if isinstance(one, Operation) and one.target not in program.needed and (depends or one.operation == MOMENTS):
+            near.add(one.target)
     return near
 
 

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from thingc.batch.plans.program import Argument, Operation, Program, expression, function, names, word
-from thingc.batch.plans.tape import OPERATORS, Ref
+from thingc.batch.plans.program import Argument, Operation, Program, function, names, word
+from thingc.batch.plans.tape import OPERATORS, Const, Ref
 
 Floats = npt.NDArray[np.float64]
 
@@ -83,14 +83,15 @@ RULES: dict[str, Partials] = {
         kink="{0} == 0.0 and {1} <= 0.0", why="is an angle of 180 deg",
     ),
     "radians": Partials((repr(math.pi / 180.0),)), "degrees": Partials((repr(180.0 / math.pi),)), "_fsum": Partials(each="1.0"),
-    "min": Partials(each="float({i} == {r})", bounded=True), "max": Partials(each="float({i} == {r})", bounded=True),
+    "min": Partials(each="float({i} == {r})", why="is the smallest of equal values", bounded=True),
+    "max": Partials(each="float({i} == {r})", why="is the greatest of equal values", bounded=True),
     "round": _ROUNDED, "rounded": _ROUNDED,
     "negative": Partials(("-1.0",)), "item": Partials(("1.0",)), "cosine of": Partials(("-sin({0})",)), "sine of": Partials(("cos({0})",)),
 }
 """Rules by operation. `negative` is the minus of one number; `cosine of` and `sine of` are the items of `quarter_exact`. Rounding to many
 digits has the derivative of the exact number.
 """
-EXTREMES = {"min": "smallest", "max": "greatest"}
+EXTREMES = ("min", "max")
 ROTATION = ("cosine of", "sine of")
 
 
@@ -223,9 +224,7 @@ def _generated(program: Program, steps: Sequence[Step], decisions: Sequence[Deci
     At a kink, for a decision between equal numbers, and without `code`, it returns all values by name in place of the entries.
     """
     text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
-    for one in program.statements:
-        text.append(f" v{one.target} = {expression(one.operation, one.arguments)}" if isinstance(one, Operation) else
-                    f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None")
+    text += program.code
     outputs = "".join(f"{word(one)}, " for one in program.outputs)
     tests = [*(test for test, _ in decisions), *(step.kink for step in steps if step.kink)]
     text.append(f" if {'True' if code is None else ' or '.join(tests) or 'False'}: return ({outputs}), locals()")
@@ -298,7 +297,7 @@ def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], 
     """Return the Jacobian from all values by name, with one array of derivatives for each value. Raises `NotSmooth`."""
     zero = np.zeros(len(varying))
     known: dict[int, Floats] = dict(zip(varying, np.eye(len(zero)), strict=True))
-    reasons: dict[int, str] = {}
+    reasons: dict[int, Partials] = {}
     functions = names(program.operations)
     for step in steps:
         inner = [known.get(_index(one), zero) for one in step.arguments]
@@ -314,13 +313,12 @@ def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], 
             known[step.target] = branches[0]
         else:
             known[step.target] = np.full_like(zero, np.nan)
-            why = f"is the {EXTREMES[step.operation]} of equal values" if step.operation in EXTREMES else step.rule.why
-            reasons[step.target] = why
+            reasons[step.target] = step.rule
         if np.isnan(known[step.target]).any():
             reasons.update((step.target, reasons[one]) for one in map(_index, step.arguments) if one in reasons)
     for row, output in enumerate(program.outputs):
-        if _index(output) in reasons:
-            raise NotSmooth(row, reasons[_index(output)], unknown=reasons[_index(output)] == UNKNOWN.why)
+        if (reason := reasons.get(_index(output))) is not None:
+            raise NotSmooth(row, reason.why, unknown=reason is UNKNOWN)
     return np.array([known.get(_index(one), zero) for one in program.outputs]).reshape(len(program.outputs), len(zero))
 
 
@@ -334,8 +332,9 @@ def _steps_of(program: Program, variables: Sequence[int]) -> list[Step]:
     varying, steps = set(variables), []
     for line in made.values():
         operation, arguments = line.operation, line.arguments
-        if operation == "item" and (inner := made.get(int(arguments[0]))) is not None and inner.operation == "quarter_exact":  # type: ignore[arg-type]
-            operation, arguments = ROTATION[arguments[1].value], inner.arguments  # type: ignore[union-attr]
+        inner = made.get(_index(arguments[0])) if operation == "item" else None
+        if inner is not None and inner.operation == "quarter_exact":
+            operation, arguments = ROTATION[arguments[1] == Const(1)], inner.arguments
         if places := tuple(place for place, one in enumerate(arguments) if isinstance(one, Ref) and int(one) in varying):
             varying.add(line.target)
             steps.append(Step(line.target, "negative" if (operation, len(arguments)) == ("-", 1) else operation, arguments, places))
@@ -343,6 +342,6 @@ def _steps_of(program: Program, variables: Sequence[int]) -> list[Step]:
     used = []
     for step in reversed(steps):
         if step.target in wanted:
-            wanted.update(int(step.arguments[place]) for place in step.varying)  # type: ignore[arg-type]
+            wanted.update(_index(step.arguments[place]) for place in step.varying)
             used.append(step)
     return used[::-1]

@@ -57,15 +57,28 @@ class Program:
         """The program as a function of the variables. It returns None, or raises `ArithmeticError` or `ValueError`, for values for which a
         pass would decide otherwise or fail.
         """
-        text = [f"def run({', '.join(f'v{index}' for index in self.variables)}):"]
-        for one in self.statements:
-            if isinstance(one, Operation):
-                text.append(f" v{one.target} = {expression(one.operation, one.arguments)}")
-            else:
-                text.append(f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None")
+        text = [f"def run({', '.join(f'v{index}' for index in self.variables)}):", *self.code]
         text.append(f" return ({''.join(f'{word(one)}, ' for one in self.outputs)})")
         run: Run = function("run", text, self.operations)
         return run
+
+    @property
+    def code(self) -> list[str]:
+        """The statements as lines of the body of a Python function, which returns None if a guard fails."""
+        return [
+            f" v{one.target} = {expression(one.operation, one.arguments)}" if isinstance(one, Operation)
+            else f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None"
+            for one in self.statements
+        ]
+
+    @cached_property
+    def needed(self) -> frozenset[int]:
+        """The values that outputs depend on, computed by operations; guards may need others."""
+        needed = {int(one) for one in self.outputs if isinstance(one, Ref)}
+        for one in reversed(self.statements):
+            if isinstance(one, Operation) and one.target in needed:
+                needed.update(int(argument) for argument in one.arguments if isinstance(argument, Ref))
+        return frozenset(needed.difference(self.variables))
 
 
 def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:

@@ -29,6 +29,8 @@ CUT = " characters) ..."
 """Part of a text that was shortened, whose length must not depend on slots."""
 
 Diagnostics = tuple[Diagnostic, ...]
+Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], Hashable]
+"""Names and texts of settings, and the cause of their refusal."""
 
 
 class Refusals:
@@ -43,7 +45,7 @@ class Refusals:
         self._reader = reader
         self._modes = tuple(modes)
         self._verify = verify
-        self.causes: dict[Hashable, PlanCache[DiagnosticsTemplate]] = {}
+        self.causes: dict[Key, PlanCache[DiagnosticsTemplate]] = {}
         self.parts = 0
         self._last: tuple[ParsedSettings, Diagnostics | None] | None = None
 
@@ -71,7 +73,7 @@ class Refusals:
 
     def _problems(self, read: ParsedSettings) -> Diagnostics | None:
         for key, form in reversed(self.causes.items()):
-            if key[:2] != (read.names, read.texts) or (known := form.plan_for(read)) is None:  # type: ignore[index]
+            if key[:2] != (read.names, read.texts) or (known := form.plan_for(read)) is None:
                 continue
             problems = known[0].made.diagnostics(known[1])
             if known[0].is_due(self._verify) and problems != self._compiled(read):
