@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,7 @@ from thingc.driver.settings import ParsedSettings, SettingsReader
 
 if TYPE_CHECKING:
     from thingc.batch.planning import Plan
+    from thingc.batch.plans.columns import Booleans, Floats
     from thingc.driver.pipeline import Compilation
     from thingc.driver.session import Session
 
@@ -104,6 +105,31 @@ class Evaluation:
         outputs, ok = plan.columns(np.array([chunk[other][1].values for other in alike]))
         self.forms.of(chunk[place][1]).met += int(ok.sum())
         return {other: (plan, row) for other, row, applies in zip(alike, outputs.tolist(), ok, strict=True) if applies}
+
+    def columns(
+        self, rows: Floats, names: Sequence[str], item: Callable[[Floats], Item],
+        restricted: Callable[[NumericPlan[ResultsShape]], NumericPlan[ResultsShape]],
+    ) -> tuple[Floats, Booleans, tuple[Diagnostic, ...]] | None:
+        """Return the outputs of a plan for rows, whether the plan applies to each, and the diagnostics of all. None if there is no plan.
+
+        Rows are values of `names`, which `item` completes to settings. `restricted` returns a plan that computes the outputs only.
+        """
+        if len(rows) < FEW or self.rules:
+            return None
+        read = item(rows[0])[1]
+        plan, _ = self.plan_at(read)
+        if plan is None or plan.exchange is not None:
+            return None
+        values = np.tile(read.values, (len(rows), 1))
+        values[:, [read.names.index(name) for name in names]] = rows + 0.0  # without the sign of zeros
+        outputs, applies = restricted(plan).columns(values)
+        for row in rows[applies] if self.verify != 0 else ():
+            if plan.is_due(self.verify):
+                due = item(row)[1]
+                whole = plan.outputs(due.values)
+                if whole is None or not self.confirms(plan, whole, due):
+                    return None
+        return outputs, applies, plan.made.problems
 
     def plan_at(self, read: ParsedSettings) -> tuple[NumericPlan[ResultsShape] | None, str]:
         """Return the plan that applies to settings, made if necessary, or None with the reason."""

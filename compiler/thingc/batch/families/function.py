@@ -13,7 +13,7 @@ import numpy.typing as npt
 from thingc.base.diagnostics import Diagnostic, Severity
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import NUMBER, Quantity
-from thingc.batch.families.evaluation import FEW, Evaluation, ResultsShape
+from thingc.batch.families.evaluation import Evaluation, ResultsShape
 from thingc.batch.families.search_space import SearchSpace
 from thingc.batch.plans.derivatives import DerivativeFunction, Derivatives, NotSmooth, derivative_function
 from thingc.batch.plans.numeric_plan import MOST, NumericPlan
@@ -116,7 +116,13 @@ class FamilyFunction:
         rows, single = self._rows(x)
         made, ok = np.full((len(rows), len(self.outputs)), np.nan), np.zeros(len(rows), dtype=np.bool_)
         problems: list[tuple[Diagnostic, ...]] = [()] * len(rows)
-        rest = self._together(rows, made, ok, problems)
+        rest: Sequence[int] = range(len(rows))
+        together = self._evaluation.columns(rows, self.names, self._item, self._restricted)
+        if together is not None:
+            outputs, applies, known = together
+            made[applies], rest = outputs[applies], np.flatnonzero(~applies).tolist()
+            ok[applies] = not any(one.severity is Severity.ERROR for one in known)
+            problems = [known] * len(rows)  # those of `rest` are replaced
         for place, one in zip(rest, self._evaluation.each((self._item(rows[place]) for place in rest), tests=False), strict=True):
             made[place] = [np.nan if (value := one.results.get(name)) is None else value for name in self.outputs]
             ok[place], problems[place] = one.sound and bool(one.results), one.problems
@@ -172,32 +178,6 @@ class FamilyFunction:
         return jax_function(self._restricted(plan).program, by, [read.values[at] for at in plan.free], dtype)
 
     # --- implementation -------------------------------------------------------------------------------------------------
-
-    def _together(
-        self, rows: Floats, made: Floats, ok: npt.NDArray[np.bool_], problems: list[tuple[Diagnostic, ...]],
-    ) -> Sequence[int]:
-        """Compute the rows to which one plan applies, and return the indices of the others."""
-        evaluation = self._evaluation
-        if len(rows) < FEW or evaluation.rules:
-            return range(len(rows))
-        read = self._item(rows[0])[1]
-        plan, _ = evaluation.plan_at(read)
-        if plan is None or plan.exchange is not None:
-            return range(len(rows))
-        values = np.tile(read.values, (len(rows), 1))
-        values[:, [read.names.index(name) for name in self.names]] = rows + 0.0  # without the sign of zeros
-        outputs, applies = self._restricted(plan).columns(values)
-        places = np.flatnonzero(applies)
-        for place in places if evaluation.verify != 0 else ():
-            if plan.is_due(evaluation.verify):
-                due = self._item(rows[place])[1]
-                whole = plan.outputs(due.values)
-                if whole is None or not evaluation.confirms(plan, whole, due):
-                    return range(len(rows))
-        made[places] = outputs[places]
-        ok[places] = not any(one.severity is Severity.ERROR for one in plan.made.problems)
-        problems[:] = [plan.made.problems] * len(rows)  # those of the other rows are replaced
-        return np.flatnonzero(~applies).tolist()
 
     def _require(self, row: Floats) -> None:
         """Raise `FamilyError` if the settings of a row are refused or lack a result."""
