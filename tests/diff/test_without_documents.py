@@ -78,6 +78,16 @@ def test_two_locks(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
     assert "error[TC342]: `parts.lock.json` is broken" in capsys.readouterr().out
 
 
+def test_a_lock_inside_of_another_workspace_is_the_one_that_is_read(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    lock = locked[0] / "parts.lock.json"
+    values = json.loads(lock.read_text())
+    values["things"]["blocks:Block"]["parameters"]["edge"]["maximum"] = 0.06
+    copy = locked[0] / "before" / "parts.lock.json"
+    copy.parent.mkdir()
+    copy.write_text(json.dumps(values))
+    assert set(answer(capsys, copy, lock)) == {("parameter", "changed", "blocks:Block", "params.edge.max")}
+
+
 def test_locks_with_another_gear(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
     old, new = (folder / "parts.lock.json" for folder in locked)
     values = json.loads(old.read_text())

@@ -70,6 +70,10 @@ class UnknownKey:
         if "parameters" in self.known and "part" not in self.known and len(self.path) > 1 and isinstance(value, ScalarNode):
             return f"set a parameter by `parameters: {{{shortened(self.key, 40)}: {shortened(value.text, 40)}}}`"
         shown = _node_text(value)
+        if len(self.path) == 3 and self.path[0] == "defaults":
+            entries = dict(sections(root)).get(f"{self.path[1]}s")
+            if entries is not None and entries.model is not None and self.key in model_keys(entries.model):
+                return f"`{self.key}` has no default: set it in each entry of `{self.path[1]}s`"
         inside = [key for key in self.known if any(self.key in model_keys(one) for one in _models(self.model, key))]
         if inside:
             here = [key for key in inside if key in self.present]

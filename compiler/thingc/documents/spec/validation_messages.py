@@ -164,6 +164,8 @@ class FaultReporter(FrozenStruct, eq=False):
         elif shape.kind == "flag" and isinstance(value, str) and value.lower() in ("yes", "no", "on", "off"):
             flag = "true" if value.lower() in ("yes", "on") else "false"
             help = Suggestion(f"write `{flag}`", (value, flag))
+        elif isinstance(value, str) and value.lower() == "none":
+            help = "to have none, remove the key"
         elif help is None and isinstance(value, dict) and len(value) == 1 and any(member.kind == "list" for member in alternatives(shape)):
             help = f"write a list with one item for each: `[{{{shortened(str(next(iter(value))))}: ...}}]`"
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):

@@ -114,6 +114,11 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
             help="remove it (links out of the workspace are not followed); then " + REMAKE,
         )
         return None
+    return read_lock_file(path, report)
+
+
+def read_lock_file(path: str, report: Report) -> Lock | None:
+    """Read one lock file. Report an unreadable or invalid file and return None."""
     try:
         with open(path, "rb") as stream:
             data = stream.read(MAX_BYTES + 1)

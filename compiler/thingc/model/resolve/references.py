@@ -210,7 +210,12 @@ def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentSco
 
 
 def suggested(name: str, names: Iterable[str], *, what: str) -> Hint:
-    """Call `did_you_mean` with only the first names, because a comparison with 100 000 names takes seconds per error."""
+    """Call `did_you_mean` with only the first names, because a comparison with 100 000 names takes seconds per error.
+
+    Formats differ in whether a key can be set to `none`. Here the key is left out, so for this name the help says so.
+    """
+    if name.lower() == "none":
+        return "to have none, remove the key"
     return did_you_mean(name, islice(names, MAX_SUGGESTED), what=what)
 
 

@@ -11,8 +11,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.source import line_of
-from thingc.documents.workspace import Workspace
-from thingc.geometry.lock.lock import read_lock
+from thingc.geometry.lock.lock import read_lock_file
 from thingc.geometry.record import ActuatorRecord, PartRecord
 from thingc.tools.diff.arguments import MANIFEST
 from thingc.tools.diff.assembly_facts import shape_of
@@ -96,8 +95,7 @@ def snapshot_of_lock(path: str) -> Snapshot:
     Raises `UnreadableSide`.
     """
     report = Report()
-    workspace = Workspace.find(path, report)
-    lock = read_lock(workspace, report) if workspace is not None else None
+    lock = read_lock_file(path, report)
     if lock is None:
         raise UnreadableSide(f"`{path}` cannot be read", tuple(report.ordered()))
     things: dict[str, SnapshotElement] = {}
