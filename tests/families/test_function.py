@@ -259,7 +259,7 @@ def test_a_wrong_plan_is_dropped(workspace: Path, monkeypatch: pytest.MonkeyPatc
 
 BAD: list[tuple[dict[str, Any], str]] = [
     ({"names": ["lod"]}, "the document has no number `lod`: did you mean `load`?"),
-    ({"names": ["heavy"]}, "`heavy` is not a number, but `false`: set it with `at={'heavy': ...}`"),
+    ({"names": ["heavy"]}, "`heavy` is not a number, but `false`: leave it out, or give its value as another setting"),
     ({"names": ["joints.*.offset"]}, "expected the name of one number, found `joints.*.offset`: write the names one by one"),
     ({"names": ["joints.lift.velocty"]}, "the document has no number at `joints.lift.velocty`: correct the path, or write a value there"),
     ({"names": ["load"], "at": [1]}, "expected `at` to be a mapping from names to values, found `[1]`"),

@@ -6,19 +6,22 @@
     torque_margin                           smallest effort / |static torque| of all drives
     length.JOINT                            distance of a joint from the previous joint, as in the documents
     site:MOUNT.x y z                        position of a mount in the world, if requested
+    tests.NAME                              what a test measures, if requested (`TESTED`), by pose if it has several
 
 Box, reach, torques and sites are computed for one mode and one pose.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
 from thingc.base.inertia import total
 from thingc.base.numeric import dist, inf, maximum, minimum
 from thingc.base.pose import Pose, Vector
 from thingc.base.suggestions import did_you_mean
+from thingc.base.units import ANGLE, INERTIA, LENGTH, MASS, NUMBER, Dimension
 from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.kinematics import placed_bodies
@@ -27,12 +30,25 @@ from thingc.model.robot.types import Robot
 from thingc.model.statics.efforts import static_efforts
 from thingc.model.statics.support import lifted, stance
 
+if TYPE_CHECKING:
+    from thingc.targets.request import EmitRequest
+
 Results = dict[str, float | None]
 """Results by name in SI units. If a variant does not have a result, its value is None or missing."""
 SITE = "site:"
 """Prefix of the results of a mount."""
 TORQUES = "torque_margin"
 """The result that requires the torques of all drives."""
+
+TEST = "tests."
+"""Prefix of what tests measure."""
+DIMENSIONS = {"mass": MASS, "inertia": INERTIA, TORQUES: NUMBER}
+"""Dimensions of results by the first part of the name; the other results are lengths."""
+TESTED: Mapping[str, Mapping[str, Dimension]] = {
+    "mass": {"mass": MASS}, "centre": {"centre": LENGTH}, "reach": {"reach": LENGTH}, "point": {"distance": LENGTH, "angle": ANGLE},
+    "ground_clearance": {"clearance": LENGTH}, "torque_margin": {"margin": NUMBER},
+}
+"""Measured values with their dimensions, by kind of test. Other kinds of tests measure no numbers that change smoothly."""
 
 
 class UnknownMount(Exception):
@@ -51,7 +67,7 @@ def measure(
 
     If the loops of the mode do not close in the pose, box, reach, sites and torque margin are omitted. The torque margin is also omitted
     for robots with closed loops (because the torques depend on how the loops share the load), for robots that do not stand on their feet,
-    and without `torques`. `reach` contains references to two mounts; `sites` contains references to any mounts.
+    and without `torques`. `reach` contains references to two mounts; `sites` contains references to any mounts, or to their coordinates.
     """
     assembly = robot.assembly
     whole = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
@@ -65,7 +81,7 @@ def measure(
     within = in_link(assembly)
     results.update(lengths(assembly, within))
     ends = [_mount(assembly, text) for text in reach or ()]
-    mounts = {f"{SITE}{text}": _mount(assembly, text) for text in sites}
+    mounts = dict(_site(assembly, text) for text in sites)
     placed = _placed(robot, pose)
     if placed is None:
         return results
@@ -85,6 +101,26 @@ def measure(
     if torques and not robot.closures and not lifted(stance(robot, q, bodies).feet):
         held = static_efforts(robot, q, bodies)
         results[TORQUES] = held.least_margin if held.fall is None else None
+    return results
+
+
+def measure_tests(request: EmitRequest, names: Collection[str]) -> Results:
+    """Return what tests measure. The name of a value contains the mode and the pose, if they differ, and its key, if there are several."""
+    from thingc.driver.testing.test_runner import Selection, run
+
+    report = request.report
+    reported = len(report.diagnostics)
+    done = run(request, Selection(only=tuple(names)))
+    del report.diagnostics[reported:]  # a failed test is not an error here
+    results: Results = {}
+    for one in done:
+        alike = [other for other in done if other.name == one.name]
+        differing = [getattr(one, key) for key in ("mode", "pose") if len({getattr(other, key) for other in alike}) > 1]
+        keys = TESTED[one.kind]
+        for key in keys:
+            value, words = one.outcome.measured.get(key), [TEST + one.name, *map(str, differing), *([key] if len(keys) > 1 else [])]
+            entries = zip("xyz", value) if isinstance(value, list) else [("", value)]
+            results.update((".".join((*words, *axis)), entry) for axis, entry in entries)  # type: ignore[misc]
     return results
 
 
@@ -152,6 +188,16 @@ def _mount(assembly: Assembly, text: str) -> tuple[int, str]:
     known = [one.path.replace("/", ".") for one in assembly.exported]
     known += [f"{one.path}.{mount}".replace("/", ".") for one in assembly.occurrences for mount in one.mounts if one.path == owner]
     raise UnknownMount(text, known)
+
+
+def _site(assembly: Assembly, text: str) -> tuple[str, tuple[int, str]]:
+    """Return the result of a mount, and the occurrence and the mount. The reference may end with a coordinate: `hook.z`."""
+    try:
+        return f"{SITE}{text}", _mount(assembly, text)
+    except UnknownMount:
+        if text[-2:] not in (".x", ".y", ".z"):
+            raise
+        return f"{SITE}{text[:-2]}", _mount(assembly, text[:-2])
 
 
 def _frame(assembly: Assembly, occurrence: int, mount: str) -> Pose:

@@ -11,7 +11,7 @@ import numpy as np
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.batch.families.results import Evaluated
-from thingc.batch.measurements import Results, UnknownMount, measure
+from thingc.batch.measurements import Results, UnknownMount, measure, measure_tests
 from thingc.batch.plans import numeric_plan
 from thingc.batch.plans.numeric_plan import MOST, NumericPlan, PlanCache, PlanCaches, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
@@ -42,17 +42,20 @@ FEW = 8
 class Evaluation:
     """Compute the results of one mode, with those of `sites`, and without the torque margin if `torques` is False.
 
+    With `tests`, which are names, the results are what these tests measure.
+
     Pose, reach and rules are those of `plan`, if there is one. `verify` is as in `ModelsOfMode`.
     """
 
     def __init__(
         self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, refusals: Refusals, *, verify: int | None,
-        sites: tuple[str, ...] = (), torques: bool = True,
+        sites: tuple[str, ...] = (), torques: bool = True, tests: tuple[str, ...] = (),
     ) -> None:
         self.session = session
         self.reader = reader
         self.mode = mode
         self.measure = partial(measure, sites=sites, torques=torques)
+        self.tests = tests
         self.pose = plan.pose if plan is not None else None
         self.reach = plan.reach if plan is not None else None
         self.rules = tuple(plan.rules) if plan is not None else ()
@@ -172,6 +175,11 @@ class Evaluation:
         return plan
 
     def _traced(self, compilation: Compilation, tape: Tape) -> Results:
+        return self._results(compilation)
+
+    def _results(self, compilation: Compilation) -> Results:
+        if self.tests:
+            return measure_tests(pipeline.request_of(self.session.environment, compilation), self.tests)
         return self.measure(compilation.robots[0], self.pose, self.reach)
 
     # --- through every pass ---------------------------------------------------------------------------------------------
@@ -189,7 +197,7 @@ class Evaluation:
         if report.failed or not compilation.robots:
             return {}, report, None
         try:
-            return self.measure(compilation.robots[0], self.pose, self.reach), report, compilation
+            return self._results(compilation), report, compilation
         except UnknownMount as fault:
             report.say(fault.diagnostic)
             return {}, report, None

@@ -17,7 +17,7 @@ from thingc.batch.families.mjspec_recompile import ModelTemplate
 from thingc.batch.families.models import ModelsOfMode
 from thingc.batch.families.results import Evaluated, Explanation, NoModel
 from thingc.batch.families.search_space import SearchSpace, of_axes, of_parameters
-from thingc.batch.measurements import SITE, TORQUES
+from thingc.batch.measurements import SITE, TEST, TESTED, TORQUES
 from thingc.batch.planning import Variant
 from thingc.batch.plans.build_templates import Builds
 from thingc.batch.plans.numeric_plan import PlanCache
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     import mujoco
 
     from thingc.batch.families.function import FamilyFunction
+    from thingc.batch.families.sensitivity import Sensitivity
     from thingc.batch.planning import Plan
     from thingc.model.resolve.resolver import Sources
     from thingc.modes import Modes
@@ -75,9 +76,9 @@ class RobotFamily:
 
     def __init__(
         self, document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None,
-        verify: int | None = None, compat: Iterable[str] | str | None = None,
+        verify: int | None = None, compat: Iterable[str] | str | None = None, options: Options | None = None,
     ) -> None:
-        """Read a document.
+        """Read a document. `options` replace `store`, `jobs` and `compat`.
 
         Raises `CompileError` for a document with errors, `UnknownChoice` for an unknown mode or program, and `FamilyError` if `jobs` or
         `verify` is not an integer of at least 0.
@@ -86,8 +87,8 @@ class RobotFamily:
         if verify is not None and not is_whole(verify, 0):
             raise FamilyError(f"expected `verify` to be None, 0 (compare none), 1 (all) or N (one in N), found `{verify}`")
         path, store = os.fsdecode(document), None if store is None else os.fsdecode(store)
-        options = Options(store=store, jobs=jobs, compat=None if compat is None else chosen_consumers(compat))
-        self._again = partial(RobotFamily, os.path.abspath(path), store=store, jobs=jobs, mode=mode, verify=verify, compat=options.compat)
+        options = options or Options(store=store, jobs=jobs, compat=None if compat is None else chosen_consumers(compat))
+        self._again = partial(RobotFamily, os.path.abspath(path), mode=mode, verify=verify, options=options)
         self._plan = _planned(path, options)
         self._session = Session(self._plan.assembly if self._plan is not None else path, options)
         sources = self._session.sources
@@ -113,7 +114,7 @@ class RobotFamily:
         self._builds: dict[tuple[str, ...], Builds] = {}
         self._switches: dict[tuple[str, ...], Builds] = {}
         self._refusals: dict[str, Refusals] = {}
-        self._evaluations: dict[tuple[str, tuple[str, ...], bool], Evaluation] = {}
+        self._evaluations: dict[tuple[Any, ...], Evaluation] = {}
 
     def __enter__(self) -> RobotFamily:
         return self
@@ -240,7 +241,7 @@ class RobotFamily:
         _, read = self._read(settings)
         if read.report is not None:
             return tuple(read.report.ordered())
-        own = self._reader.settings(read, self._units or self._written_units(read.names))
+        own = self._reader.settings(read, self._units or {name: unit_in(node.text) for name, node in self._written(read.names).items()})
         given = {**own.parameters, **own.choices}
         environment = self._session.environment
         return write_values(environment.document, given, environment.options).found if given else ()
@@ -251,18 +252,50 @@ class RobotFamily:
     ) -> FamilyFunction:
         """Return the family as a function from numbers, by parameter or path, to results, with exact derivatives.
 
-        `outputs` are results of `evaluate`, groups of results (`centre`, `inertia`, `box`), or positions of mounts (`site:hook`) in the
-        world. `at` are additional fixed settings. Raises `FamilyError` for a name that is not a number and for an unknown result, and
-        `UnknownChoice` for an unknown mode. The rules of a variants document do not apply.
+        `outputs` are results of `evaluate`, groups of results (`centre`, `inertia`, `box`), or positions of mounts in the world
+        (`site:hook`, `site:hook.z`). They can also be what tests measure (`tests.weight`), without other results. `at` are additional
+        fixed settings. Raises `FamilyError` for a name that is not a number and for an unknown result, and `UnknownChoice` for an unknown
+        mode. The rules of a variants document do not apply.
         """
         from thingc.batch.families.function import FamilyFunction
 
         wanted = _as_names(outputs)
         sites = tuple(dict.fromkeys(name[len(SITE):] for name in wanted if name.startswith(SITE)))
-        evaluation = self._evaluation_of(self.mode if mode is None else self._known(mode), sites, torques=TORQUES in wanted)
+        tests = tuple(dict.fromkeys(name.split(".")[1] for name in wanted if name.startswith(TEST)))
+        self._check_tests(tests, alone=all(name.startswith(TEST) for name in wanted))
+        evaluation = self._evaluation_of(self.mode if mode is None else self._known(mode), sites, TORQUES in wanted, tests)
         limits = of_parameters(self._spec, self._reader.parameters, self._bound)
         again = partial(self.function, names, outputs, mode=mode, at=at)
         return FamilyFunction(evaluation, self._reader, limits, _as_names(names), wanted, {} if at is None else at, again)
+
+    def sensitivity(
+        self, outputs: Sequence[str] | str = ("mass", "centre"), names: Sequence[str] | str = (), *, mode: str | None = None,
+        at: Mapping[str, Any] | None = None,
+    ) -> list[Sensitivity]:
+        """Return the derivative of each output by each number, by parameter or path (default: the parameters that are numbers).
+
+        `outputs` are as in `function`, patterns such as `tests.*`, or both. `at` are other settings, also of the numbers. Raises as
+        `function`, and `FamilyError` for settings without results.
+        """
+        from thingc.batch.families.sensitivity import results_by_function, sensitivities
+
+        given = dict(at or {})
+        numeric = [one.name for one in self.space if isinstance(one.value, float)]
+        by = _as_names(names) or list(self._written(numeric))
+        kinds = {name: test.kind for name, test in self._spec.tests.items()}
+        fixed = {name: value for name, value in given.items() if name not in by}
+        x: dict[str, float] = {}
+
+        def alone(result: str, name: str) -> FamilyFunction:
+            return self.function(name, result, mode=mode, at={**fixed, **{other: value for other, value in x.items() if other != name}})
+
+        found: list[Sensitivity] = []
+        for results in results_by_function(_as_names(outputs), kinds):
+            function = self.function(by, results, mode=mode, at=fixed)
+            read = self._reader.read({**dict(zip(by, function.start.tolist(), strict=True)), **given})
+            x.update(zip(read.names, read.values, strict=True))
+            found += sensitivities(function, x, kinds, self._written(by), alone)
+        return found
 
     @cached_property
     def space(self) -> SearchSpace:
@@ -340,13 +373,24 @@ class RobotFamily:
             self._refusals[mode] = Refusals(self._session, self._reader, (mode,), verify=self._verify)
         return self._refusals[mode]
 
-    def _evaluation_of(self, mode: str, sites: tuple[str, ...] = (), *, torques: bool = True) -> Evaluation:
-        key = (mode, sites, torques)
+    def _evaluation_of(self, mode: str, sites: tuple[str, ...] = (), torques: bool = True, tests: tuple[str, ...] = ()) -> Evaluation:
+        key = (mode, sites, torques, tests)
         if key not in self._evaluations:
             self._evaluations[key] = Evaluation(
                 self._session, self._reader, mode, self._plan, self._refusals_of(mode), verify=self._verify, sites=sites, torques=torques,
+                tests=tests,
             )
         return self._evaluations[key]
+
+    def _check_tests(self, names: Sequence[str], *, alone: bool) -> None:
+        """Raise `FamilyError` for tests that measure no smooth numbers, and for tests beside other results unless they are `alone`."""
+        for name in names:
+            if name not in self._spec.tests:
+                raise FamilyError(f"there is no test `{name}`: {did_you_mean(name, self._spec.tests, what='tests')}")
+            if (kind := self._spec.tests[name].kind) not in TESTED:
+                raise FamilyError(f"`{TEST}{name}` has no derivatives, because `{kind}` is not a smooth number: leave it out")
+        if names and not alone:
+            raise FamilyError(f"`{TEST}{names[0]}` cannot be computed with other results: use a separate function for tests")
 
     def _builds_of(self, targets: tuple[str, ...]) -> Builds:
         from thingc.targets.registry import chosen, unknown
@@ -371,13 +415,13 @@ class RobotFamily:
     def _units(self) -> Mapping[str, str]:
         return self._plan.written_in if self._plan is not None else {}
 
-    def _written_units(self, names: Iterable[str]) -> dict[str, str]:
-        """Return the units of numbers in the document, by name. Expressions and missing values are omitted."""
+    def _written(self, names: Iterable[str]) -> dict[str, ScalarNode]:
+        """Return the numbers in the document, by name. Expressions and missing values are omitted."""
         from thingc.driver.edit_document import keys_of
 
         root = self._sources.documents.root
         nodes = {name: stated_node(root.tree, keys_of(root, name)) for name in names}
-        return {name: unit_in(node.text) for name, node in nodes.items() if isinstance(node, ScalarNode) and not node.text.startswith("=")}
+        return {name: node for name, node in nodes.items() if isinstance(node, ScalarNode) and not node.text.startswith("=")}
 
     def _bound(self, name: str, key: str) -> float | None:
         """Return a bound of a parameter [SI], or None."""

@@ -12,12 +12,13 @@ import numpy.typing as npt
 
 from thingc.base.diagnostics import Diagnostic, Severity
 from thingc.base.suggestions import did_you_mean
-from thingc.base.units import NUMBER, Quantity
+from thingc.base.units import Quantity
 from thingc.batch.families.evaluation import Evaluation, ResultsShape
 from thingc.batch.families.search_space import SearchSpace
 from thingc.batch.plans.derivatives import DerivativeFunction, Derivatives, NotSmooth, derivative_function
 from thingc.batch.plans.numeric_plan import MOST, NumericPlan
 from thingc.batch.results import FamilyError
+from thingc.batch.values import standard_unit
 from thingc.driver.settings import ParsedSettings, SettingsReader
 
 if TYPE_CHECKING:
@@ -92,7 +93,8 @@ class FamilyFunction:
         if twice := [name for place, name in enumerate(self.names) if name in (*self.names[:place], *fixed)]:
             raise FamilyError(f"`{twice[0]}` is given twice: leave out one of them")
         kinds = [self._number(name) for name in self.names]
-        self.units = tuple("" if kind.dimension == NUMBER else kind.dimension.symbol for kind in kinds)
+        self.dimensions = tuple(kind.dimension for kind in kinds)
+        self.units = tuple(map(standard_unit, self.dimensions))
         own = dict(zip(given.names, given.values)) if (given := reader.read({})).report is None else {}
         self.start = np.array([own.get(name, kind.value) for name, kind in zip(self.names, kinds)], dtype=np.float64)
         known = {one.name: (one.low, one.high) for one in space}
@@ -313,8 +315,8 @@ class FamilyFunction:
             raise FamilyError(f"the document has no number `{name}`: {did_you_mean(name, known, what='parameters')}")
         if kind is not None:
             words = str(kind).lower() if isinstance(kind, bool) else str(kind)
-            raise FamilyError(f"`{name}` is not a number, but `{words}`: set it with `at={{{name!r}: ...}}`")
-        raise FamilyError(f"the document has no value for `{name}`: give it one in the document, or set it with `at`")
+            raise FamilyError(f"`{name}` is not a number, but `{words}`: leave it out, or give its value as another setting")
+        raise FamilyError(f"the document has no value for `{name}`: give it one in the document")
 
     def _expanded(self, outputs: Sequence[str]) -> tuple[str, ...]:
         """Return the names of results: `centre` becomes `centre.x`, `centre.y` and `centre.z`. Raises `FamilyError`."""
@@ -324,7 +326,8 @@ class FamilyFunction:
             raise FamilyError(f"there are no results at {self._shown(self.start)}: {_errors(results.problems)}")
         found: list[str] = []
         for name in outputs:
-            group = [name] if name in results.results else [one for one in results.results if one.startswith(f"{name}.")]
+            known = results.results
+            group = [name] if name in known else [one for one, value in known.items() if one.startswith(f"{name}.") and value is not None]
             if not group:
                 raise FamilyError(f"there is no result `{name}`: {did_you_mean(str(name), results.results, what='results')}")
             found += group

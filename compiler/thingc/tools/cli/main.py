@@ -27,6 +27,7 @@ COMMANDS = {
     "test": "run the tests in a document",
     "diff": "show the effect of a change on a robot: parts, masses, joints, tests, prints",
     "info": "show masses, links and joints of a robot, and the source of each number",
+    "sensitivity": "show how results of a robot change with its parameters: derivatives with units",
     "render": "draw a picture of a robot in one of its poses",
     "hag": "print the assembly graph (text, DOT, Mermaid, SVG, GraphML or JSON)",
     "lock": "write the properties of parts to parts.lock.json, to check documents without running their code",

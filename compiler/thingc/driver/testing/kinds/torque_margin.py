@@ -10,7 +10,7 @@ from pydantic import Field
 
 from thingc.base.diagnostics import Code, DiagnosticCode, Note, noted
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.numeric import isfinite
+from thingc.base.numeric import isfinite, rounded
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose
 from thingc.base.units import FORCE, LENGTH, NUMBER, TORQUE
@@ -160,7 +160,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
 
 def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
     """Return the drive with the smallest margin. If margins differ only by rounding, return the first of these drives."""
-    return min(check.joints, key=lambda path: float(f"{margins[path]:.12g}"))
+    return min(check.joints, key=lambda path: rounded(margins[path], 12))
 
 
 def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:

@@ -1,0 +1,103 @@
+"""The sensitivity of results to numbers of the document: derivatives with units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from fnmatch import fnmatchcase
+from math import nan
+
+import numpy as np
+
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.source import ScalarNode, Span
+from thingc.base.units import LENGTH, Dimension, Quantity
+from thingc.batch.families.function import FamilyFunction, NotDifferentiable
+from thingc.batch.measurements import DIMENSIONS, TEST, TESTED
+from thingc.batch.values import unit_in
+
+
+class Sensitivity(OneLineRepr, FrozenStruct):
+    """The `derivative` of a `result` by a number of the document, in SI units, with an estimate of its `error` (0: exact).
+
+    `value` and `number` are the values of the result and of the number. The document writes the number at `span`, in `unit`. `why` is the
+    reason if there is no derivative, which is then NaN.
+    """
+
+    result: str
+    name: str
+    value: Quantity
+    number: Quantity
+    derivative: float
+    error: float
+    unit: str = ""
+    span: Span | None = None
+    why: str = ""
+
+    @property
+    def change(self) -> float:
+        """The change of the result if the number grows by 1 %, in SI units."""
+        return self.derivative * self.number.value / 100.0
+
+
+def results_by_function(patterns: Iterable[str], kinds: Mapping[str, str]) -> list[list[str]]:
+    """Return the results of each function: ordinary results together, and each test alone. `kinds` are the kinds of tests by name.
+
+    Patterns such as `tests.*` match tests that measure smooth numbers.
+    """
+    results, tests = list[str](), dict[str, list[str]]()
+    for text in patterns:
+        if text.startswith(TEST) and "*" in text:
+            matching = [one for one, kind in kinds.items() if kind in TESTED and fnmatchcase(one, text[len(TEST):])]
+            tests.update((one, [TEST + one]) for one in matching or [text[len(TEST):]])
+        elif text.startswith(TEST):
+            tests.setdefault(text.split(".")[1], []).append(text)
+        else:
+            results.append(text.removesuffix(".*"))
+    return [one for one in (results, *tests.values()) if one]
+
+
+def sensitivities(
+    function: FamilyFunction, x: Mapping[str, float], kinds: Mapping[str, str], written: Mapping[str, ScalarNode],
+    alone: Callable[[str, str], FamilyFunction],
+) -> Iterator[Sensitivity]:
+    """Yield the derivatives of a function at `x`. If one does not exist, `alone(result, name)` returns the function of each.
+
+    `written` are the values in the document.
+    """
+    point = np.array([x[name] for name in function.names])
+    values = function.value(point)
+    found: dict[tuple[int, int], tuple[float, float, str]] = {}
+    try:
+        jacobian = function.jacobian(point)
+        assert jacobian.error is not None
+        found = {place: (float(one), float(error), "") for (place, one), error in zip(np.ndenumerate(jacobian), jacobian.error.flat)}
+    except NotDifferentiable:
+        pass
+    for row, result in enumerate(function.outputs):
+        for column, name in enumerate(function.names):
+            derivative, error, why = found.get((row, column)) or _derivative(alone(result, name), x[name])
+            node = written.get(name)
+            yield Sensitivity(
+                result=result, name=name, value=Quantity(float(values[row]), _dimension_of(result, kinds)),
+                number=Quantity(x[name], function.dimensions[column]), derivative=derivative, error=error,
+                unit=unit_in(node.text) if node is not None else "", span=node.span if node is not None else None, why=why,
+            )
+
+
+def _derivative(function: FamilyFunction, x: float) -> tuple[float, float, str]:
+    """Return the derivative of a function of one number, its error, and the reason if there is none."""
+    try:
+        jacobian = function.jacobian([x])
+    except NotDifferentiable as fault:
+        return nan, 0.0, str(fault)
+    assert jacobian.error is not None
+    return float(jacobian[0, 0]), float(jacobian.error[0, 0]), ""
+
+
+def _dimension_of(result: str, kinds: Mapping[str, str]) -> Dimension:
+    words = result.split(".")
+    if not result.startswith(TEST):
+        return DIMENSIONS.get(words[0], LENGTH)
+    keys = TESTED[kinds[words[1]]]
+    return keys.get(words[-1], next(iter(keys.values())))

@@ -1,0 +1,139 @@
+"""`thingc sensitivity`: show how results of a robot change with its parameters."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
+
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.base.units import ANGLE, INERTIA, LENGTH, MASS, Quantity, parse_quantity
+from thingc.batch.values import standard_unit
+from thingc.driver.api import CompileError
+from thingc.tools.cli import console
+
+if TYPE_CHECKING:
+    from thingc.batch.families.sensitivity import Sensitivity
+
+EPILOG = """\
+Derivatives are exact, except for parameters of modelled parts: these are estimated from five robots near this one, and the error of the
+estimate is shown after `+-`.
+
+  thingc sensitivity assemblies/arm.yaml                            mass and centre of mass by all parameters
+  thingc sensitivity assemblies/arm.yaml --of mass,centre.z,tests.* also what the tests of the document measure
+  thingc sensitivity assemblies/arm.yaml --of site:tip.z --by reach,joints.elbow.turn -p 'reach=120 mm'
+"""
+SHOWN = {MASS: "g", LENGTH: "mm", ANGLE: "deg", INERTIA: "kg*mm^2"}
+"""Units of results, and of numbers for which the document does not use a unit."""
+ALIASES = {"com": "centre"}
+"""Names of results as in documents."""
+NONE = 1e-12
+"""Relative change of a result that is only rounding."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `sensitivity`."""
+    parser.epilog = EPILOG
+    console.add_document(parser)
+    parser.add_argument(
+        "--of", metavar="RESULT,...", type=_listed, default=["mass", "centre"], help="results such as mass, centre.z (or com.z), inertia, "
+        "box, length.JOINT, torque_margin, site:MOUNT.z, tests.NAME or tests.* (default: mass,centre)",
+    )
+    parser.add_argument("--by", metavar="NAME,...", type=_listed, default=[], help="parameters or paths (default: all numeric parameters)")
+    parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first)")
+    console.add_format(parser)
+    console.add_compiling(parser)
+
+
+def _listed(text: str) -> list[str]:
+    words = [word.strip() for word in text.split(",")]
+    if not all(words):
+        raise argparse.ArgumentTypeError(f"expected names separated by commas, found `{text}`")
+    return words
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run `sensitivity`. In text format, diagnostics go to standard error."""
+    from thingc.batch.families import RobotFamily
+    from thingc.batch.results import FamilyError
+
+    console.require_document(arguments.document)
+    options = console.options_of(arguments)
+    given = {**options.parameters, **options.choices}
+    outputs = [".".join((ALIASES.get(first, first), *rest)) for first, *rest in (one.split(".") for one in arguments.of)]
+    found: list[Sensitivity] = []
+    try:
+        with RobotFamily(arguments.document, mode=arguments.mode, options=replace(options, parameters={}, choices={})) as family:
+            report = Report(list(family.evaluate(given).problems))
+            if not report.failed:
+                found = family.sensitivity(outputs, arguments.by, at=given)
+        report.diagnostics += map(_missing, {one.name: one for one in reversed(found) if one.why}.values())
+    except CompileError as fault:
+        report = Report(list(fault.diagnostics))
+    except FamilyError as fault:
+        message, _, help = str(fault).partition(": ")
+        raise console.WrongCommandLine(message, help) from fault
+    diagnostics = console.final(report, strict=arguments.strict)
+    if arguments.format == "json":
+        console.print_json(diagnostics, sensitivities=list(map(_as_data, found)))
+        return console.exit_code(diagnostics)
+    code = console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    if found:
+        console.say(*as_text(found))
+    return code
+
+
+def _missing(one: Sensitivity) -> Diagnostic:
+    message, _, help = one.why.rpartition("; ")
+    path = f"{one.result} by {one.name}"
+    return Diagnostic(code=Code.RESULT, severity=Severity.ERROR, message=message, span=one.span, path=path, help=help)
+
+
+def _as_data(one: Sensitivity) -> dict[str, object]:
+    """Return the data for JSON output, in SI units. `derivative` is null if it does not exist."""
+    derivative, error = (None, None) if one.why else (one.derivative, one.error)
+    return {
+        "result": one.result, "name": one.name, "value": one.value.value, "at": one.number.value, "derivative": derivative, "error": error,
+    }
+
+
+def as_text(found: Sequence[Sensitivity]) -> list[str]:
+    """Return the table as lines: for each result, the numbers that change it, the greatest change first."""
+    rows = [("result", "value", "parameter", "at", "derivative", "error", "+1 % changes it by", "")]
+    idle: list[str] = []
+    for result, each in groupby(found, key=lambda one: one.result):
+        effects = [one for one in each if one.why or abs(one.derivative) > max(one.error, NONE * abs(one.value.value))]
+        if not effects:
+            idle.append(result)
+        for number, one in enumerate(sorted(effects, key=lambda one: (-abs(one.change), -abs(one.derivative)))):
+            unit, size = _unit(one.value)
+            head = (result, f"{one.value.value / size:z.4g} {unit}".rstrip()) if number == 0 else ("", "")
+            rows.append((*head, *_cells(one)))
+    lines = console.table(rows, right=(1, 3)) if len(rows) > 1 else []
+    return [*lines, *([f"no parameter changes {', '.join(idle)}"] if idle else [])]
+
+
+def _cells(one: Sensitivity) -> tuple[str, ...]:
+    """Return the cells of a derivative."""
+    by, by_size = (one.unit, parse_quantity(f"1 {one.unit}").value) if one.unit else _unit(one.number)
+    at = f"{one.number.value / by_size:z.4g} {by}".rstrip()
+    if one.why:
+        return one.name, at, "does not exist", "", "", ""
+    unit, size = _unit(replace(one.value, value=one.derivative * by_size))
+    per = f"{unit or '1'}/({by})" if "/" in by or "*" in by else f"{unit or '1'}/{by}" if by else unit
+    derivative = f"{one.derivative * by_size / size:z.4g} {per}".rstrip()
+    error = f"+-{one.error * by_size / size:.1g}" if one.error else "exact"
+    unit, size = _unit(replace(one.value, value=one.change))
+    change = f"{one.change / size:+.3g} {unit}".rstrip() if one.change else ""
+    share = f"{100.0 * one.change / abs(one.value.value):+.2g} %" if abs(one.change) > 1e-9 * abs(one.value.value) > 0.0 else ""
+    return one.name, at, derivative, error, change, share
+
+
+def _unit(value: Quantity) -> tuple[str, float]:
+    """Return the unit in which a value is shown, and its size in SI units."""
+    unit = "kg" if value.dimension == MASS and abs(value.value) >= 1.0 else SHOWN.get(value.dimension) or standard_unit(value.dimension)
+    return unit, parse_quantity(f"1 {unit}").value
