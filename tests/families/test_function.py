@@ -92,7 +92,7 @@ def differences(function: FamilyFunction, x: np.ndarray, step: float = 1e-3) -> 
 
 def test_values_are_those_of_evaluate_to_the_last_bit(everything: thingc.RobotFamily) -> None:
     function = everything.function(["load", "length", "joints.lift.limit.effort"], ["mass", "centre", "inertia", "length"])
-    assert function.units == ("kg", "m", "kg*m^2/s^2") and function.start.tolist() == [0.5, 0.3, 8.0]
+    assert function.units == ("kg", "m", "N*m") and function.start.tolist() == [0.5, 0.3, 8.0]
     assert function.bounds[:2].tolist() == [[0.01, 20.0], [0.1, 0.9]] and np.isinf(function.bounds[2]).all()
     assert function.outputs[:2] == ("mass", "centre.x") and "length.neck" in function.outputs
     rows = np.random.default_rng(3).uniform([0.005, 0.08, 4.0], [21.0, 0.5, 9.0], (300, 3))
@@ -132,6 +132,12 @@ def test_derivatives_are_those_of_differences(strung: thingc.RobotFamily, mode: 
     assert found.error is not None and not found.error.any()
     np.testing.assert_allclose(found, differences(function, x), rtol=1e-8, atol=1e-10)
     assert found[function.outputs.index("mass"), 3] == 1.0 and not np.array_equal(found[-3:, 1], [0.0, 0.0, 0.0])
+
+
+def test_one_coordinate_of_a_site_is_a_result(everything: thingc.RobotFamily) -> None:
+    whole = everything.function("length", "site:hook").value([0.4])
+    one = everything.function("length", ["site:hook.z", "mass", "site:hook.x"])
+    assert one.outputs == ("site:hook.z", "mass", "site:hook.x") and one.value([0.4])[::2].tolist() == [whole[2], whole[0]]
 
 
 def test_other_settings_are_fixed(everything: thingc.RobotFamily) -> None:
