@@ -136,8 +136,9 @@ def run(here: Path, store: str, words: Sequence[str]) -> subprocess.CompletedPro
 @pytest.mark.parametrize(("module", "number"), [
     ("argparse", signal.SIGINT), ("thingc.tools.cli.build", signal.SIGINT), ("pydantic", signal.SIGTERM), ("mujoco", signal.SIGINT),
 ])
-def test_while_modules_are_imported(module: str, number: signal.Signals, here: Path, shared_store: str) -> None:
-    done = run(here, shared_store, ["-c", AT_AN_IMPORT.format(module=module, name=number.name)])
+def test_while_modules_are_imported(module: str, number: signal.Signals, here: Path) -> None:
+    """With a store of its own: MuJoCo is not imported for a model that a build of another test has had accepted."""
+    done = run(here, str(here / "store"), ["-c", AT_AN_IMPORT.format(module=module, name=number.name)])
     assert (done.returncode, done.stdout, done.stderr) in [(130, "", SAID), (130, "", "")], "early there is no command to speak of yet"
     assert not (here / "build").exists() or list((here / "build").iterdir()) == []
 
@@ -148,9 +149,9 @@ def test_what_code_in_c_makes_of_it(here: Path, shared_store: str) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="glfw is told its library on Linux")
-def test_importing_mujoco_begins_no_process(here: Path, shared_store: str) -> None:
+def test_importing_mujoco_begins_no_process(here: Path) -> None:
     """Which would print a traceback of its own: glfw looks at its library in one."""
-    done = run(here, shared_store, ["-c", PROCESSES])
+    done = run(here, str(here / "store"), ["-c", PROCESSES])
     assert done.returncode == 0 and (here / "build/robot/mjcf").exists() and "glfw" not in done.stderr
 
 
