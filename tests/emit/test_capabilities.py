@@ -157,6 +157,24 @@ def test_masses_at_points_are_of_no_solid(tmp_path: Path) -> None:
             assert lost(built.compilation, says) == ([] if words is None else [("default", "post", what + words)])
 
 
+HAND = f"""\
+thingc: assembly/1
+name: hand
+components: {{palm: {{frame: true, {MASS}}}, tip: {{frame: true, {MASS}}}}}
+joints: {{knuckle: {{type: continuous, parent: palm.origin, child: tip.origin}}}}
+tendons:
+  pull: {{joints: {{knuckle: 1}}}}
+"""
+
+
+def test_a_loss_of_a_nested_tendon_shows_both_documents(tmp_path: Path) -> None:
+    robot = "thingc: assembly/1\nname: robot\ncomponents:\n  left: {assembly: hand.yaml}\n"
+    assembly = compiled(tmp_path, {"robot.yaml": robot, "hand.yaml": HAND}).compilation.assembly
+    assert assembly is not None
+    (loss,) = (one for one in losses("toy", every(OMITTED), assembly, ()) if one.path == "left/pull")
+    assert [(Path(span.file).name, span.line) for span in loss.origin] == [("hand.yaml", 6), ("robot.yaml", 4)]
+
+
 def text_of(robot: Any, target: str) -> str:
     """What a target writes of the mode `still`."""
     still, report = robot.robots[0], Report()

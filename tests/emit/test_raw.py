@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from emit.read_usd import Model
@@ -142,7 +143,8 @@ def test_attributes_of_usd_have_types(tmp_path: Path) -> None:
          "physics:lowerLimit": -30, "physics:breakForce": 1.5e+3}
       wrist: {"physics:collisionEnabled": true}
     link: {left/tip: {"mine:ints": [1, 2], "mine:reals": [1, 2.5], "mine:name": "a \\"b\\"\\r", "float3 mine:vector": [1, 2, 3]}}
-    scene: {"token physxScene:solverType": TGS, "int mine:n": 3, "double mine:d": 1.0e+300, "physics:gravityDirection": [0, 1, 0]}"""
+    scene: {"token physxScene:solverType": TGS, "int mine:n": 3,
+            "double mine:d": 1.7976931348623157e+308, "float mine:f": -3.4028234663852886e+38, "physics:gravityDirection": [0, 1, 0]}"""
     assert built(tmp_path, raw, "--emit", "usd") == 0
     for mode in "mn":
         text = (tmp_path / "build" / "robot" / "usd" / f"robot_{mode}.usda").read_text()
@@ -162,7 +164,8 @@ def test_attributes_of_usd_have_types(tmp_path: Path) -> None:
         assert of("left_tip", "mine:ints", "mine:reals", "mine:name", "mine:vector") == [
             ("int[]", [1, 2]), ("float[]", [1.0, 2.5]), ("string", 'a "b"\r'), ("float3", [1.0, 2.0, 3.0]),
         ]
-        assert of("scene", "physxScene:solverType", "mine:n", "mine:d", "physics:gravityDirection") == [
-            ("token", "TGS"), ("int", 3), ("double", 1e300), ("vector3f", [0.0, 1.0, 0.0]),
+        assert of("scene", "physxScene:solverType", "mine:n", "mine:d", "mine:f", "physics:gravityDirection") == [
+            ("token", "TGS"), ("int", 3), ("double", np.finfo(np.float64).max), ("float", float(np.finfo(np.float32).min)),
+            ("vector3f", [0.0, 1.0, 0.0]),
         ]
         assert text.count("physics:lowerLimit") == 1

@@ -188,3 +188,14 @@ def test_a_plan_is_made_when_it_pays(session: Session, monkeypatch: pytest.Monke
     monkeypatch.setattr(build_templates, "PATIENCE", 4)
     own = made(session)
     assert [own.planned(given(k)) is not None for k in range(5)] == [False, False, False, True, True]
+
+
+def test_no_number_of_a_file_is_infinite(session: Session) -> None:
+    """One of many is enough; a result can be infinite, as a torque margin is."""
+    own = made(session, measured=lambda compilation: {"mass": compilation.robots[0].assembly.links[1].properties.mass})
+    assert [own.planned(given(k)) is not None for k in range(2)] == [False, True]
+    (form,) = own._forms.kept.values()
+    template, count = form.plans[0].made, len(form.plans[0].made.outputs)
+    assert count > 10
+    built = [template.build([math.inf if k == odd else 1.0 for k in range(count)], given(0)) is not None for odd in range(count)]
+    assert built == [False] * (count - 1) + [True]

@@ -251,6 +251,20 @@ def test_part_definitions_come_once_in_document_order(tmp_path: Path) -> None:
     assert outcome.component("first").definition is outcome.component("same").definition
 
 
+def test_links_with_equal_shapes_have_equal_definitions(tmp_path: Path) -> None:
+    """Wherever they are in the documents."""
+    outcome = run(tmp_path, """
+        thingc: assembly/1
+        name: arm
+        components:
+          first: {link: true, mass: 1 kg, shapes: [{box: 100 50 20 mm}, {sphere: {radius: 30 mm}}]}
+          same: {link: true, mass: 2 kg, shapes: [{box: 10 5 2 cm}, {sphere: {radius: 3 cm}}], at: {in: first.origin}}
+          other: {link: true, mass: 1 kg, shapes: [{box: 100 50 20 mm}, {sphere: {radius: 31 mm}}], at: {in: first.origin}}
+        """)
+    first, same, other = (outcome.component(name).definition for name in ("first", "same", "other"))
+    assert first == same and first is not None and first.text == same.text and first != other and first.text != other.text
+
+
 @pytest.mark.parametrize("limit", [3, 2])
 def test_only_so_many_parts_that_fail_are_reported(limit: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("thingc.model.resolve.parts.MAX_FAULTS", limit)

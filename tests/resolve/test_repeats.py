@@ -13,6 +13,7 @@ from resolve.resolving import run
 from thingc.base.diagnostics import Report
 from thingc.base.source import Document, MappingNode, Span
 from thingc.geometry.record import PartDefinition
+from thingc.model.resolve import repeats
 from thingc.model.resolve.references import indexed
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import AssemblyDefinition, Attach
@@ -191,3 +192,21 @@ def test_a_repeated_joint_mimics_the_one_of_its_index(tmp_path: Path) -> None:
     assert outcome.said == []
     found = [outcome.joint(f"knee_{k}").mimic for k in range(2)]
     assert [(mimic.joint, mimic.multiplier) for mimic in found if mimic] == [("hip_0", -1.0), ("hip_1", -2.0)]
+
+
+@pytest.mark.parametrize(("count", "said"), [
+    (3, []), (4, ["TC331 arm.yaml:6:44 with `leg`, this document has 6 components; at most 5 are allowed"]),
+])
+def test_items_of_a_section_are_counted_with_their_repeats(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int, said: list[str]
+) -> None:
+    monkeypatch.setattr(repeats, "MAX_OCCURRENCES", 5)
+    outcome = run(tmp_path, f"""
+        thingc: assembly/1
+        name: arm
+        components:
+          body: {{part: "arm:Plate"}}
+          cap: {{part: "arm:Plate", attach: {{a: body.y}}}}
+          leg: {{part: "arm:Plate", repeat: {{count: {count}}}, attach: {{a: body.x_$i}}}}
+        """)
+    assert outcome.said == said

@@ -1,0 +1,81 @@
+"""Frames and names drawn over a picture, measured in pixels, and the corner points of a model."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from thingc.base.pose import NO_POSE
+from thingc.targets.render.frames import Frame, JointAxis, drawn, placed
+from thingc.targets.render.picture import MARGIN, Shot, camera_of, extent
+from thingc.targets.render.studio import Array, Camera
+
+SIZE = (640, 480)
+PAPER = (128, 128, 128)
+FLOOR = (0.0, 0.0, -9.81)
+
+MODEL = """\
+<mujoco>
+  <worldbody>
+    <body name="a" pos="0.2 0 0.4" euler="20 30 40">
+      <geom type="box" size="0.3 0.02 0.05" pos="0.3 0 0"/>
+      <body name="b" pos="0 0 0.3" euler="0 70 0"><geom type="box" size="0.1 0.2 0.05"/><geom type="box" size="0.05 0.05 0.4"/></body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def boxes() -> tuple[Array, mujoco.MjData]:
+    """The corners of all boxes in the world."""
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    signs = np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1))).reshape(3, 8).T
+    corners = [data.geom_xpos[k] + (signs * model.geom_size[k]) @ data.geom_xmat[k].reshape(3, 3).T for k in range(model.ngeom)]
+    return np.concatenate(corners), data
+
+
+def pixels(camera: Camera, points: Array) -> Array:
+    """Column and row of points."""
+    return (1.0 + camera.project(points) * (1.0, -1.0)) * SIZE / 2.0
+
+
+def test_the_corners_of_a_model_determine_the_camera() -> None:
+    """All corners of all boxes are in the picture, up to the margin."""
+    points, _ = boxes()
+    found, gravity = extent(MODEL, {}, None)
+    assert gravity == FLOOR and 4 <= len(found) < len(points)
+    seen = np.abs(camera_of(np.array(found), gravity, Shot(size=SIZE)).project(points)) / (1.0 - MARGIN)
+    assert 1.0 - 1e-9 < seen.max() < 1.01
+
+
+def test_an_arrow_has_its_widths() -> None:
+    """The shaft is 2.2 px wide and the head 0.9 (4 + 2.2) px; with white, these are 4.2 and 0.9 (4 + 4.2) px."""
+    points, data = boxes()
+    axis = JointAxis(label="", body="world", pose=NO_POSE, slides=True)
+    line = placed(axis, data, 0.1)[0]
+    camera = camera_of(np.concatenate([points, line]), FLOOR, Shot(size=SIZE, azimuth=90.0, elevation=0.0))
+    image = drawn(np.full((*SIZE[::-1], 3), PAPER, np.uint8), [axis], data, camera, 0.1).astype(int)
+    middle = round(float(pixels(camera, line)[:, 1].mean()))
+    orange = (image[..., 0] - image[..., 2] > 107).sum(axis=1)  # at least half of the colour, whose red and blue differ by 214
+    inked = (np.abs(image - PAPER).max(axis=2) > 64).sum(axis=1)
+    assert (orange[middle], inked[middle]) == (2, 4)
+    assert orange.max() == pytest.approx(5.6, abs=1.0) and inked.max() == pytest.approx(7.4, abs=1.0)
+
+
+def test_a_name_is_beside_its_frame() -> None:
+    """It covers nothing of the axes, and is near the origin."""
+    points, data = boxes()
+    camera = camera_of(points, FLOOR, Shot(size=SIZE))
+    frame = Frame(label="shoulder", body="a", pose=NO_POSE)
+    paper = np.full((*SIZE[::-1], 3), 255, np.uint8)
+    image, axes = (drawn(paper, [one], data, camera, 0.1) for one in (frame, replace(frame, label="")))
+    origin = pixels(camera, placed(frame, data, 0.1)[0][:1])[0]
+    axis = np.argwhere(np.ptp(axes.astype(int), axis=2) > 60)
+    axis = axis[np.linalg.norm(axis[:, ::-1] - origin, axis=1) > 3.0]  # a thin line from the name ends at the origin
+    assert len(axis) > 100 and all((image[row, column] == axes[row, column]).all() for row, column in axis)
+    name = np.argwhere((image != axes).any(axis=2))[:, ::-1]
+    assert len(name) > 100 and np.linalg.norm(name - origin, axis=1).max() < 60.0
