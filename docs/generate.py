@@ -5,7 +5,7 @@
 and the last line are written here, and a new code gets a page to be filled in. `compiler/thingc/tools/reporting/examples.json` is what
 `thingc explain` reads of them.
 
-The text between `<!-- generated: ... -->` and `<!-- /generated -->` comes from the files of `driver/testing/kinds/` in
+The text between `<!-- generated: ... -->` and `<!-- /generated -->` comes from the kinds in `documents/checks/` in
 `docs/language/tests.md`, from the capabilities of the targets in `docs/formats.md`, from their declarations in `docs/outputs/index.md`, and
 from the parsers of the command line in `docs/commands/`.
 """
@@ -118,13 +118,14 @@ def _read(path: Path) -> str:
 
 
 def examples(pages: Mapping[Path, str]) -> str:
-    """What `thingc explain` reads: the sections, and by code the meaning and the two examples."""
-    codes: dict[str, Any] = {}
+    """What `thingc explain` reads: the sections, and the explanations of all codes."""
+    codes: list[dict[str, Any]] = []
     for code in sorted(all_codes(), key=lambda code: code.code):
         page = parse_page(pages[path_of(code)])
-        codes[code.code] = {"meaning": page.meaning, "wrong": None, "right": None}
+        explanation = {"code": code.code, "name": code.name, "title": code.title, "meaning": page.meaning, "cure": code.cure}
+        codes.append({**explanation, "wrong": None, "right": None})
         for side, example in page.examples.items():
-            codes[code.code][side] = {"files": example.files, "command": example.command, "said": example.printed.rstrip("\n")}
+            codes[-1][side] = {"files": example.files, "command": example.command, "said": example.printed.rstrip("\n")}
     return json.dumps({"sections": sections(), "codes": codes}, indent=1, ensure_ascii=False) + "\n"
 
 

@@ -28,14 +28,7 @@ ORDER = (
 )
 """Rooms of the package, and folders in them: a module imports from its own and from those before it."""
 ENTRIES = {"__init__.py", "__main__.py", "py.typed", *(room for room in ORDER if room.isidentifier() and not room.startswith("__"))}
-TYPES_ONLY = {
-    ("documents/checks", "thingc.model.resolve"), ("documents/checks", "thingc.model.assembly"),
-    ("documents/checks", "thingc.driver.testing"),
-}
-KINDS = "driver/testing/kinds/"
-"""Kinds of tests, which are imported with the language: what they import at once is of the rooms up to it."""
-OF_KINDS = ("thingc.base.", "thingc.documents.", "thingc.driver.testing.outcomes.")
-"""Folders whose annotations name types of later rooms. Nothing is imported from there at run time."""
+TYPES_ONLY = {("documents/checks", "thingc.model.resolve"), ("documents/checks", "thingc.model.assembly")}
 ALONE = ("geometry/things", "tools/templates")
 """Folders that import nothing else of thingc: part authors read the first, the second holds the files of new workspaces."""
 OF_EXTRAS = {"batch.gym.family_env", "batch.cluster.dask_plugin", "batch.families.jax_function", "batch.gym.variants_env"}
@@ -51,7 +44,7 @@ GEOMETRY: dict[str, set[str]] = {
 }
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd", "ruamel", "tomlkit"}
 LIGHT = (
-    "base/", "documents/load/", "documents/spec/", "documents/checks/", "documents/expressions/", "documents/workspace.py", KINDS,
+    "base/", "documents/load/", "documents/spec/", "documents/checks/", "documents/expressions/", "documents/workspace.py",
     "model/resolve/", "model/assembly/", "model/robot/", "driver/environment.py", "driver/pipeline.py", "driver/up_to_date.py",
 )
 """Where everything is that `check` runs."""
@@ -139,14 +132,6 @@ def test_imports_point_one_way() -> None:
             }
             wrong[place] = sorted(later - only_types)
     assert wrong and {place: names for place, names in wrong.items() if names} == {}, "these modules must not import that"
-
-
-def test_kinds_of_tests_are_imported_without_later_rooms() -> None:
-    seen = {
-        (place_of(path), name) for path in modules() if place_of(path).startswith((KINDS, "driver/testing/outcomes"))
-        for name in named_by(at_run_time(tree(path), called=False)) if name.startswith("thingc.")
-    }
-    assert seen and {(place, name) for place, name in seen if not name.startswith(OF_KINDS)} == set(), "import these inside functions"
 
 
 def test_some_rooms_do_not_see_others() -> None:
@@ -301,7 +286,7 @@ def test_a_class_name_means_one_class() -> None:
 
 NUMBERS = (
     "base/pose.py", "base/inertia.py", "base/primitives.py", "base/joints/", "model/", "modes/",
-    "targets/drawing/", "driver/testing/kinds/",
+    "targets/drawing/", "documents/checks/", "driver/testing/kinds/",
 )
 """Where numbers are computed with."""
 
@@ -327,7 +312,7 @@ def test_lengths_are_the_same_in_every_python() -> None:
 
 
 RECORDED = (
-    "base/pose.py", "base/inertia.py", "base/primitives.py", "base/joints/", "documents/expressions/",
+    "base/pose.py", "base/inertia.py", "base/primitives.py", "base/joints/", "documents/expressions/", "documents/checks/",
     "driver/testing/kinds/", "model/", "targets/", "batch/measurements.py",
 )
 """Where numbers may be recorded: what is done with them goes through `base/numeric.py`."""

@@ -19,10 +19,9 @@ from pathlib import Path
 
 import pytest
 
-from thingc.documents.checks import all_codes
 from thingc.tools.cli.console import USAGE_CODES
 from thingc.tools.cli.main import main
-from thingc.tools.reporting.explain import explained
+from thingc.tools.reporting.explain import explanations
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 
@@ -78,7 +77,7 @@ def test_what_is_said_is_word_for_word_what_was_agreed(
 TEXTS = {name: document.with_suffix(".txt").read_text() for name, document in zip(NAMES, DOCUMENTS)
          if document.with_suffix(".txt").exists()}
 TEXTS |= {
-    f"{code.code} {side}": example["said"] for code in all_codes() for side in ("wrong", "right") if (example := explained(code)[side])
+    f"{code['code']} {side}": example["said"] for code in explanations() for side in ("wrong", "right") if (example := code[side])
 }
 """What is said of each document, and of the examples on the pages of the codes."""
 

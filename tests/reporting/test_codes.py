@@ -9,6 +9,8 @@ import json
 import os
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -20,7 +22,7 @@ from thingc.base.diagnostics import Code, DiagnosticCode
 from thingc.documents.checks import all_codes
 from thingc.tools.cli.console import USAGE_CODES
 from thingc.tools.cli.main import COMMANDS, main
-from thingc.tools.reporting.explain import explained, find, near, sections
+from thingc.tools.reporting.explain import find, near, sections
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 
@@ -171,7 +173,7 @@ def test_explain_takes_a_code_in_any_case_and_without_its_letters(capsys: pytest
     ("TC319", "TC318"), ("tc599", "TC601"), ("3022", "TC302"), ("mount", "TC303"), ("Duplicate_Kye", "TC104"), ("zzz", None), ("", None),
 ])
 def test_an_unknown_code_brings_those_near_it(word: str, meant: str | None, capsys: pytest.CaptureFixture[str]) -> None:
-    codes = [code.code for code in near(word)]
+    codes = [code["code"] for code in near(word)]
     assert (meant in codes) if meant is not None else (codes == [] or word == "")
     assert main(["explain", word]) == 2
     printed = capsys.readouterr()
@@ -187,4 +189,12 @@ def test_explain_alone_lists_every_code_by_section(capsys: pytest.CaptureFixture
     assert [heading for heading, _ in headings] == [f"{title[:3]}xx" for title, _ in sections()]
     assert main(["explain", "--format", "json"]) == 0
     assert [entry["code"] for entry in json.loads(capsys.readouterr().out)["codes"]] == [code.code for code in CODES]
-    assert "explain" in COMMANDS and explained(Code.INTERNAL)["wrong"] is None
+    internal = find("INTERNAL")
+    assert "explain" in COMMANDS and internal is not None and internal["wrong"] is None
+
+
+@pytest.mark.parametrize("words", [[], ["TC302"], ["TC651"], ["nothing_like_it"]], ids=lambda words: " ".join(words) or "all")
+def test_explain_starts_fast(words: list[str]) -> None:
+    program = "import sys; from thingc.tools.cli.main import main; main(sys.argv[1:]); print([*sys.modules], file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", program, "explain", *words], capture_output=True, text=True, check=True)
+    assert "thingc.tools.reporting.explain" in done.stderr and "pydantic" not in done.stderr

@@ -8,19 +8,28 @@ from pathlib import Path
 import pytest
 
 from thingc.documents.checks import kinds
+from thingc.driver.testing.kinds import measurement_of
 
 ROOT = Path(__file__).resolve().parents[2]
-MODULES = sorted((ROOT / "compiler" / "thingc" / "driver" / "testing" / "kinds").glob("[!_]*.py"))
+PACKAGE = ROOT / "compiler" / "thingc"
+MODULES = sorted(path for path in (PACKAGE / "documents/checks").glob("[!_]*.py") if path.name != "kind.py")
+MEASUREMENTS = sorted(path.stem for path in (PACKAGE / "driver/testing/kinds").glob("[!_]*.py"))
 TESTS = [path for path in (ROOT / "tests").rglob("test_*.py") if path != Path(__file__)]
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda path: path.stem)
 def test_a_module_is_a_kind_and_its_codes_are_tested(module: Path) -> None:
     """A test names each code, so it lets a test of the kind fail."""
-    assert module.stem in kinds(), f"driver/testing/kinds/{module.name} has no `KIND` of the name `{module.stem}`"
+    assert module.stem in kinds(), f"documents/checks/{module.name} has no `KIND` of the name `{module.stem}`"
     tested = "\n".join(path.read_text() for path in TESTS)
     missing = [code.code for code in kinds()[module.stem].codes if not re.search(rf"\b{code.code}\b", tested)]
     assert missing == [], f"no test expects {missing}: add a test of the kind `{module.stem}`"
+
+
+def test_every_kind_has_a_measurement() -> None:
+    assert sorted(kinds()) == MEASUREMENTS, "each kind in documents/checks/ needs a module of its name in driver/testing/kinds/"
+    for name, kind in kinds().items():
+        assert measurement_of(name).kind is kind, f"driver/testing/kinds/{name}.py measures another kind"
 
 
 def test_positions_and_pages_of_kinds() -> None:

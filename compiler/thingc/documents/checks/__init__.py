@@ -1,7 +1,7 @@
 """Kinds of tests that a document can define under `tests:`.
 
-Every module of `driver/testing/kinds/` with a `KIND` defines a kind. The module determines the keys of the test, its schema, its page in
-the documentation, its references, and how the test is linked and measured.
+Every module of this folder with a `KIND` defines a kind. The module determines the keys of the test, its schema, its codes, its page in the
+documentation, its references, and how it is linked. The module of the same name in `driver/testing/kinds/` measures the test.
 """
 
 from __future__ import annotations
@@ -14,19 +14,12 @@ from typing import Any
 from thingc.base.diagnostics import Code, DiagnosticCode
 from thingc.documents.checks.kind import CheckKind
 
-KINDS = "thingc.driver.testing.kinds"
-"""The package that contains the kinds.
-
-Kinds measure robots, so the package belongs to a later room and is imported only when it is needed.
-"""
-
 
 @cache
 def kinds() -> dict[str, CheckKind[Any, Any]]:
     """Return all kinds of tests by name, in the order of the documentation."""
-    (folder,) = import_module(KINDS).__path__
-    stems = (name.removesuffix(".py") for name in os.listdir(folder) if name.endswith(".py") and name != "__init__.py")
-    modules = [import_module(f"{KINDS}.{stem}") for stem in stems]
+    stems = (name.removesuffix(".py") for name in os.listdir(os.path.dirname(__file__)) if name.endswith(".py") and name != "__init__.py")
+    modules = [import_module(f"{__name__}.{stem}") for stem in stems]
     unsorted: list[CheckKind[Any, Any]] = [module.KIND for module in modules if hasattr(module, "KIND")]
     return {kind.name: kind for kind in sorted(unsorted, key=lambda kind: (kind.position, kind.name))}
 

@@ -13,12 +13,10 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.documents.spec.base import Model, rule
 
 if TYPE_CHECKING:
-    from thingc.base.diagnostics import Report
-    from thingc.driver.testing.outcomes import Outcome, TestCase
     from thingc.model.assembly.report import LinkReport
-    from thingc.model.assembly.types import JointEdge, LinkedTest
+    from thingc.model.assembly.types import JointEdge
     from thingc.model.resolve.tests import Reader
-    from thingc.model.resolve.types import NamedPose, Test
+    from thingc.model.resolve.types import Test
 
 BOUNDED = ConfigDict(json_schema_extra={"anyOf": [{"required": ["min"]}, {"required": ["max"]}]})
 """Model configuration for the schema: models with this configuration require `min`, `max` or both."""
@@ -30,16 +28,12 @@ def require_bounds(low: object, high: object, kind: str, example: str) -> None:
         raise rule(f"a `{kind}` test needs `min`, `max` or both", f"write for example `{example}`")
 
 
-def _one_pose(stated: object, pose: NamedPose) -> Sequence[NamedPose]:
-    return [pose]
-
-
 Written = TypeVar("Written", bound=Model)
 Stated = TypeVar("Stated", bound=OneLineRepr)
 
 
 class CheckKind(FrozenStruct, Generic[Written, Stated]):
-    """A kind of test.
+    """A kind of test. `Measurement` in `driver/testing/outcomes.py` measures it.
 
     `model` is the model of the value under the key `name`. If the model has a field `mode`, the test runs once for each mode; if it has a
     field `pose`, once for each pose; otherwise once. `read(written, reader)` returns the specification of the test, in SI units and with
@@ -47,8 +41,6 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     linked by type.
 
     `codes` are the codes of failed tests. `link(test, stated, joints by path, findings)` reports errors that depend on the linked assembly.
-    `measure(case, stated)` measures one case. `poses(stated, pose)` returns all poses of the case with the name `pose`.
-    `finish(linked, outcomes, report)` is called with all outcomes if the test ran in all of its modes.
 
     `position` is the position of the kind in the documentation; `summary` is one sentence for a schema and a table; `examples` are values
     of the key; `stub` is the content of a new test of this kind, with the placeholders `$mount` and `$base` for mounts; the test is valid
@@ -65,10 +57,7 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     model: type[Written]
     codes: type[DiagnosticCode]
     read: Callable[[Written, Reader], Stated | None]
-    measure: Callable[[TestCase, Stated], Outcome]
     link: Callable[[Test, Stated, Mapping[str, JointEdge], LinkReport], None] | None = None
-    poses: Callable[[Stated, NamedPose], Sequence[NamedPose]] = _one_pose
-    finish: Callable[[LinkedTest, Sequence[Outcome], Report], None] | None = None
     lengths: Sequence[str] = ()
     of_limits: bool = False
 

@@ -1,4 +1,4 @@
-"""The `tests:` block of an `assembly/1` document: requirements for the robot, by name. Kinds of tests are in `driver/testing/kinds/`."""
+"""The `tests:` block of an `assembly/1` document: requirements for the robot, by name. Kinds of tests are in `documents/checks/`."""
 
 from __future__ import annotations
 

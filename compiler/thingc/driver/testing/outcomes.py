@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any, Generic, TypeVar
 
-from thingc.base.diagnostics import Code, DiagnosticCode, Note
+from thingc.base.diagnostics import Code, DiagnosticCode, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import Dimension, Quantity
-
-if TYPE_CHECKING:
-    from thingc.model.assembly.types import LinkedTest
-    from thingc.model.resolve.types import Reference
-    from thingc.model.robot.types import Keyframe, Robot
-    from thingc.targets.request import EmitRequest
+from thingc.documents.checks.kind import CheckKind
+from thingc.model.assembly.types import LinkedTest
+from thingc.model.resolve.types import NamedPose, Reference
+from thingc.model.robot.types import Keyframe, Robot
+from thingc.targets.request import EmitRequest
 
 Measure = float | int | str | list[float] | dict[str, float] | dict[str, list[str]] | None
 """A measured or expected value in the JSON output, in SI units."""
@@ -99,3 +99,23 @@ class TestCase(FrozenStruct):
         if not references:
             return list(range(len(self.robot.assembly.occurrences)))
         return sorted({index for reference in references for index in self.linked.components[reference]})
+
+
+def _one_pose(stated: object, pose: NamedPose) -> Sequence[NamedPose]:
+    return [pose]
+
+
+Stated = TypeVar("Stated", bound=OneLineRepr)
+
+
+class Measurement(FrozenStruct, Generic[Stated]):
+    """The measurement of a kind of test.
+
+    `measure(case, stated)` measures one case. `poses(stated, pose)` returns all poses of the case with the name `pose`.
+    `finish(linked, outcomes, report)` is called with all outcomes if the test ran in all of its modes.
+    """
+
+    kind: CheckKind[Any, Stated]
+    measure: Callable[[TestCase, Stated], Outcome]
+    poses: Callable[[Stated, NamedPose], Sequence[NamedPose]] = _one_pose
+    finish: Callable[[LinkedTest, Sequence[Outcome], Report], None] | None = None

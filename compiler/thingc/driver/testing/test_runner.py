@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.documents.checks import kinds
+from thingc.driver.testing.kinds import measurement_of
 from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, unclosed
 from thingc.driver.testing.poses import keyframe, posed, starting_pose
 from thingc.driver.testing.results import Result
@@ -55,7 +55,7 @@ def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result]
                 result = replace(result, diagnostic=request.report.diagnostics[-1])
             results.append(result)
             on_result(result)
-        finish = kinds()[linked.test.kind].finish
+        finish = measurement_of(linked.test.kind).finish
         if finish is not None and len(chosen) == len(modes):
             finish(linked, outcomes, request.report)
     return results
@@ -84,10 +84,11 @@ class _Attempt(FrozenStruct):
 
 def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMode]) -> Iterator[_Attempt]:
     """Yield the cases of a test in the order of modes and poses: a single case, a case per mode (initial pose), or several per mode."""
-    kind, assembly, check = kinds()[linked.test.kind], request.assembly, linked.test.check
+    measurement, assembly, check = measurement_of(linked.test.kind), request.assembly, linked.test.check
+    kind = measurement.kind
     if not kind.takes("mode"):
         case = TestCase(linked=linked, robot=request.robots[0], request=request)
-        yield _Attempt(mode=None, pose=None, run=lambda: kind.measure(case, check))
+        yield _Attempt(mode=None, pose=None, run=lambda: measurement.measure(case, check))
         return
     named = {pose.name for pose in assembly.poses}
     for mode in modes:
@@ -109,13 +110,13 @@ def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[N
 def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Callable[[], Outcome]:
     """Return the case in a mode and a pose as a function that runs it."""
     def run() -> Outcome:
-        kind, check = kinds()[linked.test.kind], linked.test.check
-        wanted = kind.poses(check, pose)
+        measurement, check = measurement_of(linked.test.kind), linked.test.check
+        wanted = measurement.poses(check, pose)
         robot = posed(request.assembly, mode, wanted)
         frames = () if robot is None else tuple(frame for one in wanted if (frame := keyframe(robot, one)) is not None)
         if robot is None or not frames:
             return unclosed()
-        return kind.measure(
+        return measurement.measure(
             TestCase(linked=linked, robot=robot, request=request, frames=frames, missing=len(wanted) - len(frames)), check,
         )
 

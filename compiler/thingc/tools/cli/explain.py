@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from thingc.tools.cli import console
-from thingc.tools.reporting.explain import as_page, explained, find, near, sections
+from thingc.tools.reporting.explain import as_page, find, near, sections
 
 EPILOG = """\
 Without CODE, all codes are listed.
@@ -29,11 +29,11 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     code = find(arguments.code)
     if code is None:
-        close = ", ".join(f"`{one.code}` ({one.title})" for one in near(arguments.code))
+        close = ", ".join(f"`{one['code']}` ({one['title']})" for one in near(arguments.code))
         help = f"near it: {close}" if close else "run `thingc explain` for a list of codes"
         raise console.WrongCommandLine(f"there is no code `{arguments.code}`", help)
     if arguments.format == "json":
-        console.print_data(explained(code))
+        console.print_data({key: value for key, value in code.items() if key != "name"})
     else:
         console.say(*as_page(code).removesuffix("\n").split("\n"))
     return 0
@@ -41,8 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _list(form: str) -> None:
     if form == "json":
-        listed = [{"code": code.code, "title": code.title, "cure": code.cure} for _, codes in sections() for code in codes]
+        listed = [{key: code[key] for key in ("code", "title", "cure")} for _, codes in sections() for code in codes]
         console.print_data({"codes": listed})
         return
     for title, codes in sections():
-        console.say(title, *(f"  {code.code}  {code.title}" for code in codes), "")
+        console.say(title, *(f"  {code['code']}  {code['title']}" for code in codes), "")

@@ -1,5 +1,14 @@
-"""Kinds of document tests (`tests:` of a document). Each module defines one kind: its model, how it is read, and how it is measured.
+"""Measurements of document tests (`tests:` of a document), with one module for each kind in `documents/checks/`."""
 
-A module of this folder with a `KIND` defines a kind (`thingc.documents.checks`). Such a module is imported to read a document. Therefore
-the module imports later rooms than `documents/` only inside functions.
-"""
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from thingc.driver.testing.outcomes import Measurement
+
+
+def measurement_of(kind: str) -> Measurement[Any]:
+    """Return the measurement of a kind of test, which is imported when it is needed."""
+    found: Measurement[Any] = import_module(f"{__name__}.{kind}").MEASUREMENT
+    return found

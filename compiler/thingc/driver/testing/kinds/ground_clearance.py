@@ -1,71 +1,22 @@
-"""`ground_clearance`: the robot keeps a distance from a level plane. Components that may touch the plane are excluded."""
+"""Measurement of `ground_clearance` tests."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
-from pydantic import Field
-
-from thingc.base.diagnostics import DiagnosticCode, Note
-from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.diagnostics import Note
 from thingc.base.numeric import inf, maximum, minimum
-from thingc.base.one_line_repr import OneLineRepr, counted
+from thingc.base.one_line_repr import counted
 from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.base.units import LENGTH, Quantity
-from thingc.documents.checks.kind import CheckKind
-from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import LengthField
-from thingc.documents.spec.name_types import ComponentField, ModeNames, PoseNames
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, shown
-
-if TYPE_CHECKING:
-    from thingc.driver.testing.outcomes import TestCase
-    from thingc.model.assembly.types import Occurrence, Surface
-    from thingc.model.resolve.tests import Reader
-    from thingc.model.resolve.types import Reference
-
-
-class ClearanceCode(DiagnosticCode):
-    """Diagnostic codes of `ground_clearance` tests."""
-
-    TEST_CLEARANCE = ("TC662", "too near to the ground", "Change a part or a pose, or list parts that may touch the ground under `except`.")
-
-
-class GroundClearanceTest(Model):
-    """The robot keeps a distance from a level plane, in poses."""
-
-    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Names or patterns of modes, or `all`; default: the first mode."""
-    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
-    """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
-    plane: LengthField | None = None
-    """Height of the plane (its z) in the world of the mode; default: 0, the floor of the scene."""
-    at_least: LengthField
-    """The smallest allowed height of the lowest point above the plane."""
-    except_: list[ComponentField] = Field(
-        default=[], alias="except", description="Components that may be lower, such as feet and wheels; patterns allowed.",
-        examples=[["foot", "wheel_*"]],
-    )
-
-
-class GroundClearance(OneLineRepr, FrozenStruct):
-    """Requires all parts, except parts of the components `spared`, to be at least `least` [m] above z = `plane` [m] in the mode's world."""
-
-    plane: float
-    least: float
-    spared: tuple[Reference, ...]
-
-
-def read_ground_clearance(written: GroundClearanceTest, reader: Reader) -> GroundClearance:
-    """Read a `ground_clearance` test."""
-    plane = 0.0 if written.plane is None else reader.number(written.plane, "plane", LENGTH)
-    least = reader.number(written.at_least, "at_least", LENGTH, least=0.0)
-    spared = [reference for index, text in enumerate(written.except_) for reference in reader.components(text, ("except", index))]
-    return GroundClearance(plane=plane, least=least, spared=tuple(spared))
-
+from thingc.documents.checks.ground_clearance import KIND, ClearanceCode, GroundClearance
+from thingc.driver.testing.outcomes import Failure, Measure, Measurement, Outcome, TestCase, shown
+from thingc.geometry.store.meshes import vertices
+from thingc.model.assembly.types import Occurrence, Surface
+from thingc.model.robot.floor_height import DECIMALS, ROUNDING, of_box, of_points, vertices_of
+from thingc.model.robot.kinematics import occurrence_poses
 
 LISTED = 5
 """Maximum number of additional parts in a message."""
@@ -101,9 +52,6 @@ def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, st
 
     The lowest point and all points that are too low are included. Other points may be omitted if bounding boxes show that they are higher.
     """
-    from thingc.model.robot.floor_height import DECIMALS, ROUNDING, of_box
-    from thingc.model.robot.kinematics import occurrence_poses
-
     spared = {index for reference in check.spared for index in case.linked.components[reference]}
     poses = occurrence_poses(case.robot, case.frames[0].q, case.frames[0].base)
     boxed = [
@@ -127,9 +75,6 @@ def _has_end(surface: Surface) -> bool:
 
 def _low(case: TestCase, occurrence: Occurrence, number: int, pose: Pose) -> float:
     """Return the lowest z [m] of a solid of an occurrence at a pose."""
-    from thingc.geometry.store.meshes import vertices
-    from thingc.model.robot.floor_height import of_points, vertices_of
-
     surface = occurrence.solids[number]
     if isinstance(surface.solid, Primitive):
         return pose.translation[2] + surface.solid.lowest(pose.rotation[2])
@@ -143,27 +88,4 @@ def _over(height: float) -> str:
     return f"{shown(abs(height), LENGTH)} {'below' if height < 0.0 else 'above'} the plane"
 
 
-PAGE = """\
-## Ground clearance
-
-Checks the height of the lowest part above a horizontal plane. The test uses the true shapes of parts, tessellated with the workspace's
-`mesh` tolerance. For [links of shapes](shapes.md#links-of-shapes), it uses the collision shapes, or the visual shapes if the link has
-no collision shapes, without planes. Add feet, wheels and other components that touch the floor to `except`.
-
-<!-- keys: GroundClearanceTest -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `mode` | modes | the first mode | |
-| `pose` | poses | the mode's own pose | |
-| `plane` | a length | `0` | z of the plane in the world of the mode |
-| `at_least` | a length | required | smallest allowed height |
-| `except` | list of components, patterns allowed | none | components that may come closer; a nested assembly counts as a whole |
-"""
-
-KIND = CheckKind(
-    name="ground_clearance", position=8, summary="The robot keeps a distance from a level plane.",
-    examples=[{"at_least": "5 mm", "except": ["foot"]}],
-    stub={"at_least": "0"}, lengths=("ground_clearance", "clearance"),
-    page=PAGE, model=GroundClearanceTest, read=read_ground_clearance,
-    codes=ClearanceCode, measure=measure,
-)
+MEASUREMENT = Measurement(kind=KIND, measure=measure)

@@ -1,108 +1,17 @@
-"""`point`: a mount can be brought to a point, with every joint within its limits."""
+"""Measurement of `point` tests."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
-
-from pydantic import ConfigDict, Field, model_validator
-
-from thingc.base.diagnostics import Code, DiagnosticCode, Note
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.numeric import hypot, radians
-from thingc.base.one_line_repr import OneLineRepr
-from thingc.base.pose import Vector
-from thingc.base.units import ANGLE, LENGTH, NUMBER, Quantity
-from thingc.documents.checks.kind import CheckKind
-from thingc.documents.spec.base import Model, rule
-from thingc.documents.spec.fields import AngleField, LengthField, NumberField, Vector3Length
-from thingc.documents.spec.name_types import ModeNames, ShownMountField
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, shown
-
-if TYPE_CHECKING:
-    from thingc.driver.testing.outcomes import TestCase
-    from thingc.model.resolve.tests import Reader
-    from thingc.model.resolve.types import Reference
-
-ANGLE_OFF = radians(1.0)
-"""Default tolerance for the deviation from the direction [rad]."""
-
-
-class PointCode(DiagnosticCode):
-    """Diagnostic codes of `point` tests."""
-
-    TEST_POINT = ("TC654", "point out of reach", "Move the point, change parts or the limits of joints, or allow a greater distance.")
-
-
-class PointTest(Model):
-    """A mount can be brought to a point, with every joint within its limits."""
-
-    model_config = ConfigDict(json_schema_extra={"dependentRequired": {"angle": ["direction"]}})
-
-    mount: ShownMountField
-    """The mount that must reach the point."""
-    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Names or patterns of modes, or `all`; default: the first mode."""
-    in_: ShownMountField | None = Field(
-        default=None, alias="in", description="The frame of the point, a mount; default: the world of the mode.",
-    )
-    at: Vector3Length
-    """The point."""
-    within: LengthField
-    """The largest allowed distance of the origin of the mount from the point."""
-    direction: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 0, -1]])
-    """Required direction of the z axis of the mount, in the same frame: three numbers, of any length."""
-    angle: AngleField | None = None
-    """The largest allowed deviation from that direction; default: 1 deg."""
-
-    @model_validator(mode="after")
-    def _angle(self) -> PointTest:
-        if self.angle is not None and self.direction is None:
-            raise rule("`angle` needs a `direction`", "write for example `direction: [0, 0, -1]`")
-        return self
-
-
-class PointCheck(OneLineRepr, FrozenStruct):
-    """Requires `mount` to come `within` [m] of `point` [m].
-
-    With a unit vector `direction`, the z axis of the mount deviates by at most `angle` [rad].
-    """
-
-    mount: Reference
-    point: Vector
-    frame: Reference | None
-    within: float
-    direction: Vector | None
-    angle: float
-
-
-def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
-    """Read a `point` test. If the test is invalid, report the error and return None."""
-    mount, frame = reader.mount(written.mount, "mount"), reader.mount(written.in_, "in")
-    at = reader.vector(written.at, "at", LENGTH)
-    within = reader.number(written.within, "within", LENGTH, above=0.0)
-    direction, angle = None, ANGLE_OFF
-    if written.direction is not None:
-        x, y, z = (
-            reader.number(
-                value, ("direction", index), NUMBER, "a component of `direction`") for index, value in enumerate(written.direction,
-            )
-        )
-        length = hypot(x, y, z)
-        if length == 0.0:
-            reader.error(Code.OUT_OF_RANGE, "`direction` must not be zero", "direction", help="write for example `direction: [0, 0, -1]`")
-        direction = (x / length, y / length, z / length) if length > 0.0 else None
-    if written.angle is not None:
-        angle = reader.number(written.angle, "angle", ANGLE, above=0.0)
-    if mount is None or at is None:
-        return None
-    return PointCheck(mount=mount, point=at, frame=frame, within=within, direction=direction, angle=angle)
+from thingc.base.diagnostics import Note
+from thingc.base.units import ANGLE, LENGTH, Quantity
+from thingc.documents.checks.point import KIND, PointCheck, PointCode
+from thingc.driver.testing.outcomes import Failure, Measure, Measurement, Outcome, TestCase, shown
+from thingc.driver.testing.poses import joints_text
+from thingc.driver.testing.reach_search import ReachGoal, nearest
 
 
 def measure(case: TestCase, check: PointCheck) -> Outcome:
     """Measure the smallest distance of the mount from the point, and the deviation from the direction at this position."""
-    from thingc.driver.testing.poses import joints_text
-    from thingc.driver.testing.reach_search import ReachGoal, nearest
-
     best = nearest(case.robot, case.frames[0], ReachGoal(
         mount=case.linked.mounts[check.mount], frame=None if check.frame is None else case.linked.mounts[check.frame],
         point=check.point, direction=check.direction, within=check.within, angle=check.angle,
@@ -138,29 +47,4 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     return Outcome(measured={**measured, "joints": joints}, expected=expected, said=f"{said})", failure=failure)
 
 
-PAGE = """\
-## Point
-
-Searches for joint positions within the limits that bring a mount to a point. It runs trust-region least squares from the start pose of
-the mode, from the middle of the ranges and from 24 fixed samples, until a solution is close enough. Holds and loops of the mode stay
-closed. A `free` base does not move.
-
-<!-- keys: PointTest -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `mount` | a mount | required | the mount to move |
-| `mode` | modes | the first mode | |
-| `in` | a mount | the world of the mode | frame of `at` and `direction` |
-| `at` | three lengths | required | the point |
-| `within` | a length | required | largest distance between the mount's origin and the point |
-| `direction` | three numbers | any | required direction of the mount's z axis |
-| `angle` | an angle | `1 deg` | largest deviation from `direction` |
-"""
-
-KIND = CheckKind(
-    name="point", position=4, summary="A mount can be brought to a point.",
-    examples=[{"mount": "hand.tip", "at": "200 0 50 mm", "within": "1 mm"}],
-    stub={"mount": "$mount", "at": ["0", "0", "0"], "within": "1 m"}, lengths=("point", "distance"),
-    page=PAGE, model=PointTest, read=read_point,
-    codes=PointCode, measure=measure,
-)
+MEASUREMENT = Measurement(kind=KIND, measure=measure)

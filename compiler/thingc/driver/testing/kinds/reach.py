@@ -1,67 +1,15 @@
-"""`reach`: the largest distance between two mounts, over the ranges of all joints, is within bounds."""
+"""Measurement of `reach` tests."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from msgspec.structs import replace
-from pydantic import Field, model_validator
 
-from thingc.base.diagnostics import DiagnosticCode, Note
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.diagnostics import Note
 from thingc.base.units import LENGTH
-from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
-from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import LengthField
-from thingc.documents.spec.name_types import ShownMountField
-from thingc.driver.testing.outcomes import Outcome, check_bounds, unclosed
-
-if TYPE_CHECKING:
-    from thingc.driver.testing.outcomes import TestCase
-    from thingc.model.resolve.tests import Reader
-    from thingc.model.resolve.types import Reference
-
-
-class ReachCode(DiagnosticCode):
-    """Diagnostic codes of `reach` tests."""
-
-    TEST_REACH = ("TC653", "reach outside its bounds", "Change the lengths of parts, the limits of joints, or the bound.")
-
-
-class ReachTest(Model):
-    """The greatest distance between two mounts over the ranges of all joints."""
-
-    model_config = BOUNDED
-
-    of: ShownMountField
-    """The mount that reaches."""
-    from_: ShownMountField = Field(alias="from", description="The mount from which the distance is measured.")
-    min: LengthField | None = None
-    """The smallest allowed value of the greatest distance."""
-    max: LengthField | None = None
-    """The largest allowed value of the greatest distance. The search finds a lower bound: it can refute this, but not prove it."""
-
-    @model_validator(mode="after")
-    def _bounds(self) -> ReachTest:
-        require_bounds(self.min, self.max, "reach", "min: 300 mm")
-        return self
-
-
-class ReachCheck(OneLineRepr, FrozenStruct):
-    """Requires the largest distance [m] of the mounts `of` and `base`, over the ranges of all joints, to be within bounds."""
-
-    of: Reference
-    base: Reference
-    minimum: float | None
-    maximum: float | None
-
-
-def read_reach(written: ReachTest, reader: Reader) -> ReachCheck | None:
-    """Read a `reach` test. If the test is invalid, report the error and return None."""
-    of, base = reader.mount(written.of, "of"), reader.mount(written.from_, "from")
-    low, high = reader.bounds(written.min, written.max, LENGTH, "the reach")
-    return ReachCheck(of=of, base=base, minimum=low, maximum=high) if of is not None and base is not None else None
+from thingc.documents.checks.reach import KIND, ReachCheck, ReachCode
+from thingc.driver.testing.outcomes import Measurement, Outcome, TestCase, check_bounds, unclosed
+from thingc.driver.testing.poses import joints_text, posed, starting_pose
+from thingc.driver.testing.reach_search import farthest
 
 
 def measure(case: TestCase, check: ReachCheck) -> Outcome:
@@ -69,9 +17,6 @@ def measure(case: TestCase, check: ReachCheck) -> Outcome:
 
     The result is a lower bound of the true reach.
     """
-    from thingc.driver.testing.poses import joints_text, posed, starting_pose
-    from thingc.driver.testing.reach_search import farthest
-
     assembly = case.robot.assembly
     mode = replace(assembly.modes[0], holds=(), cut=(), pose=None, base="fixed")
     robot = posed(assembly, mode, [starting_pose(assembly, mode)])
@@ -87,29 +32,4 @@ def measure(case: TestCase, check: ReachCheck) -> Outcome:
     return replace(outcome, measured={**outcome.measured, "joints": joints})
 
 
-PAGE = """\
-## Reach
-
-Checks the greatest distance between two mounts over the ranges of all joints (one turn for a joint without limits). thingc samples 1
-000 positions and optimizes the best ones within the limits. For a robot with loops, it starts from the poses of the document and from
-100 positions of the driven joints, and keeps the loops closed. The result does not depend on a mode. Collisions are ignored.
-
-The robot can always reach the reported distance, but the true maximum can be larger. Therefore, a passed `min` is proven, and a passed
-`max` is not.
-
-<!-- keys: ReachTest -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `of` | a mount | required | the mount that reaches |
-| `from` | a mount | required | the mount from which the distance is measured |
-| `min` | a length | no bound | smallest allowed reach; `min`, `max` or both are required |
-| `max` | a length | no bound | largest allowed reach |
-"""
-
-KIND = CheckKind(
-    name="reach", position=3, summary="The greatest distance between two mounts is within bounds.",
-    examples=[{"of": "hand.tip", "from": "plate.bottom", "min": "300 mm"}],
-    stub={"of": "$mount", "from": "$base", "min": "1 mm"}, lengths=("reach",),
-    page=PAGE, model=ReachTest, read=read_reach,
-    codes=ReachCode, measure=measure,
-)
+MEASUREMENT = Measurement(kind=KIND, measure=measure)

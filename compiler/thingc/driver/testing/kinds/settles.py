@@ -1,98 +1,21 @@
-"""`settles`: the simulated robot comes to rest after it is released in a pose, with its drives set to this pose."""
+"""Measurement of `settles` tests."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from msgspec.structs import replace
-from pydantic import Field
 
-from thingc.base.diagnostics import DiagnosticCode, Report
-from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.diagnostics import Report
 from thingc.base.numeric import maximum
-from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH, TIME, Quantity
-from thingc.documents.checks.kind import CheckKind
-from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import LengthField, TimeField
-from thingc.documents.spec.name_types import ModeNames, PoseNames
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, shown
-
-if TYPE_CHECKING:
-    from thingc.driver.testing.outcomes import TestCase
-    from thingc.driver.testing.settle_simulation import SettleResult
-    from thingc.model.resolve.tests import Reader
-
-LONGEST = 600.0
-"""Longest simulation [s] that a document can request, so that no document occupies a machine indefinitely."""
-HOLD = 1.0
-"""Default time [s] for which the robot must be at rest."""
-GIVES = 5e-3
-"""Default for the largest depth [m] of contacts. Contacts that carry a robot are less deep; deeper contacts overlapped at the start."""
-
-
-class SettleCode(DiagnosticCode):
-    """Diagnostic codes of `settles` tests."""
-
-    TEST_SETTLES = ("TC657", "robot that does not come to rest", "Change the pose, the drives or the bounds, or inspect the MuJoCo model.")
-
-
-class SettlesTest(Model):
-    """The simulated robot comes to rest when released in a pose with its drives set to that pose."""
-
-    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
-    """Names or patterns of modes, or `all`; default: the first mode."""
-    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
-    """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
-    within: TimeField
-    """The time within which the robot must come to rest."""
-    for_: TimeField | None = Field(default=None, alias="for", description="How long it must stay at rest; default: 1 s.")
-    drift: LengthField
-    """The largest allowed distance of any point of a link from its final position while the robot is at rest."""
-    moved: LengthField | None = None
-    """The largest allowed distance of any point of a link from the pose at the end; default: unlimited."""
-    penetration: LengthField | None = None
-    """The largest allowed penetration of contacts at rest; default: 5 mm."""
-    floor: bool = True
-    """Whether to add the floor of the mode's scene (the plane z = 0 of the world)."""
-
-
-class SettleCheck(OneLineRepr, FrozenStruct):
-    """Requires every point of every link to be less than `drift` [m] from its final position, from `within` [s] on for `hold` [s].
-
-    The final position of a point must be at most `moved` [m] from the pose (None: any distance), and contacts must be at most `penetration`
-    [m] deep.
-    """
-
-    within: float
-    drift: float
-    hold: float
-    moved: float | None
-    penetration: float
-    floor: bool
-
-
-def read_settles(written: SettlesTest, reader: Reader) -> SettleCheck:
-    """Read a `settles` test."""
-    within = reader.number(written.within, "within", TIME, above=0.0, most=LONGEST)
-    drift = reader.number(written.drift, "drift", LENGTH, above=0.0)
-    hold = HOLD
-    if written.for_ is not None:
-        hold = reader.number(written.for_, "for", TIME, above=0.0, most=LONGEST)
-    moved, penetration = None, GIVES
-    if written.moved is not None:
-        moved = reader.number(written.moved, "moved", LENGTH, above=0.0)
-    if written.penetration is not None:
-        penetration = reader.number(written.penetration, "penetration", LENGTH, above=0.0)
-    return SettleCheck(within=within, drift=drift, hold=hold, moved=moved, penetration=penetration, floor=written.floor)
+from thingc.documents.checks.settles import KIND, SettleCheck, SettleCode
+from thingc.driver.testing.outcomes import Failure, Measure, Measurement, Outcome, TestCase, shown
+from thingc.driver.testing.settle_simulation import SettleResult, simulated
+from thingc.targets.mjcf import emit as mjcf
+from thingc.targets.mjcf.compat import separator
 
 
 def measure(case: TestCase, check: SettleCheck) -> Outcome:
     """Emit the mode's model with the pose as a keyframe, and simulate it for `within` plus `for`."""
-    from thingc.driver.testing.settle_simulation import simulated
-    from thingc.targets.mjcf import emit as mjcf
-    from thingc.targets.mjcf.compat import separator
-
     report = Report()
     artifacts = mjcf.emit(replace(case.request, robots=(case.robot,), report=report, made={}, verify=True))
     if report.failed:
@@ -153,30 +76,4 @@ def _diverged(time: float) -> Outcome:
     return Outcome(measured={"diverged": time}, expected={}, said=f"diverges after {time:.3g} s", failure=failure)
 
 
-PAGE = """\
-## Settles
-
-Simulates the mode's MuJoCo scene, as written by `build`. The simulation starts in the keyframe of the pose, and the drives receive the
-commands of this keyframe. After the time `within`, the robot must be at rest and stay at rest for the time `for`. The test measures the
-motion of the corners of the bounding boxes of all parts.
-
-<!-- keys: SettlesTest -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `mode` | modes | the first mode | |
-| `pose` | poses | the mode's own pose | |
-| `within` | a time, at most 600 s | required | time until the robot must be at rest |
-| `for` | a time, at most 600 s | `1 s` | time for which the robot must stay at rest |
-| `drift` | a length | required | largest distance of a corner from its final position, during the time `for` |
-| `moved` | a length | no bound | largest distance between the final and the initial position of a corner |
-| `penetration` | a length | `5 mm` | largest penetration of contacts at rest |
-| `floor` | boolean | `true` | adds the floor of the scene, which is the plane z = 0 of the world |
-"""
-
-KIND = CheckKind(
-    name="settles", position=7, summary="The simulated robot comes to rest.", examples=[{"within": "2 s", "drift": "1 mm"}],
-    stub={"within": "2 s", "drift": "1 mm"}, lengths=("drift", "moved", "penetration"),
-    page=PAGE,
-    model=SettlesTest, read=read_settles,
-    codes=SettleCode, measure=measure,
-)
+MEASUREMENT = Measurement(kind=KIND, measure=measure)

@@ -1,0 +1,107 @@
+"""`centre`: the centre of mass of the robot, or of some of its components, lies within a box."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import ConfigDict, Field, model_validator
+
+from thingc.base.diagnostics import DiagnosticCode
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.units import LENGTH
+from thingc.documents.checks.kind import CheckKind
+from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.fields import LengthField
+from thingc.documents.spec.name_types import ComponentField, ModeNames, PoseNames, ShownMountField
+
+if TYPE_CHECKING:
+    from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import Reference
+
+Interval = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
+
+class CentreCode(DiagnosticCode):
+    """Diagnostic codes of `centre` tests."""
+
+    TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move heavy parts, or enlarge the box.")
+
+
+class WithinSpec(Model):
+    """A box: smallest and largest value per axis. An omitted axis is unbounded."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    x: Interval | None = Field(default=None, examples=[["-10 mm", "10 mm"]])
+    """Smallest and largest value along x."""
+    y: Interval | None = Field(default=None, examples=[["-10 mm", "10 mm"]])
+    """Smallest and largest value along y."""
+    z: Interval | None = Field(default=None, examples=[[0, "120 mm"]])
+    """Smallest and largest value along z."""
+
+    @model_validator(mode="after")
+    def _one(self) -> WithinSpec:
+        if self.x is None and self.y is None and self.z is None:
+            raise rule("`within` must bound at least one of `x`, `y` and `z`", "write for example `x: [-10 mm, 10 mm]`")
+        return self
+
+
+class CentreTest(Model):
+    """The centre of mass is inside a box."""
+
+    of: ComponentField | None = None
+    """A component, or a pattern for several; default: the whole robot."""
+    in_: ShownMountField | None = Field(default=None, alias="in", description="The frame, a mount; default: the world of the mode.")
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    """Names or patterns of modes, or `all`; default: the first mode."""
+    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
+    within: WithinSpec = Field(examples=[{"x": ["-10 mm", "10 mm"], "y": ["-10 mm", "10 mm"]}])
+    """Bounds on the coordinates of the centre of mass in that frame."""
+
+
+class CentreCheck(OneLineRepr, FrozenStruct):
+    """Requires the centre of mass of components (of the robot if no component is named) to be in a box.
+
+    `box["x"]` is (smallest, largest) [m].
+    """
+
+    of: tuple[Reference, ...]
+    frame: Reference | None
+    box: dict[str, tuple[float, float]]
+
+
+def read_centre(written: CentreTest, reader: Reader) -> CentreCheck:
+    """Read a `centre` test."""
+    box: dict[str, tuple[float, float]] = {}
+    for axis in ("x", "y", "z"):
+        bounds = getattr(written.within, axis)
+        if bounds is not None:
+            box[axis] = reader.interval(bounds, ("within", axis), LENGTH, f"a bound on {axis}")
+    return CentreCheck(of=reader.components(written.of, "of"), frame=reader.mount(written.in_, "in"), box=box)
+
+
+PAGE = """\
+## Centre of mass
+
+<!-- keys: CentreTest -->
+| Key | Type | Default | Description |
+|---|---|---|---|
+| `of` | a component, or a pattern | the whole robot | components to include |
+| `in` | a mount | the world of the mode | reference frame |
+| `mode` | modes | the first mode | |
+| `pose` | poses | the mode's own pose | |
+| `within` | mapping | required | a box in this frame |
+
+<!-- keys: WithinSpec -->
+| Key | Type | Default | Description |
+|---|---|---|---|
+| `x` | two lengths | no bound | smallest and largest x; at least one axis is required |
+| `y` | two lengths | no bound | smallest and largest y |
+| `z` | two lengths | no bound | smallest and largest z |
+"""
+
+KIND = CheckKind(
+    name="centre", position=2, summary="The centre of mass is inside a box.", examples=[{"within": {"x": ["-10 mm", "10 mm"]}}],
+    stub={"within": {"z": ["-1 m", "1 m"]}}, page=PAGE, model=CentreTest, read=read_centre, codes=CentreCode,
+)

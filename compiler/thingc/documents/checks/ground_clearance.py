@@ -1,0 +1,84 @@
+"""`ground_clearance`: the robot keeps a distance from a level plane. Components that may touch the plane are excluded."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from thingc.base.diagnostics import DiagnosticCode
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.units import LENGTH
+from thingc.documents.checks.kind import CheckKind
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import LengthField
+from thingc.documents.spec.name_types import ComponentField, ModeNames, PoseNames
+
+if TYPE_CHECKING:
+    from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import Reference
+
+
+class ClearanceCode(DiagnosticCode):
+    """Diagnostic codes of `ground_clearance` tests."""
+
+    TEST_CLEARANCE = ("TC662", "too near to the ground", "Change a part or a pose, or list parts that may touch the ground under `except`.")
+
+
+class GroundClearanceTest(Model):
+    """The robot keeps a distance from a level plane, in poses."""
+
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    """Names or patterns of modes, or `all`; default: the first mode."""
+    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
+    plane: LengthField | None = None
+    """Height of the plane (its z) in the world of the mode; default: 0, the floor of the scene."""
+    at_least: LengthField
+    """The smallest allowed height of the lowest point above the plane."""
+    except_: list[ComponentField] = Field(
+        default=[], alias="except", description="Components that may be lower, such as feet and wheels; patterns allowed.",
+        examples=[["foot", "wheel_*"]],
+    )
+
+
+class GroundClearance(OneLineRepr, FrozenStruct):
+    """Requires all parts, except parts of the components `spared`, to be at least `least` [m] above z = `plane` [m] in the mode's world."""
+
+    plane: float
+    least: float
+    spared: tuple[Reference, ...]
+
+
+def read_ground_clearance(written: GroundClearanceTest, reader: Reader) -> GroundClearance:
+    """Read a `ground_clearance` test."""
+    plane = 0.0 if written.plane is None else reader.number(written.plane, "plane", LENGTH)
+    least = reader.number(written.at_least, "at_least", LENGTH, least=0.0)
+    spared = [reference for index, text in enumerate(written.except_) for reference in reader.components(text, ("except", index))]
+    return GroundClearance(plane=plane, least=least, spared=tuple(spared))
+
+
+PAGE = """\
+## Ground clearance
+
+Checks the height of the lowest part above a horizontal plane. The test uses the true shapes of parts, tessellated with the workspace's
+`mesh` tolerance. For [links of shapes](shapes.md#links-of-shapes), it uses the collision shapes, or the visual shapes if the link has
+no collision shapes, without planes. Add feet, wheels and other components that touch the floor to `except`.
+
+<!-- keys: GroundClearanceTest -->
+| Key | Type | Default | Description |
+|---|---|---|---|
+| `mode` | modes | the first mode | |
+| `pose` | poses | the mode's own pose | |
+| `plane` | a length | `0` | z of the plane in the world of the mode |
+| `at_least` | a length | required | smallest allowed height |
+| `except` | list of components, patterns allowed | none | components that may come closer; a nested assembly counts as a whole |
+"""
+
+KIND = CheckKind(
+    name="ground_clearance", position=8, summary="The robot keeps a distance from a level plane.",
+    examples=[{"at_least": "5 mm", "except": ["foot"]}],
+    stub={"at_least": "0"}, lengths=("ground_clearance", "clearance"),
+    page=PAGE, model=GroundClearanceTest, read=read_ground_clearance, codes=ClearanceCode,
+)

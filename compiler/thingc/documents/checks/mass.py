@@ -1,0 +1,77 @@
+"""`mass`: the mass of the robot, or of some of its components, is within bounds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pydantic import model_validator
+
+from thingc.base.diagnostics import DiagnosticCode
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.units import MASS
+from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import MassField
+from thingc.documents.spec.name_types import ComponentField
+
+if TYPE_CHECKING:
+    from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import Reference
+
+
+class MassCode(DiagnosticCode):
+    """Diagnostic codes of `mass` tests."""
+
+    TEST_MASS = ("TC651", "mass outside its bounds", "Change parts that are too heavy or too light, or change the bound.")
+
+
+class MassTest(Model):
+    """The mass is within bounds."""
+
+    model_config = BOUNDED
+
+    of: ComponentField | None = None
+    """A component, or a pattern for several; a nested assembly counts as a whole. Default: the whole robot."""
+    min: MassField | None = None
+    """The smallest mass allowed."""
+    max: MassField | None = None
+    """The largest mass allowed."""
+
+    @model_validator(mode="after")
+    def _bounds(self) -> MassTest:
+        require_bounds(self.min, self.max, "mass", "max: 2.2 kg")
+        return self
+
+
+class MassCheck(OneLineRepr, FrozenStruct):
+    """Requires the mass [kg] of components (of the robot if no component is named) to be within bounds."""
+
+    of: tuple[Reference, ...]
+    minimum: float | None
+    maximum: float | None
+
+
+def read_mass(written: MassTest, reader: Reader) -> MassCheck:
+    """Read a `mass` test."""
+    low, high = reader.bounds(written.min, written.max, MASS, "the mass")
+    return MassCheck(of=reader.components(written.of, "of"), minimum=low, maximum=high)
+
+
+PAGE = """\
+## Mass
+
+Checks the total mass of the components, as shown by `thingc info`.
+
+<!-- keys: MassTest -->
+| Key | Type | Default | Description |
+|---|---|---|---|
+| `of` | a component, or a pattern | the whole robot | components to include |
+| `min` | a mass | no bound | smallest allowed mass; `min`, `max` or both are required |
+| `max` | a mass | no bound | largest allowed mass |
+"""
+
+KIND = CheckKind(
+    name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}], stub={"max": "10 kg"}, page=PAGE,
+    model=MassTest, read=read_mass, codes=MassCode,
+)

@@ -1,0 +1,175 @@
+"""`no_collision`: parts do not collide with each other, in poses or over ranges of joints."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+
+from thingc.base.diagnostics import Code, DiagnosticCode
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.source import Origin
+from thingc.base.units import ANGLE, LENGTH, NUMBER
+from thingc.documents.checks.kind import CheckKind
+from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.fields import CountField, LengthField, Value, quantity
+from thingc.documents.spec.name_types import ComponentField, JointPattern, ModeNames, PoseNames
+
+if TYPE_CHECKING:
+    from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import JointRange, Reference
+
+JointBoundField = Annotated[Value, quantity(ANGLE, LENGTH)]
+
+SAMPLES = 200
+"""Default number of positions of a sweep."""
+MOST_SAMPLES = 10_000
+
+
+class CollisionCode(DiagnosticCode):
+    """Diagnostic codes of `no_collision` tests."""
+
+    TEST_COLLISION = ("TC655", "parts that collide", "Change a part, a pose or a range, or allow the pair with a reason.")
+
+
+class AllowSpec(Model):
+    """Two components that may touch, and the reason."""
+
+    pair: Annotated[list[ComponentField], Field(min_length=2, max_length=2)] = Field(examples=[["finger_*", "palm"]])
+    """The two components; patterns allowed; a nested assembly means all its components."""
+    reason: str = Field(examples=["the gripper closes on its stop"])
+    """The reason why contact is acceptable, for reviewers of the document."""
+
+    @model_validator(mode="after")
+    def _said(self) -> AllowSpec:
+        if not self.reason.strip():
+            raise rule("`reason` must not be empty", "explain why these two may touch")
+        return self
+
+
+class NoCollisionTest(Model):
+    """No two components overlap or come too close, in poses or over ranges of joints."""
+
+    model_config = ConfigDict(json_schema_extra={"dependentRequired": {"samples": ["joints"]}})
+
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    """Names or patterns of modes, or `all`; default: the first mode."""
+    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
+    joints: dict[JointPattern, Literal["all"] | Annotated[list[JointBoundField], Field(min_length=2, max_length=2)]] = Field(
+        default={}, examples=[{"elbow": "all", "yaw": ["-30 deg", "30 deg"]}],
+    )
+    """Ranges to move through, by joint (patterns allowed): `all` for its limits, or from and to. Other joints stay in the pose."""
+    samples: CountField | None = None
+    """Number of checked positions of `joints`; default: 200."""
+    clearance: LengthField | None = None
+    """The smallest allowed gap; default: 0, which allows contact but no overlap."""
+    allow: list[AllowSpec] = Field(default=[], examples=[[{"pair": ["finger_*", "palm"], "reason": "the gripper closes on its stop"}]])
+    """Pairs that may come closer, each with a reason."""
+
+    @model_validator(mode="after")
+    def _sweep(self) -> NoCollisionTest:
+        if self.samples is not None and not self.joints:
+            help = "remove it, or add for example `joints: {elbow: all}`"
+            raise rule("`samples` needs `joints`", help)
+        return self
+
+
+class AllowedContact(OneLineRepr, FrozenStruct):
+    """Components that may touch: every component of `one` with every component of `other`. `text` is the display name of the pair."""
+
+    one: tuple[Reference, ...]
+    other: tuple[Reference, ...]
+    text: str
+    reason: str
+    origin: Origin
+
+
+class CollisionCheck(OneLineRepr, FrozenStruct):
+    """Requires that no components overlap, and that components on links without a common joint are at least `clearance` [m] apart.
+
+    With `ranges`, the requirement applies at `samples` positions in these ranges.
+    """
+
+    ranges: tuple[JointRange, ...]
+    samples: int
+    clearance: float
+    allow: tuple[AllowedContact, ...]
+
+
+def read_no_collision(written: NoCollisionTest, reader: Reader) -> CollisionCheck:
+    """Read a `no_collision` test."""
+    samples = SAMPLES
+    if written.samples is not None:
+        wanted = reader.number(written.samples, "samples", NUMBER, least=1.0, most=float(MOST_SAMPLES))
+        if wanted % 1.0 > 0.0:
+            reader.error(Code.VALUE_KIND, f"`samples` must be a whole number, found {wanted:g}", "samples")
+        samples = int(wanted) if reader.sound else SAMPLES
+    clearance = 0.0
+    if written.clearance is not None:
+        clearance = reader.number(written.clearance, "clearance", LENGTH, least=0.0)
+    return CollisionCheck(
+        ranges=tuple(reader.ranges(written.joints, "joints")), samples=samples, clearance=clearance,
+        allow=tuple(_allowance(said, reader, index) for index, said in enumerate(written.allow)),
+    )
+
+
+def _allowance(said: AllowSpec, reader: Reader, index: int) -> AllowedContact:
+    """Read a pair that may touch."""
+    one, other = (reader.components(text, ("allow", index, "pair", side)) for side, text in enumerate(said.pair))
+    return AllowedContact(
+        one=one, other=other, text=f"`{said.pair[0]}` and `{said.pair[1]}`", reason=said.reason.strip(),
+        origin=reader.origin(("allow", index, "pair")),
+    )
+
+
+PAGE = """\
+## No collision
+
+Compares the true shapes of all pairs of parts, tessellated with the workspace's `mesh` tolerance. [Collision
+shapes](shapes.md#collision) and `contacts.exclude` are ignored. Parts can touch. An overlap fails the test if its mean depth (twice its
+volume divided by its surface) is more than twice the linear mesh tolerance.
+
+- Parts on the same link, or on two links connected by a joint, are expected to touch. For these pairs, only overlaps fail the test.
+- For all other pairs, the gap is also measured. With `clearance`, a smaller gap fails the test. To measure the gap of an open mesh,
+  thingc uses its convex hull.
+- For a [link of shapes](shapes.md#links-of-shapes), the test uses the collision shapes, or the visual shapes if the link has no
+  collision shapes. Boxes, spheres and capsules are exact. Cylinders and ellipsoids are approximated to 0.1 % of their radius. Planes
+  are infinite.
+- To allow an intended overlap, such as a press fit, add `allow: {TC520: reason}` to one of the two components or to the joint between
+  them. This test and [`build`](../codes/TC520.md) then accept the overlap. To allow a pair only in this test, use `allow` of the test.
+- The result lists skipped pairs with the reason (`skipped` in the JSON output). Allowed overlaps are skipped, and pairs that are
+  expected to touch if a shape is approximate or its surface is open.
+
+With `joints`, the test moves these joints through their ranges; the others stay in the pose. A single joint moves in equal steps. For
+several joints, the test checks the corners of their ranges, then evenly distributed positions. The positions are the same in every run.
+Positions between them are not checked. For pairs that are expected to touch, positions that differ by less than about 6 degrees and 2
+mm are checked only once.
+
+<!-- keys: NoCollisionTest -->
+| Key | Type | Default | Description |
+|---|---|---|---|
+| `mode` | modes | the first mode | |
+| `pose` | poses | the mode's own pose | |
+| `joints` | mapping of joints to `all` or two positions | none | joints to move; patterns allowed; an exact name takes precedence |
+| `samples` | a whole number | `200` | number of positions, at most 10 000 |
+| `clearance` | a length | `0` | smallest allowed gap |
+| `allow` | list | none | pairs that may come closer |
+
+<!-- keys: AllowSpec -->
+| Key | Type | Default | Description |
+|---|---|---|---|
+| `pair` | two components, patterns allowed | required | a nested assembly means all of its components |
+| `reason` | text | required | why this is intended |
+
+An unused entry of `allow` is a warning.
+"""
+
+KIND = CheckKind(
+    name="no_collision", position=5, summary="No parts overlap, in poses or over ranges of joints.",
+    examples=[{"pose": "all"}, {"joints": {"elbow": "all"}, "clearance": "1 mm"}],
+    stub={"pose": "all"}, lengths=("clearance", "gap", "overlap"),
+    page=PAGE, model=NoCollisionTest, read=read_no_collision,
+    of_limits=True, codes=CollisionCode,
+)

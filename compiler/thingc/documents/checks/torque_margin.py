@@ -1,0 +1,141 @@
+"""`torque_margin`: drives hold the robot still against gravity, with a margin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from thingc.base.diagnostics import Code, DiagnosticCode, noted
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.units import NUMBER
+from thingc.documents.checks.kind import CheckKind
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import NumberField
+from thingc.documents.spec.name_types import JointNames, ModeNames, PoseNames
+
+if TYPE_CHECKING:
+    from thingc.model.assembly.report import LinkReport
+    from thingc.model.assembly.types import JointEdge
+    from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import Mode, Test
+
+
+class TorqueCode(DiagnosticCode):
+    """Diagnostic codes of `torque_margin` tests."""
+
+    TEST_TORQUE = ("TC656", "too little torque", "Use a stronger drive, lighter parts or another pose, or reduce the margin.")
+    TEST_FALLS = ("TC660", "robot that falls over", "Move the feet or heavy parts, or add feet to `standing_on`.")
+    TEST_FOOT = ("TC661", "feet in the air", "Change the pose, or list other mounts under `standing_on`.")
+
+
+class TorqueMarginTest(Model):
+    """Drives hold the robot still against gravity, with a margin: their effort limit over the static torque."""
+
+    drive: JointNames = Field(examples=["shoulder", ["shoulder", "leg_*"]])
+    """Names or patterns of driven joints."""
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    """Names or patterns of modes whose base is `fixed` or `held`, or `all`; default: the first mode."""
+    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
+    min: NumberField
+    """The smallest allowed margin: 1.5 requires a limit of 1.5 times the needed torque."""
+
+
+class TorqueCheck(OneLineRepr, FrozenStruct):
+    """Requires the effort limits of the drives of `joints` (paths) to be at least `minimum` times the static effort."""
+
+    joints: tuple[str, ...]
+    minimum: float
+
+
+def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
+    """Read a `torque_margin` test. Report modes in which the document does not specify what supports the robot."""
+    minimum = reader.number(written.min, "min", NUMBER, above=0.0)
+    joints = reader.drives(written.drive, "drive")
+    floating = [name for name in reader.chosen_modes if not _carried(reader.modes[name])]
+    if floating:
+        standing = [name for name, mode in reader.modes.items() if _carried(mode) and not _left_out(joints, mode)]
+        others = f", or use modes that do: {', '.join(f'`{name}`' for name in standing)}" if standing else ""
+        reader.error(
+            Code.TEST, f"the base of mode `{floating[0]}` is free and has no support", "mode" if written.mode is not None else (),
+            on_key=written.mode is None, help=f"set `standing_on: [...]` in the mode{others}",
+        )
+    for name in reader.chosen_modes:
+        absent = _left_out(joints, reader.modes[name])
+        if absent:
+            reader.error(
+                Code.TEST, f"mode `{name}` does not use the drive of joint `{absent[0]}`", "drive",
+                help="use drives that are in the `actuators` of the mode",
+            )
+    return TorqueCheck(joints=joints, minimum=minimum)
+
+
+def _carried(mode: Mode) -> bool:
+    """Return whether the document specifies what supports the base of a mode."""
+    return mode.base != "free" or mode.standing is not None or bool(mode.holds)
+
+
+def _left_out(joints: Sequence[str], mode: Mode) -> list[str]:
+    """Return the `joints` (paths) whose drives a mode does not use."""
+    present = mode.actuators
+    return [joint for joint in joints if present is not None and joint not in present]
+
+
+def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findings: LinkReport) -> None:
+    """Report drives without an effort limit, because such drives have no margin."""
+
+    for path in check.joints:
+        joint = joints.get(path)
+        if joint is not None and joint.limit.effort is None:
+            findings.error(
+                Code.TEST, f"joint `{path}` has no effort limit, so its drive has no margin",
+                (test.spans["drive"],) if "drive" in test.spans else test.origin, path=path,
+                help="set `limit: {effort: ...}` of the joint, or `effort` of its drive", notes=noted(f"`{path}` is here", joint.origin),
+            )
+
+
+PAGE = """\
+## Torque margin
+
+The torque margin is the effort limit of a drive divided by the effort that it needs to hold the robot still. This effort balances
+gravity and springs, without joint friction. A joint that mimics another adds its load to the joint that it follows. The base supports
+the robot; a `free` base requires [feet](modes.md#feet) or [holds](loops.md#holds). The test fails if no efforts can hold the robot in
+the pose.
+
+With loops, holds, feet or several drives, different efforts can hold the robot. The test then minimizes the sum of the squares of
+effort divided by limit, and reports this. A controller can apply these efforts. The best possible margin may be larger.
+
+Forces at the feet must be inside friction cones, which are approximated by inscribed pyramids with 16 edges. If no such forces support
+the robot, the test fails. It reports the distance of the centre of mass from the support polygon, or that the robot slides. A foot does
+not support the robot if it is higher than the lowest foot by more than 2 % of the greatest distance between feet.
+
+These efforts require a controller that controls the horizontal forces at the feet. Position drives at rest need about the same efforts
+as without friction. The test also reports the margin without friction. To require this margin, set `friction: 0`. The table shows the
+margins of a hexapod of 1.3 kg on three legs with servos of 1.5 N m (`tests/statics/hexapod`), computed by `thingc test` and MuJoCo:
+
+<!-- hexapod -->
+| Case | Smallest margin |
+|---|---|
+| least squares within the cones, friction 0.8 | 8.27 |
+| the same without friction | 5.24 |
+| MuJoCo, position drives at rest on the scene's floor | 5.21 |
+| three points held (`carries: force`) | 8.27 |
+| three clamps | 67.4 |
+
+<!-- keys: TorqueMarginTest -->
+| Key | Type | Default | Description |
+|---|---|---|---|
+| `drive` | driven joints, patterns allowed | required | drives to check; each must have an effort limit |
+| `mode` | modes | the first mode | |
+| `pose` | poses | the mode's own pose | |
+| `min` | a number | required | smallest allowed margin |
+"""
+
+KIND = CheckKind(
+    name="torque_margin", position=6, summary="Drives hold the robot still against gravity, with a margin.",
+    examples=[{"drive": "shoulder", "min": 1.5, "pose": "stretched"}], stub={"drive": "*", "min": "2"}, page=PAGE, model=TorqueMarginTest,
+    read=read_torque_margin, link=link, codes=TorqueCode,
+)
