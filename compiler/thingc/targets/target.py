@@ -13,7 +13,8 @@ class Target(FrozenStruct):
     `position` is the position of the target in the order in which a build writes targets. `says` is a short description, `emitters` are
     references of the form `module:function`, and `writes` are patterns of file paths. `files` describes the files by path, for the picture
     of the build folder in the documentation. A path that ends with `/` stands for all files below it; NAME, MODE and DEFINITION stand for
-    names.
+    names. If `numbers_in_text` is True, numbers that depend on settings are only in text, not in binary data or in a layout: for other
+    settings, a batch then inserts other numbers into the files.
 
     If `unasked` is True, builds without `--emit` write the target. `capabilities` is the module with the `CAPABILITIES` of a format for
     whole robots. If `by_name` is True, custom names are applied, because readers of the files use names. `libraries` are the modules of
@@ -25,6 +26,7 @@ class Target(FrozenStruct):
     emitters: tuple[str, ...]
     writes: tuple[str, ...]
     files: Mapping[str, str]
+    numbers_in_text: bool
     unasked: bool = True
     capabilities: str | None = None
     by_name: bool = False

@@ -31,18 +31,12 @@ from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.geometry.record import Placed, StoredFile
 from thingc.model.resolve.resolver import Settings
 from thingc.targets.artifact import MANIFEST, Content, counts_of
-from thingc.targets.registry import emitted
+from thingc.targets.registry import TARGETS, emitted
 
 if TYPE_CHECKING:
     from thingc.geometry.service import GeometryService
     from thingc.targets.artifact import Artifacts
     from thingc.targets.request import EmitRequest
-
-FOLLOWED = frozenset(("mjcf", "mjz", "stl", "step", "urdf", "ros", "sdf", "usd", "bom"))
-"""The targets whose varying numbers are all in text, where they have slots.
-
-Others: `hag` contains texts of settings, with a layout that depends on them; numbers in `glb` and `html` are binary.
-"""
 
 SETTING, DIGEST = "setting:", "digest:"
 """Prefixes of the names of slots in a manifest for texts of settings, and for digests of files."""
@@ -87,6 +81,7 @@ class Builds:
         self._reader = reader
         self._modes = tuple(modes)
         self._targets = tuple(targets)
+        self._has_slots = all(target in TARGETS and TARGETS[target].numbers_in_text for target in targets)
         self._measured = measured
         self._verify = verify
         self._emit = emit
@@ -97,7 +92,7 @@ class Builds:
         """Return the build of settings by a plan; None if there is no plan for them, which says nothing about the settings."""
         read = self._reader.read({**settings.parameters, **settings.choices})
         given = {*settings.parameters, *settings.choices}
-        if given != {*read.names, *dict(read.texts)} or not FOLLOWED.issuperset(self._targets):
+        if given != {*read.names, *dict(read.texts)} or not self._has_slots:
             return None
         planned = self._forms.planned(read, self._plan)
         if planned is None:

@@ -33,7 +33,7 @@ Stated = TypeVar("Stated", bound=OneLineRepr)
 
 
 class CheckKind(FrozenStruct, Generic[Written, Stated]):
-    """A kind of test. `Measurement` in `driver/testing/outcomes.py` measures it.
+    """A kind of test. `TestMeasurement` in `driver/testing/outcomes.py` measures it.
 
     `model` is the model of the value under the key `name`. If the model has a field `mode`, the test runs once for each mode; if it has a
     field `pose`, once for each pose; otherwise once. `read(written, reader)` returns the specification of the test, in SI units and with

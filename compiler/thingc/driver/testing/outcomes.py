@@ -108,7 +108,7 @@ def _one_pose(stated: object, pose: NamedPose) -> Sequence[NamedPose]:
 Stated = TypeVar("Stated", bound=OneLineRepr)
 
 
-class Measurement(FrozenStruct, Generic[Stated]):
+class TestMeasurement(FrozenStruct, Generic[Stated]):
     """The measurement of a kind of test.
 
     `measure(case, stated)` measures one case. `poses(stated, pose)` returns all poses of the case with the name `pose`.

@@ -4,5 +4,5 @@ from thingc.targets.target import Target
 
 TARGET = Target(
     position=11, says="bill of materials", emitters=("thingc.targets.bom.emit:emit",), writes=("bom.csv", "bom.json"),
-    files={"bom.csv": "bill of materials", "bom.json": "bill of materials"},
+    files={"bom.csv": "bill of materials", "bom.json": "bill of materials"}, numbers_in_text=True,
 )

@@ -12,4 +12,5 @@ TARGET = Target(  # `modes.json` contains addresses in the models, so both targe
         "mjcf/assets/": "meshes in metres (OBJ), for all modes",
         "modes.json": "frames, joints and poses of each mode",
     },
+    numbers_in_text=True,
 )

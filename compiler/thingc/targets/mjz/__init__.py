@@ -4,5 +4,5 @@ from thingc.targets.target import Target
 
 TARGET = Target(
     position=2, says="each model in one file with its meshes", emitters=("thingc.targets.mjcf.emit:emit_archives",),
-    writes=("mjcf/*.mjz",), by_name=True, files={"mjcf/NAME_MODE.mjz": "model and meshes in one file"},
+    writes=("mjcf/*.mjz",), by_name=True, files={"mjcf/NAME_MODE.mjz": "model and meshes in one file"}, numbers_in_text=True,
 )

@@ -9,5 +9,5 @@ TARGET = Target(
         "ros/*/config/*.srdf", "ros/*/config/*.yaml", "ros/*/config/*.rviz",
     ),
     capabilities="thingc.targets.ros.capabilities", by_name=True, libraries=("mujoco",),
-    files={"ros/NAME_description/": "a ROS 2 package with all modes"},
+    files={"ros/NAME_description/": "a ROS 2 package with all modes"}, numbers_in_text=True,
 )

@@ -4,5 +4,5 @@ from thingc.targets.target import Target
 
 TARGET = Target(
     position=3, says="print files", emitters=("thingc.targets.stl.emit:emit",), writes=("stl/*.stl",),
-    files={"stl/DEFINITION.stl": "print files in millimetres"},
+    files={"stl/DEFINITION.stl": "print files in millimetres"}, numbers_in_text=True,
 )

@@ -5,10 +5,10 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from thingc.driver.testing.outcomes import Measurement
+from thingc.driver.testing.outcomes import TestMeasurement
 
 
-def measurement_of(kind: str) -> Measurement[Any]:
+def measurement_of(kind: str) -> TestMeasurement[Any]:
     """Return the measurement of a kind of test, which is imported when it is needed."""
-    found: Measurement[Any] = import_module(f"{__name__}.{kind}").MEASUREMENT
+    found: TestMeasurement[Any] = import_module(f"{__name__}.{kind}").MEASUREMENT
     return found

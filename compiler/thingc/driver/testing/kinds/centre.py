@@ -5,7 +5,7 @@ from __future__ import annotations
 from thingc.base.inertia import total
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.centre import KIND, CentreCheck, CentreCode
-from thingc.driver.testing.outcomes import ROUNDING, Failure, Measure, Measurement, Outcome, TestCase, shown
+from thingc.driver.testing.outcomes import ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.model.robot.kinematics import occurrence_poses
 
 
@@ -41,4 +41,4 @@ def measure(case: TestCase, check: CentreCheck) -> Outcome:
     return Outcome(measured={"centre": list(place), "mass": whole.mass}, expected=expected, said=f"centre {text} mm", failure=failure)
 
 
-MEASUREMENT = Measurement(kind=KIND, measure=measure)
+MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

@@ -12,7 +12,7 @@ from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.ground_clearance import KIND, ClearanceCode, GroundClearance
-from thingc.driver.testing.outcomes import Failure, Measure, Measurement, Outcome, TestCase, shown
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.geometry.store.meshes import vertices
 from thingc.model.assembly.types import Occurrence, Surface
 from thingc.model.robot.floor_height import DECIMALS, ROUNDING, of_box, of_points, vertices_of
@@ -88,4 +88,4 @@ def _over(height: float) -> str:
     return f"{shown(abs(height), LENGTH)} {'below' if height < 0.0 else 'above'} the plane"
 
 
-MEASUREMENT = Measurement(kind=KIND, measure=measure)
+MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from thingc.base.numeric import sum_of
 from thingc.base.units import MASS
 from thingc.documents.checks.mass import KIND, MassCheck, MassCode
-from thingc.driver.testing.outcomes import Measurement, Outcome, TestCase, check_bounds
+from thingc.driver.testing.outcomes import Outcome, TestCase, TestMeasurement, check_bounds
 
 
 def measure(case: TestCase, check: MassCheck) -> Outcome:
@@ -15,4 +15,4 @@ def measure(case: TestCase, check: MassCheck) -> Outcome:
     return check_bounds("mass", "the mass", value, check.minimum, check.maximum, MASS, MassCode.TEST_MASS)
 
 
-MEASUREMENT = Measurement(kind=KIND, measure=measure)
+MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

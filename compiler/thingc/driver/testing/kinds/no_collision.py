@@ -10,7 +10,7 @@ from thingc.base.one_line_repr import counted
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import KIND, CollisionCheck, CollisionCode
 from thingc.driver.testing.collisions import LOOK, Collisions, NearPair, collisions_of
-from thingc.driver.testing.outcomes import Failure, Measure, Measurement, Outcome, TestCase, shown
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.driver.testing.poses import joints_text, swept
 from thingc.model.assembly.types import Assembly, LinkedTest
 from thingc.model.resolve.types import NamedPose
@@ -146,4 +146,4 @@ def _at(case: TestCase, check: CollisionCheck, near: NearPair) -> str:
     return f" at {joints_text(case.robot.assembly, {r.joint: near.where.q[r.joint] for r in check.ranges})}"
 
 
-MEASUREMENT = Measurement(kind=KIND, measure=measure, poses=poses, finish=finish)
+MEASUREMENT = TestMeasurement(kind=KIND, measure=measure, poses=poses, finish=finish)

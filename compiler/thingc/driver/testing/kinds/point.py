@@ -5,7 +5,7 @@ from __future__ import annotations
 from thingc.base.diagnostics import Note
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.documents.checks.point import KIND, PointCheck, PointCode
-from thingc.driver.testing.outcomes import Failure, Measure, Measurement, Outcome, TestCase, shown
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.driver.testing.poses import joints_text
 from thingc.driver.testing.reach_search import ReachGoal, nearest
 
@@ -47,4 +47,4 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     return Outcome(measured={**measured, "joints": joints}, expected=expected, said=f"{said})", failure=failure)
 
 
-MEASUREMENT = Measurement(kind=KIND, measure=measure)
+MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Note
 from thingc.base.units import LENGTH
 from thingc.documents.checks.reach import KIND, ReachCheck, ReachCode
-from thingc.driver.testing.outcomes import Measurement, Outcome, TestCase, check_bounds, unclosed
+from thingc.driver.testing.outcomes import Outcome, TestCase, TestMeasurement, check_bounds, unclosed
 from thingc.driver.testing.poses import joints_text, posed, starting_pose
 from thingc.driver.testing.reach_search import farthest
 
@@ -32,4 +32,4 @@ def measure(case: TestCase, check: ReachCheck) -> Outcome:
     return replace(outcome, measured={**outcome.measured, "joints": joints})
 
 
-MEASUREMENT = Measurement(kind=KIND, measure=measure)
+MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

@@ -8,7 +8,7 @@ from thingc.base.diagnostics import Report
 from thingc.base.numeric import maximum
 from thingc.base.units import LENGTH, TIME, Quantity
 from thingc.documents.checks.settles import KIND, SettleCheck, SettleCode
-from thingc.driver.testing.outcomes import Failure, Measure, Measurement, Outcome, TestCase, shown
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.driver.testing.settle_simulation import SettleResult, simulated
 from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.mjcf.compat import separator
@@ -76,4 +76,4 @@ def _diverged(time: float) -> Outcome:
     return Outcome(measured={"diverged": time}, expected={}, said=f"diverges after {time:.3g} s", failure=failure)
 
 
-MEASUREMENT = Measurement(kind=KIND, measure=measure)
+MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

@@ -11,7 +11,7 @@ from thingc.base.numeric import isfinite, rounded
 from thingc.base.pose import Pose
 from thingc.base.units import FORCE, LENGTH, TORQUE
 from thingc.documents.checks.torque_margin import KIND, TorqueCheck, TorqueCode
-from thingc.driver.testing.outcomes import Failure, Measure, Measurement, Outcome, TestCase, shown
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.kinematics import body_poses
@@ -124,4 +124,4 @@ def _effort(joint: JointEdge, value: float) -> str:
     return shown(abs(value), TORQUE if joint.twist.turns else FORCE)
 
 
-MEASUREMENT = Measurement(kind=KIND, measure=measure)
+MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)
