@@ -286,7 +286,7 @@ def test_a_class_name_means_one_class() -> None:
 
 NUMBERS = (
     "base/pose.py", "base/inertia.py", "base/primitives.py", "base/joints/", "model/", "modes/",
-    "targets/drawing/", "documents/checks/", "driver/testing/kinds/",
+    "documents/checks/", "driver/testing/kinds/",
 )
 """Where numbers are computed with."""
 

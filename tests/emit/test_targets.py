@@ -16,7 +16,7 @@ from thingc.tools.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = {path.parent.name for path in (ROOT / "compiler" / "thingc" / "targets").glob("*/__init__.py")}
-SHARED = {"drawing", "render"}
+SHARED = {"render"}
 """Folders beside those of targets."""
 
 ROBOT = """\

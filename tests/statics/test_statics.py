@@ -21,9 +21,8 @@ from thingc.batch.measurements import measure
 from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot
-from thingc.model.statics.efforts import balance_tree, problem, static_efforts
+from thingc.model.statics.efforts import balance_tree, loads, problem, static_efforts
 from thingc.model.statics.load_sharing import balance_shared
-from thingc.model.statics.loads import loads
 from thingc.model.statics.types import DriveTransmission, Efforts
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
@@ -312,7 +311,7 @@ def test_the_way_of_trees_imports_no_numpy() -> None:
     program = "import sys, json, thingc.batch.measurements, thingc.model.statics; print(json.dumps(sorted(sys.modules)))"
     loaded: Any = json.loads(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout)
     assert not {name.split(".")[0] for name in loaded} & {"numpy", "scipy", "mujoco", "build123d", "OCP", "pyarrow"}
-    assert "thingc.model.statics.load_sharing" not in loaded and "thingc.model.statics.loads" in loaded
+    assert "thingc.model.statics.load_sharing" not in loaded and "thingc.model.statics.efforts" in loaded
 
 
 @pytest.mark.parametrize("unit", [1e-300, 1.0, 1e300])

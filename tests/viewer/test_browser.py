@@ -22,7 +22,7 @@ from robot.test_spanning_tree_properties import build, robots
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.robot.kinematics import body_poses, link_names
-from thingc.model.statics.loads import loads
+from thingc.model.statics.efforts import loads
 from thingc.targets.html.emit import Page
 from thingc.targets.html.mesh_packing import PackedMeshes
 from thingc.targets.html.viewer_data import describe

@@ -1,1 +1,0 @@
-"""Layout of graph drawings: the positions of boxes, labels and lines."""
