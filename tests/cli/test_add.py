@@ -10,7 +10,7 @@ from typing import Any, get_args
 import pytest
 from ruamel.yaml import YAML
 
-from thingc.base.joints.kind import JointType
+from thingc.base.joints.kinds import JointType
 from thingc.documents.checks import kinds
 from thingc.driver import pipeline
 from thingc.tools.cli.main import main

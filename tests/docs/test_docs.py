@@ -251,8 +251,7 @@ def test_what_is_said_of_expressions_and_quantities() -> None:
 def test_kinds_of_joints() -> None:
     from typing import get_args
 
-    from thingc.base.joints.kind import JointType
-    from thingc.base.joints.kinds import KINDS
+    from thingc.base.joints.kinds import KINDS, JointType
 
     rows = table(LANGUAGE, "joint kinds")
     assert [row[0].strip("`") for row in rows] == list(KINDS)
@@ -449,7 +448,7 @@ def _recipe(heading: str) -> dict[str, object]:
 
 def test_the_recipe_of_a_joint_kind_makes_one() -> None:
     from thingc.base.joints import kinds
-    from thingc.base.joints.kind import JointKind
+    from thingc.base.joints.kinds import JointKind
     from thingc.base.joints.twist import moved
     from thingc.base.pose import shifted
 

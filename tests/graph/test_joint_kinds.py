@@ -7,8 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from graph.builder import LEAD, Array, as_matrix, as_pose, inv, motion, rx, ry, rz, t
-from thingc.base.joints.kind import JointKind
-from thingc.base.joints.kinds import KINDS
+from thingc.base.joints.kinds import KINDS, JointKind
 from thingc.base.joints.twist import Twist, moved, velocities
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from thingc.geometry.part_inputs import part_inputs
+from thingc.tools.affected.dependents import part_inputs
 
 
 @pytest.mark.parametrize("trusted", [True, False])
@@ -16,17 +16,17 @@ def test_code_its_imports_and_what_is_not_there(place: Any, trusted: bool) -> No
     sizes = place.write("parts/sizes.py", "A = 1\n")
     other = place.write("parts/other.py", "B = 1\n")
     store = place.store if trusted else None
-    found = part_inputs(["arm:Arm"], place.workspace, store)
-    assert {str(arm), str(sizes), str(place.root / "parts.lock.json")} <= found.files
-    assert str(other) not in found.files
-    assert found.folders == (str(place.parts),)
-    missing = part_inputs(["arm:Arm", "gone:Gone"], place.workspace, store)
-    assert found.files | {str(place.parts / "gone.py")} <= missing.files
-    assert str(other) in missing.files, "a class `Gone` in it would be suggested"
-    assert missing.folders == found.folders
+    files, folders = part_inputs(["arm:Arm"], place.workspace, store)
+    assert {str(arm), str(sizes), str(place.root / "parts.lock.json")} <= files
+    assert str(other) not in files
+    assert folders == (str(place.parts),)
+    missing, folders_of_missing = part_inputs(["arm:Arm", "gone:Gone"], place.workspace, store)
+    assert files | {str(place.parts / "gone.py")} <= missing
+    assert str(other) in missing, "a class `Gone` in it would be suggested"
+    assert folders_of_missing == folders
 
 
 def test_parts_of_packages_read_no_folder_of_the_workspace(place: Any) -> None:
-    found = part_inputs(["thingc_stock.fasteners:Screw"], place.workspace, place.store)
-    assert found.folders == ()
-    assert part_inputs([], place.workspace, None).files == {os.path.join(place.workspace.root, "parts.lock.json")}
+    _, folders = part_inputs(["thingc_stock.fasteners:Screw"], place.workspace, place.store)
+    assert folders == ()
+    assert part_inputs([], place.workspace, None)[0] == {os.path.join(place.workspace.root, "parts.lock.json")}

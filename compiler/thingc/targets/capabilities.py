@@ -14,8 +14,7 @@ from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never, cast
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO, physical_fault
-from thingc.base.joints.kind import JointKind
-from thingc.base.joints.kinds import KINDS
+from thingc.base.joints.kinds import KINDS, JointKind
 from thingc.base.pose import NO_POSE, Vector
 from thingc.base.primitives import Primitive, PrimitiveShape
 from thingc.base.source import Origin

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Union
 from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from thingc.base.joints.kind import JointType
+from thingc.base.joints.kinds import JointType
 from thingc.base.suggestions import Suggestion
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
 from thingc.documents.spec.allowances import Allow, allow

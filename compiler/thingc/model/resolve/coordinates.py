@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.joints.kind import JointKind
+from thingc.base.joints.kinds import JointKind
 from thingc.base.numeric import inf, sum_of
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Origin

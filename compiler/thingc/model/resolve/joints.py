@@ -8,8 +8,7 @@ from typing import Any, get_args
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.joints.kind import JointKind
-from thingc.base.joints.kinds import KINDS
+from thingc.base.joints.kinds import KINDS, JointKind
 from thingc.base.joints.twist import SLIDE, TURN, Twist, dimensions_of
 from thingc.base.numeric import hypot
 from thingc.base.pose import IDENTITY, Vector

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
@@ -14,7 +14,9 @@ from thingc.documents.load.discovery import documents_in
 from thingc.documents.load.documents import Documents, load
 from thingc.documents.load.paths import named
 from thingc.documents.workspace import Workspace
-from thingc.geometry.part_inputs import part_inputs
+from thingc.geometry.key.module_key import CodeIngredients
+from thingc.geometry.key.part_code import PartCode
+from thingc.geometry.lock.lock import LOCK_FILE
 from thingc.geometry.store.local import Store
 
 KINDS = ("assembly", "materials", "variants")
@@ -85,10 +87,10 @@ def _needs(path: str, store: Store | None) -> _Needs:
     if workspace is None or documents is None:  # errors in the document are reported elsewhere
         return _Needs(frozenset(), (), False, False, frozenset(), frozenset())
     references = sorted({text for document in documents.by_path.values() for text in _texts(document, "part")})
-    parts = part_inputs(references, workspace, store)
+    files, folders = part_inputs(references, workspace, store)
     return _Needs(
-        files=frozenset(os.path.realpath(file) for file in (*workspace.inputs, *_files(documents), *parts.files)),
-        folders=tuple(os.path.realpath(folder) for folder in parts.folders),
+        files=frozenset(os.path.realpath(file) for file in (*workspace.inputs, *_files(documents), *files)),
+        folders=tuple(os.path.realpath(folder) for folder in folders),
         assembly=documents.root.kind == "assembly",
         modes=documents.root.kind == "assembly" and "modes" in documents.root.tree.entries,
         nested=frozenset(
@@ -98,6 +100,24 @@ def _needs(path: str, store: Store | None) -> _Needs:
             os.path.realpath(varied) for text in _texts(documents.root, "assembly") if (varied := named(text, path)) is not None
         ) if documents.root.kind == "variants" else frozenset(),
     )
+
+
+def part_inputs(references: Iterable[str], workspace: Workspace, store: Store | None) -> tuple[frozenset[str], tuple[str, ...]]:
+    """Return the files that the parts `module:Class` depend on, and the folders whose files they may read when they are built.
+
+    The paths are absolute. The files do not have to exist: they are the code of parts with the modules of the workspace that it imports,
+    the places where Python would search for these modules first, and the lock. Without a store, the workspace is untrusted: files outside
+    of the workspace are not read.
+    """
+    code = PartCode(workspace, store)
+    files = {os.path.join(workspace.root, LOCK_FILE)}
+    own = False
+    for reference in references:
+        ingredients = code.code(reference)
+        if isinstance(ingredients, CodeIngredients):
+            files.update(ingredients.files)
+        own = own or code.sources.finder.find(reference.partition(":")[0]).workspace
+    return frozenset(files | code.probed), tuple(workspace.parts) if own else ()
 
 
 def _files(documents: Documents) -> Iterator[str]:

@@ -12,7 +12,7 @@ from typing import get_args
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Report, Severity, shown_path
-from thingc.base.joints.kind import JointType
+from thingc.base.joints.kinds import JointType
 from thingc.base.memo import Memo
 from thingc.base.replacement import Change, provisional
 from thingc.base.source import Document
