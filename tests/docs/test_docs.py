@@ -448,13 +448,12 @@ def _recipe(heading: str) -> dict[str, object]:
 
 def test_the_recipe_of_a_joint_kind_makes_one() -> None:
     from thingc.base.joints import kinds
-    from thingc.base.joints.kinds import JointKind
     from thingc.base.joints.twist import moved
     from thingc.base.pose import shifted
 
     text = (ROOT / "CONTRIBUTING.md").read_text().partition("## A new joint kind")[2]
     (kind,) = eval(textwrap.dedent(text.partition("```python\n")[2].partition("```")[0]), vars(kinds))
-    assert isinstance(kind, JointKind) and moved(kind.twists, (0.5,)) == shifted(0.0, 0.0, 0.5) and kind.moves
+    assert isinstance(kind, kinds.JointKind) and moved(kind.twists, (0.5,)) == shifted(0.0, 0.0, 0.5) and kind.moves
 
 
 def test_the_recipe_of_a_target_writes_a_file(tmp_path: Path) -> None:
