@@ -124,6 +124,22 @@ def test_many_settings_are_computed_over_columns(workspace: Path, monkeypatch: p
 
 
 @pytest.mark.parametrize("mode", ["standing", "footed"])
+def test_shared_loads_are_on_the_plan(workspace: Path, monkeypatch: pytest.MonkeyPatch, mode: str) -> None:
+    """Two drives on a joint, a tendon and feet share loads by least squares, whose bits the plan repeats."""
+    compiled: list[object] = []
+    through_passes = Evaluation._compiled
+    monkeypatch.setattr(Evaluation, "_compiled", lambda self, read: compiled.append(read) or through_passes(self, read))
+    with thingc.family(workspace / "strung.yaml", verify=0, mode=mode) as family:
+        rows = [{"thickness": 0.018 + 0.0003 * k, "axle": 0.06 + 0.001 * k, "components.foot.mass": 0.1 + 0.01 * k} for k in range(24)]
+        many = [family.evaluate(one) for one in rows]
+        assert len(compiled) < 16
+        (evaluation,) = family._evaluations.values()
+        for one, found in zip(rows, many, strict=True):
+            assert evaluation._measured(family._reader.read(one))[0] == found.results
+        assert len({one["torque_margin"] for one in many}) == len(rows) and None not in {one["torque_margin"] for one in many}
+
+
+@pytest.mark.parametrize("mode", ["standing", "footed"])
 def test_derivatives_are_those_of_differences(strung: thingc.RobotFamily, mode: str) -> None:
     names = ["thickness", "axle", "reach", "components.foot.mass"]
     function = strung.function(names, ["mass", "centre", "inertia", "box", "site:stand", "site:thigh.drum"], mode=mode)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
 from thingc.base.inertia import total
+from thingc.base.memo import Memo
 from thingc.base.numeric import dist, inf, maximum, minimum
 from thingc.base.pose import Pose, Vector
 from thingc.base.suggestions import did_you_mean
@@ -62,6 +63,7 @@ class UnknownMount(Exception):
 
 def measure(
     robot: Robot, pose: str | None, reach: tuple[str, str] | None, sites: Sequence[str] = (), *, torques: bool = True,
+    memo: Memo | None = None,
 ) -> Results:
     """Return the results of a robot in a pose (None: the pose of the mode, else q = 0). Raises `UnknownMount`.
 
@@ -99,7 +101,7 @@ def measure(
         position = (occurrences[occurrence] @ _frame(assembly, occurrence, mount)).translation
         results.update({f"{name}.{axis}": value for axis, value in zip("xyz", position)})
     if torques and not robot.closures and not lifted(stance(robot, q, bodies).feet):
-        held = static_efforts(robot, q, bodies)
+        held = static_efforts(robot, q, bodies, memo)
         results[TORQUES] = held.least_margin if held.fall is None else None
     return results
 

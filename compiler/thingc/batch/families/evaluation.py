@@ -8,14 +8,17 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Report
+from thingc.base.memo import Memo
 from thingc.batch.families.results import Evaluated
 from thingc.batch.measurements import Results, UnknownMount, measure, measure_tests
 from thingc.batch.plans import numeric_plan
 from thingc.batch.plans.numeric_plan import MOST, NumericPlan, PlanCache, PlanCaches, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.refusals import Refusals
+from thingc.batch.plans.searches import SearchMemo
 from thingc.batch.plans.tape import Tape
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, trace_compilation
 from thingc.batch.rules import unkept
@@ -175,12 +178,13 @@ class Evaluation:
         return plan
 
     def _traced(self, compilation: Compilation, tape: Tape) -> Results:
-        return self._results(compilation)
+        return self._results(compilation, SearchMemo(tape))
 
-    def _results(self, compilation: Compilation) -> Results:
+    def _results(self, compilation: Compilation, memo: Memo | None = None) -> Results:
         if self.tests:
-            return measure_tests(pipeline.request_of(self.session.environment, compilation), self.tests)
-        return self.measure(compilation.robots[0], self.pose, self.reach)
+            request = pipeline.request_of(self.session.environment, compilation)
+            return measure_tests(replace(request, memo=memo or request.memo), self.tests)
+        return self.measure(compilation.robots[0], self.pose, self.reach, memo=memo)
 
     # --- through every pass ---------------------------------------------------------------------------------------------
 

@@ -1,8 +1,8 @@
-"""Searches on a tape: a search that iterates, such as that for closed loops, is one operation, since its steps depend on the numbers."""
+"""Searches on a tape: a search that iterates, as for closed loops and shared loads, is one operation: its steps depend on the numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
 from typing import Any
 
@@ -13,11 +13,10 @@ from thingc.base.memo import Memo
 from thingc.batch.plans.tape import Ref, Tape, Traced
 from thingc.model.assembly.types import JointEdge
 from thingc.model.resolve.coordinates import Dynamics
-from thingc.model.robot.loop_closure import close_pose, closest_failure
 from thingc.model.robot.loop_solver import Loops, SolverState
 
-SEARCHES = (close_pose, closest_failure)
-"""Functions of structures of numbers, called through the memo, that the tape repeats as they are."""
+SEARCHES = ("close_pose", "closest_failure", "balance")
+"""Names of functions of structures of numbers, called through the memo, that the tape repeats as they are."""
 
 KEPT = 32
 """Number of results of a search to cache, since plans are tried again for the same numbers."""
@@ -40,7 +39,8 @@ class SearchMemo(Memo):
 
     def __call__(self, place: Any, function: Callable[..., Any], *inputs: Any) -> Any:
         """See `Memo`."""
-        return super().__call__(place, partial(self._search, function) if function in SEARCHES else function, *inputs)
+        known = getattr(function, "__name__", "") in SEARCHES
+        return super().__call__(place, partial(self._search, function) if known else function, *inputs)
 
     def _search(self, function: Callable[..., Any], *inputs: Any) -> Any:
         tape, numbers = self._tape, list[Traced]()
@@ -97,9 +97,14 @@ def _builder(value: Any, numbers: list[Traced]) -> Callable[[Numbers], Any] | No
 
     def build(values: Numbers) -> Any:
         made = {**whole, **{key: one(values) for key, one in changed}}
-        return made if isinstance(value, Mapping) else type(value)(made.values())
+        return made if isinstance(value, Mapping) else _like(value, made.values())
 
     return build
+
+
+def _like(value: Any, items: Iterable[Any]) -> Any:
+    """Return a list, tuple or named tuple like `value` with other items."""
+    return getattr(type(value), "_make", type(value))(items)
 
 
 def _outside(inputs: Sequence[Any]) -> dict[str, Any]:
@@ -133,4 +138,4 @@ def _with_numbers(value: Any, outside: Mapping[str, float], traced: Mapping[str,
         return replace(value, **{name: change(getattr(value, name)) for name in value.__struct_fields__})
     if isinstance(value, Mapping):
         return {key: traced[key] if _is_kept(key, one, outside) else change(one) for key, one in value.items()}
-    return tuple(map(change, value)) if isinstance(value, tuple) else value
+    return _like(value, map(change, value)) if isinstance(value, tuple) else value

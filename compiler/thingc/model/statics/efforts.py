@@ -15,6 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.base import numeric
 from thingc.base.joints.twist import velocities
+from thingc.base.memo import Memo
 from thingc.base.pose import NO_POSE, Pose, Vector, cross, dot
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import JointEdge
@@ -23,18 +24,18 @@ from thingc.model.robot.types import Robot
 from thingc.model.statics.types import DriveTransmission, Efforts, answer
 
 
-def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Efforts:
+def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], memo: Memo | None = None) -> Efforts:
     """Return the efforts that hold a mode at `q` (all joints by path, rad or m; loops closed).
 
     `bodies` are the poses of its bodies in the world. The mode's feet and holds support a free base. A free base without feet and holds is
-    treated as fixed, and so is any other base.
+    treated as fixed, and so is any other base. `memo` caches how loads are shared.
     """
     load, drives = problem(robot, q, bodies)
     if not robot.closures and not robot.carried and all(len(drive.moves) == 1 for drive in drives):
         return balance_tree(load, drives)
     from thingc.model.statics.load_sharing import balance_shared
 
-    return balance_shared(robot, q, bodies, load, drives)
+    return balance_shared(robot, q, bodies, load, drives, memo)
 
 
 def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tuple[dict[str, float], list[DriveTransmission]]:

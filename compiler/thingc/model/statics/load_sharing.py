@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from thingc.base.memo import Memo
 from thingc.base.numeric import hypot, isinf, pi
 from thingc.base.pose import Pose
 from thingc.model.assembly.kinematics import joints_of, leaders
@@ -46,23 +47,35 @@ MET = 1e-7
 
 def balance_shared(
     robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], load: Mapping[str, float], drives: Sequence[DriveTransmission],
+    memo: Memo | None = None,
 ) -> Efforts:
     """Return the efforts at `q`, with closed loops. `load` [N m or N] is by coordinate.
 
     For a robot without closures and feet, the result is the same as from `balance_tree`. The base is fixed, unless it is free and supported
-    by feet or holds.
+    by feet or holds. `memo` caches the result.
     """
     loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), bodies[0])
+    closing = loops.linearized(SolverState(q=dict(q), base=bodies[0]), base_moves=robot.carried)[1]
     paths = [coordinate.path for coordinate in loops.coordinates]
-    column = {path: k for k, path in enumerate(paths)}
     stands = stance(robot, q, bodies) if robot.carried else None
+    following = leaders(joints_of(robot.assembly), q) if stands is not None else {}
+    holds = any(closure.hold for closure in robot.closures)
+    place = ("efforts", robot.mode.name)
+    return (memo or Memo())(place, balance, paths, closing, load, drives, stands, following, loops.length, holds)
+
+
+def balance(
+    paths: Sequence[str], closing: Sequence[Sequence[float]], load: Mapping[str, float], drives: Sequence[DriveTransmission],
+    stands: Support | None, following: Mapping[str, tuple[str, float, float]], size: float, holds: bool,
+) -> Efforts:
+    """Return the efforts for coordinates with these `paths`. `closing` are the columns of the derivatives of the closing conditions."""
+    column = {path: k for k, path in enumerate(paths)}
     count = len(paths) + (0 if stands is None else 6)
-    closing = np.array(loops.linearized(SolverState(q=dict(q), base=bodies[0]), base_moves=robot.carried)[1], dtype=np.float64)
-    free = _null_space(closing.reshape(count, -1).T)
+    free = _null_space(np.array(closing, dtype=np.float64).reshape(count, -1).T)
     known, pushed = np.array([load[path] for path in paths]), np.zeros((count, 0))
     if stands is not None:
-        known = np.concatenate([known, np.array(stands.weight) * loops.length, stands.turning])
-        J = _feet(robot, q, stands, column, loops.length)
+        known = np.concatenate([known, np.array(stands.weight) * size, stands.turning])
+        J = _feet(following, stands, column, size)
         known -= sum((foot.pull * moves[2] for foot, moves in zip(stands.feet, J, strict=True)), np.zeros(count))
         pushed = np.hstack([pushed, *(moves.T @ edges(foot.friction).T for foot, moves in zip(stands.feet, J, strict=True))])
     weights = np.array([drive.weight for drive in drives])
@@ -77,17 +90,18 @@ def balance_shared(
     worst = int(rest.argmax()) if count else 0
     return answer(
         drives, efforts, float(np.abs(known).max(initial=0.0)), float(rest.max(initial=0.0)), paths[worst] if worst < len(paths) else "",
-        shared.choices, fall=None if stands is None else _fall(robot, stands),
+        shared.choices, fall=None if stands is None or holds else _fall(stands),
     )
 
 
-def _feet(robot: Robot, q: Mapping[str, float], stands: Support, column: Mapping[str, int], size: float) -> list[Array]:
+def _feet(
+    following: Mapping[str, tuple[str, float, float]], stands: Support, column: Mapping[str, int], size: float,
+) -> list[Array]:
     """Return the motion [m] of each foot at `q` per change of the coordinates (3 x n).
 
     The coordinates are joints, then three translations of the base (in lengths of `size` [m]) and three rotations about its
     origin.
     """
-    following = leaders(joints_of(robot.assembly), q)
     jacobians: list[Array] = []
     for foot in stands.feet:
         J = np.zeros((3, len(column) + 6))
@@ -101,13 +115,8 @@ def _feet(robot: Robot, q: Mapping[str, float], stands: Support, column: Mapping
     return jacobians
 
 
-def _fall(robot: Robot, stands: Support) -> Topple | None:
-    """Return why the floor cannot support the robot with any efforts.
-
-    Return None if the floor can support it, or if holds also support it.
-    """
-    if robot.closures and any(closure.hold for closure in robot.closures):
-        return None
+def _fall(stands: Support) -> Topple | None:
+    """Return why the floor cannot support the robot with any efforts, or None."""
     known = np.concatenate([stands.weight, np.cross(np.subtract(stands.centre, stands.feet[0].point), stands.weight)])
     pushed: list[Array] = []
     for foot in stands.feet:

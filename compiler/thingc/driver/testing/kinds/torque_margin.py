@@ -29,7 +29,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     robot, frame = case.robot, case.frames[0]
     bodies = body_poses(robot, frame.q, frame.base)
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}
-    held = static_efforts(robot, frame.q, bodies)
+    held = static_efforts(robot, frame.q, bodies, case.request.memo)
     efforts, margins, choices = held.by_joint, held.margins, held.choices
     least = _weakest(check, margins)
     text = _effort(joints[least], efforts[least])
