@@ -168,9 +168,10 @@ def test_the_floor_is_that_of_the_scene(lowest: float, opaque: bool) -> None:
 MARKS = ("--mounts", "--mounts-of", "hand.cap", "--joints", "--root")
 
 
-def test_the_command(root: Path, shared_store: str, tmp_path: Path) -> None:
-    """Its default name, its own pose, only that file; twice the same."""
-    more = {"DISPLAY": "", "WAYLAND_DISPLAY": "", "MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl")}
+def test_the_command(root: Path, shared_store: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its default name, its own pose, only that file; twice the same. The command selects EGL itself, also with overlays."""
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    more = {"DISPLAY": "", "WAYLAND_DISPLAY": ""}
     made = set()
     for _ in range(2):
         ran = command("render", root / ARM, "--mode", "drawing", "--size", "96x64", *MARKS, store=shared_store, cwd=tmp_path, more=more)
