@@ -138,14 +138,26 @@ def generated() -> dict[Path, str]:
 def formats() -> str:
     """The page of the formats, with their tables."""
     tables = {name: import_module(target.capabilities).CAPABILITIES for name, target in TARGETS.items() if target.capabilities is not None}
-    rows = [f"| | {' | '.join(tables)} |", "|---" * (1 + len(tables)) + "|"]
+    rows, notes = [f"| | {' | '.join(tables)} |", "|---" * (1 + len(tables)) + "|"], Notes()
     for group in get_type_hints(Capabilities):
         rows.append(f"| **{GROUPS[group]}** |{' |' * len(tables)}")
         rows += [
-            f"| {FEATURES.get(f'{group}.{name}', name)} | {' | '.join(_said(table[group][name]) for table in tables.values())} |"
+            f"| {FEATURES.get(f'{group}.{name}', name)} | {' | '.join(_said(table[group][name], notes) for table in tables.values())} |"
             for name in next(iter(tables.values()))[group]
         ]
-    return _marked(_read(FORMATS), {"formats": "\n".join(rows)})
+    listed = [f"{number}. {words}" for words, number in notes.items()]
+    return _marked(_read(FORMATS), {"formats": "\n".join([*rows, "", "Notes:", "", *listed])})
+
+
+class Notes(dict[str, int]):
+    """Numbers of the notes below a table, by their text."""
+
+    def cell(self, answer: str, words: str) -> str:
+        """Return a cell with an explanation (it may begin with `,` or `:`): up to two words in the cell, more as a note."""
+        if len(words.lstrip(":, ").split()) < 3:
+            return f"{answer}{words}"
+        note = f"{answer}{words}" if words.startswith(",") else words.lstrip(": ")
+        return f"{answer} <sup>{self.setdefault(note, len(self) + 1)}</sup>"
 
 
 def outputs() -> str:
@@ -169,13 +181,13 @@ def _build_folder() -> list[str]:
     return [f"{'  '.join(paths):28}{words}" for words, paths in files.items()]
 
 
-def _said(cell: Cell[Any]) -> str:
-    """A cell of a table of capabilities, for people."""
+def _said(cell: Cell[Any], notes: Notes) -> str:
+    """Return a cell of a table of capabilities, with its explanation as a note."""
     if isinstance(cell, Companion):
         return "-"
     if isinstance(cell, Supported):
-        return f"yes: {_cell(cell.how)}" if cell.how else "yes"
-    return f"*{cell.how}*{_cell(cell.words)}"
+        return notes.cell("yes", f": {_cell(cell.how)}" if cell.how else "")
+    return notes.cell(f"*{cell.how}*", _cell(cell.words))
 
 
 def tests() -> str:

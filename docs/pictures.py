@@ -11,6 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import stock_pictures
 import terminal
 import website
 from PIL import Image
@@ -175,7 +176,7 @@ FRAME = """<!doctype html><meta charset="utf-8"><style>
     font: 14px/1.6 "DejaVu Sans Mono", monospace; }
   figure { position: relative; margin: 0; flex: 1; border-left: 1px solid #dde3e9; overflow: hidden; }
   img { width: 100%; height: 100%; object-fit: cover; display: block; }
-  figcaption { position: absolute; left: 14px; top: 12px; padding: 2px 12px; border-radius: 99px; background: #1f6498; color: #fff;
+  figcaption { position: absolute; left: 14px; bottom: 12px; padding: 2px 12px; border-radius: 99px; background: #1f6498; color: #fff;
     font-weight: 600; }
 </style><main><pre>@TEXT@</pre>@SHOTS@</main>"""
 
@@ -205,6 +206,7 @@ def main() -> int:
     batch_page(PICTURES / "batch_page.png")
     search_front(PICTURES / "search_front.png")
     tutorial()
+    stock_pictures.write(PICTURES)
     (PICTURES / "arm_hag.svg").write_text(thingc("hag", "assemblies/arm.yaml", "--format", "svg"))
     return 0
 

@@ -22,7 +22,7 @@ LINE, CHARACTER = 19.0, 8.43
 SCENES: tuple[tuple[str, float], ...] = (
     ("thingc new rover", 0.0),
     ("cd rover && thingc check rover.yaml", 3.0),
-    ("sed -i 's/drive: shoulder_servo/drive: sholder_servo/' rover.yaml   # a slip", 5.0),
+    ("sed -i 's/drive: shoulder_servo/drive: sholder_servo/' rover.yaml   # a typo", 5.0),
     ("thingc check rover.yaml", 7.2),
     ("thingc check --fix rover.yaml", 10.0),
     ("thingc build rover.yaml", 12.5),
@@ -32,7 +32,7 @@ SCENES: tuple[tuple[str, float], ...] = (
 
 COLOURS = (
     (re.compile(r"^(error)(\[TC\d+\])"), "bad"), (re.compile(r"^\s+\|\s+\^+$"), "bad"), (re.compile(r"^\s+help: "), "good"),
-    (re.compile(r"fixed `|no diagnostics left"), "good"),
+    (re.compile(r"fixed `|no diagnostics remain"), "good"),
 )
 """Lines that are coloured, as a terminal could."""
 

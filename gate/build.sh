@@ -1,6 +1,5 @@
 #!/usr/bin/env bash
-# Builds the assemblies of the file ROOTS (names ended by NUL), each into OUT/<its folder>/<its name>/. OPTIONS are more words for
-# `thingc build`.
+# Build the assemblies listed in the file ROOTS (terminated by NUL) into OUT/<folder>/<name>/. OPTIONS are options of `thingc build`.
 set -euo pipefail
 source "${BASH_SOURCE[0]%/*}/runner.sh"
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Checks the documents of the file LIST (names ended by NUL), with remarks at their lines. CODE is `yes` where part code may run.
+# Check the documents listed in the file LIST (terminated by NUL) and annotate their lines. CODE is `yes` if part code may run.
 set -euo pipefail
 
 mapfile -d '' -t documents < "$LIST"
 if (( ${#documents[@]} == 0 )); then
-    echo "the change concerns no document"
+    echo "the change affects no document"
     exit 0
 fi
 options=()

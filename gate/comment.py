@@ -1,7 +1,7 @@
-"""`comment.py FILE`: a file as the comment of thingc on a pull request, written once and updated by later runs.
+"""`comment.py FILE`: write a file as the comment of thingc on a pull request, or update the comment of an earlier run.
 
-In the environment: API (the address of GitHub's), TOKEN, REPOSITORY (`owner/name`), NUMBER of the pull request. Where the token may not
-write, as that of a fork, that is said, and no fault.
+Environment variables: API (the address of GitHub's API), TOKEN, REPOSITORY (`owner/name`), NUMBER of the pull request. If the token has no
+permission to write, as in a fork, this is printed and is not an error.
 """
 
 import json
@@ -11,12 +11,12 @@ import urllib.error
 import urllib.request
 
 MARK = "<!-- thingc diff -->"
-"""By what the comment is known again."""
+"""Identifies the comment."""
 REFUSED = (401, 403, 404)
 
 
 def asked(method, path, body=None):
-    """The answer of the API."""
+    """Return the response of the API."""
     request = urllib.request.Request(
         os.environ["API"] + path, method=method, data=None if body is None else json.dumps({"body": body}).encode(),
         headers={
@@ -28,7 +28,7 @@ def asked(method, path, body=None):
 
 
 def earlier(comments):
-    """The address of the comment that is there already; None where none is."""
+    """Return the id of the existing comment, or None."""
     page = 1
     while found := asked("GET", f"{comments}?per_page=100&page={page}"):
         for comment in found:
@@ -39,7 +39,7 @@ def earlier(comments):
 
 
 def main():
-    """Exit code 0, whether the token may write or not."""
+    """Write or update the comment. Return the exit code, which is 0 also if the token has no permission to write."""
     repository = f"/repos/{os.environ['REPOSITORY']}"
     comments = f"{repository}/issues/{os.environ['NUMBER']}/comments"
     with open(sys.argv[1], encoding="utf-8") as stream:
@@ -53,9 +53,9 @@ def main():
     except urllib.error.HTTPError as fault:
         if fault.code not in REFUSED:
             raise
-        print(f"no comment: the token of this run may not write one ({fault.code})")
+        print(f"no comment: the token of this run has no permission to write one ({fault.code})")
     else:
-        print("the comment is written" if number is None else "the comment is updated")
+        print("comment created" if number is None else "comment updated")
 
 
 if __name__ == "__main__":

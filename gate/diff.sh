@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What the change does to the robots, as one comment on the pull request NUMBER of REPOSITORY, which later runs update. Needs SINCE (the
-# base), CODE (`yes` where part code may run), FAIL_ON (kinds of changes that fail the step, or nothing), API and TOKEN.
+# Write or update a comment with the effect of the change on the robots, on the pull request NUMBER of REPOSITORY. Requires SINCE (the
+# base revision), CODE (`yes` if part code may run), FAIL_ON (kinds of changes that fail the step, or empty), API and TOKEN.
 set -euo pipefail
 source "${BASH_SOURCE[0]%/*}/runner.sh"
 
@@ -17,7 +17,7 @@ thingc diff --format markdown "${options[@]}" "$SINCE...HEAD" > "$comment" 2> "$
 quoted < "$RUNNER_TEMP/thingc-progress"
 if [[ "$(head -c 4 "$comment")" != "### " ]]; then
     quoted < "$comment"
-    echo "nothing to compare: a side does not compile, which the check says, too"
+    echo "nothing to compare: one side does not compile; see the check"
     exit 0
 fi
 python -I "${BASH_SOURCE[0]%/*}/comment.py" "$comment"

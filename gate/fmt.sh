@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Says which documents of the file LIST (names ended by NUL) are not as `thingc fmt` writes them.
+# Report documents listed in the file LIST (terminated by NUL) that `thingc fmt` would change.
 set -euo pipefail
 source "${BASH_SOURCE[0]%/*}/runner.sh"
 

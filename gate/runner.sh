@@ -1,12 +1,12 @@
-# For the scripts beside this one: what has to do with GitHub's runner, which reads commands (`::error::...`, `##[error]...`) in all
-# that is printed, and outputs by line.
+# Functions for the other scripts. GitHub's runner interprets commands (`::error::...`, `##[error]...`) in standard output, and reads
+# outputs line by line.
 
-# A word that nobody else knows.
+# Print a secret word.
 secret() {
     echo "end-$RANDOM-$RANDOM-$RANDOM-$RANDOM"
 }
 
-# Prints standard input; nothing in it is taken for a command.
+# Print standard input without interpreting commands in it.
 quoted() {
     local token
     token="$(secret)"
@@ -16,7 +16,8 @@ quoted() {
     echo "::$token::"
 }
 
-# An output of the step, NAME, of the other words: one on a line. Those that hold a line end are left out; thingc refuses such documents.
+# Write the output NAME of the step: the other arguments, one per line. Arguments with control characters are omitted, because thingc
+# rejects such documents.
 output() {
     local mark name="$1" word
     mark="$(secret)"

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# What the change concerns: writes `list` (a file of documents, each ended by NUL), `documents` (one on a line), `roots` (a file of
-# assemblies to build, ended by NUL) and `code` (may part code run) to the step's outputs. Needs SINCE (empty: everything counts),
-# TRUST, EVENT (the name of GitHub's event), REPOSITORY (where this runs) and HEAD (the repository that a pull request comes from; empty if
-# the event does not name one, or if it was deleted).
+# Find the documents that the change affects. Outputs of the step: `list` (a file of documents, terminated by NUL), `documents` (one per
+# line), `roots` (a file of assemblies to build, terminated by NUL) and `code` (`yes` if part code may run). Requires SINCE (empty: all
+# documents), TRUST, EVENT (the name of the event), REPOSITORY (of this run) and HEAD (the repository of the pull request; empty if there
+# is none or if it was deleted).
 set -euo pipefail
 source "${BASH_SOURCE[0]%/*}/runner.sh"
 
@@ -17,13 +17,13 @@ if [[ -n "$SINCE" ]]; then
 else
     which=--all
 fi
-# nothing of the change is run to find out, and what it says is read for a bounded time
+# this runs no code of the change, and reads its files for a limited time
 timeout 300 thingc touched "$which" -0 > "$list"
 timeout 300 thingc touched "$which" -0 --roots > "$roots"
 mapfile -d '' -t documents < "$list"
 mapfile -d '' -t assemblies < "$roots"
 
-# Whoever can push to this repository may run code in its jobs already. Every other event may be about a stranger's code.
+# Users who can push to this repository can already run code in its jobs. Other events can contain code of strangers.
 code=no
 case "$TRUST" in
     yes) code=yes ;;
@@ -36,4 +36,4 @@ output code "$code"
 output list "$list"
 output roots "$roots"
 output documents "${documents[@]}"
-echo "documents concerned: ${#documents[@]}; to build: ${#assemblies[@]}; part code runs: $code"
+echo "affected documents: ${#documents[@]}; to build: ${#assemblies[@]}; part code runs: $code"

@@ -207,7 +207,7 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
         ({5: 1.0}, "TC809", "the document has nothing named `5`"),
         ({"modes.loose.gravity.3": 1.0}, "TC809", "`modes.loose.gravity` is a list of 3 and has no `3`"),
         ({"components.arm.com.x": 1.0}, "TC809", "`components.arm.com` is a list of 3 and has no `x`"),
-        ({"modes.loose.gravity.2": "fast"}, "TC809", "expected an acceleration (such as `9.81 m/s^2`), found text `fast`"),
+        ({"modes.loose.gravity.2": "fast"}, "TC809", "expected an acceleration (such as `9.81 m/s^2`), found the string `fast`"),
         ({"components.arm.com.1": "5 kg"}, "TC809", "expected a length (such as 120 mm), found a mass (`5 kg`)"),
         ({**good, "joints.lift.limit.upper": -3.0}, "TC324", "limits of joint `lift` are reversed"),
     ]

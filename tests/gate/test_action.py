@@ -201,8 +201,8 @@ def test_an_unknown_trust_fails(tmp_path: Path, trust: str) -> None:
     job = Job(folder=tmp_path, temp=tmp_path, store=str(tmp_path / "store"), github={"event_name": "push", "repository": "us/robots"})
     job.inputs = {"folder": ".", "since": "", "trust": trust}
     job.step(steps()[0])
-    assert job.failed and "expected auto, yes or no" in job.printed["What the change concerns"]
-    assert "code" not in job.outputs["touched"] and commands(job.printed["What the change concerns"]) == []
+    assert job.failed and "expected auto, yes or no" in job.printed["Find affected documents"]
+    assert "code" not in job.outputs["touched"] and commands(job.printed["Find affected documents"]) == []
 
 
 def test_a_change_of_something_else_builds_nothing(job: Job) -> None:
@@ -212,7 +212,7 @@ def test_a_change_of_something_else_builds_nothing(job: Job) -> None:
     assert not job.failed, job.printed
     assert job.outputs["touched"]["documents"] == ""
     assert job.outputs["build"]["built"] == ""
-    assert job.printed["Check"] == "the change concerns no document\n"
+    assert job.printed["Check"] == "the change affects no document\n"
 
 
 def test_without_a_base_everything_is_checked(job: Job) -> None:
@@ -337,9 +337,9 @@ def test_refs_that_look_like_something_else(job: Job, ref: str) -> None:
     job.inputs = {"since": ref, "build": "false", "fmt": "false"}
     job.run()
     assert not list(job.folder.rglob("stolen")) and not list(job.temp.rglob("stolen"))
-    assert job.failed == (["What the change concerns"] if ref != ":/arm" else []), job.printed
-    assert commands(job.printed["What the change concerns"]) == []
-    assert "Traceback" not in job.printed["What the change concerns"]
+    assert job.failed == (["Find affected documents"] if ref != ":/arm" else []), job.printed
+    assert commands(job.printed["Find affected documents"]) == []
+    assert "Traceback" not in job.printed["Find affected documents"]
 
 
 # --- pre-commit ------------------------------------------------------------------------------------------------------

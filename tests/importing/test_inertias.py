@@ -43,7 +43,7 @@ def test_the_nearest_is_repaired_and_said(tmp_path: Path) -> None:
     assert numpy.allclose(arm["new"]["inertia"], numpy.diag([0.015001, 0.015001, 0.03]), rtol=1e-12)
     assert record[3]["old"] is None and record[3]["new"]["mass"] == 1e-6
     text = imported.files["inertias.yaml"].decode()
-    assert text.count("# repaired (nearest): what the source says is in import.json") == 4
+    assert text.count("# repaired (nearest): the original values are in import.json") == 4
     (tmp_path / "inertias.yaml").write_text(text)
     assert thingc.compile(tmp_path / "inertias.yaml").modes["source"].model().nv == 3
 

@@ -144,7 +144,7 @@ def test_a_part_folder_that_nobody_names_may_not_be_a_link_out_of_the_workspace(
     ('thingc = "assembly/1"\n', Code.WRONG_KIND, "expected a document of kind `workspace`, found `assembly`",
      'write `thingc = "workspace/1"`', (1, 10)),
     (HEAD + 'part = ["parts"]\n', Code.UNKNOWN_KEY, "unknown key `part`", "did you mean `parts`?", (2, 1)),
-    (HEAD + 'parts = "parts"\n', Code.WRONG_TYPE, "expected a list, found text `parts`", "write `[parts]`", (2, 9)),
+    (HEAD + 'parts = "parts"\n', Code.WRONG_TYPE, "expected a list, found the string `parts`", "write `[parts]`", (2, 9)),
     (HEAD + "parts = [3]\n", Code.WRONG_TYPE, "expected a string, found the number `3`", 'write `"3"`', (2, 10)),
     (HEAD + 'parts = ["prts"]\n', Code.WORKSPACE_FOLDER, "there is no folder `prts`", "did you mean `parts`?", (2, 10)),
     (HEAD + 'parts = ["../x"]\n', Code.OUTSIDE_WORKSPACE, "`../x` is outside the workspace", "use a folder below this file",

@@ -406,7 +406,7 @@ def test_a_mount_is_held_once_under_all_its_names(tmp_path: Path) -> None:
     [
         ("{arm.tpi: here}", ("TC303", "frame `arm` has no mount `tpi`", "did you mean `tip`?", 12)),
         ("{arn.tip: here}", ("TC302", "this document has no component `arn`", "did you mean `arm`?", 12)),
-        ("{arm.tip: there}", ("TC204", "expected `here`, found text `there`", "did you mean `here`?", 12)),
+        ("{arm.tip: there}", ("TC204", "expected `here`, found the string `there`", "did you mean `here`?", 12)),
         ("{arm.tip: {xyz: 0 0 3 kg}}", ("TC207", None, None, 12)),
         ("{arm.tip: {}}", ("TC212", "a hold needs `at: here`, or `xyz` and `rpy`", "write for example `at: here`", 12)),
         ("{arm.tip: {carries: force}}", ("TC212", "a hold needs `at: here`, or `xyz` and `rpy`", "write for example `at: here`", 12)),

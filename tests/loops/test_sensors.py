@@ -182,7 +182,7 @@ def test_where_a_force_is_read_elsewhere_is_a_loss(walker: Built) -> None:
         ("imu", "gravity in its accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"),
         ("hip", "the force at its mount: it measures the force between its link and the world at `body/origin`", "approximated"),
     ]
-    assert lost("adrift") == [("hip", "it: no link carries the root of a free base", "omitted")]
+    assert lost("adrift") == [("hip", "this sensor: no link carries the root of a free base", "omitted")]
     assert lost("stand") == [
         (
             "leg/load", "the force at its mount: it measures the force between its link and the world at `leg/sole`",
@@ -268,7 +268,7 @@ SENSORS = BODY.partition("sensors:")[0] + "sensors:\n"
          "expected an angle (such as 30 deg), found a length (`40 mm`)", None),
         ("a: {type: sonar, at: body.imu}", "TC204",
          "expected `imu`, `force`, `joint`, `camera`, `accelerometer`, `gyro`, `magnetometer`, `velocimeter`, `rangefinder`, `touch`, "
-         "`contact`, `pose`, `twist`, `centre`, `tendon`, `drive`, `clock` or `energy`, found text `sonar`", None),
+         "`contact`, `pose`, `twist`, `centre`, `tendon`, `drive`, `clock` or `energy`, found the string `sonar`", None),
     ],
 )
 def test_wrong_sensors(tmp_path: Path, sensor: str, code: str, message: str, help: str | None) -> None:

@@ -211,7 +211,8 @@ def test_what_touches_the_floor(feeler: Built) -> None:
 
 def test_what_a_mode_has_no_drive_of(feeler: Built) -> None:
     assert [(loss.path, loss.what, loss.how) for loss in feeler.losses("bare")] == [
-        ("pull", "it: the mode has no drive of `cable`", "omitted"), ("swing", "it: the mode has no drive of `swing`", "omitted"),
+        ("pull", "this sensor: the mode has no drive of `cable`", "omitted"),
+        ("swing", "this sensor: the mode has no drive of `swing`", "omitted"),
     ]
     names = {feeler.model("bare").sensor(k).name for k in range(feeler.model("bare").nsensor)}
     assert "cable:length" in names and not any(name.startswith(("pull:", "swing:")) for name in names)

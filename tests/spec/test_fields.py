@@ -66,7 +66,7 @@ def test_expressions_in_vectors() -> None:
 def test_an_expression_is_no_short_vector() -> None:
     with pytest.raises(ValidationError) as caught:
         value("Vector3Length", "=reach")
-    assert caught.value.errors()[0]["ctx"]["message"] == "expected three values, each a length, found text `=reach`"
+    assert caught.value.errors()[0]["ctx"]["message"] == "expected three values, each a length, found the string `=reach`"
 
 
 @given(st.text(max_size=12))

@@ -180,7 +180,7 @@ def test_a_scheduler_that_goes_is_said_and_the_batch_goes_on_here(tmp_path: Path
         done = len(journal(here))
         assert 4 <= done < 24
     again = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", "--resume", cwd=here, env=env)
-    assert again.returncode == 0 and f"24 variants ({done} of them before): 24 built" in again.stderr, again.stderr
+    assert again.returncode == 0 and f"24 variants ({done} of them in earlier runs): 24 built" in again.stderr, again.stderr
     assert_whole(here, 24)
 
 

@@ -159,7 +159,7 @@ def test_an_interrupt_leaves_a_batch_that_can_be_gone_on_with(tmp_path: Path, sh
     assert anew.returncode == 2 and "error[TC922]" in anew.stderr and "--resume" in anew.stderr, anew.stderr
     assert len(journal(here)) == done
     rest = thingc(*again.split()[1:], cwd=here, env=env)
-    assert rest.returncode == 0 and f"14 variants ({done} of them before): 14 built" in rest.stderr, rest.stderr
+    assert rest.returncode == 0 and f"14 variants ({done} of them in earlier runs): 14 built" in rest.stderr, rest.stderr
     assert_whole(here, 14)
     assert all((here / "build/faults/variants" / id / "manifest.json").stat().st_mtime_ns == when for id, when in before.items())
 
@@ -182,7 +182,7 @@ def test_what_failed_is_built_again_when_it_is_asked_for(tmp_path: Path, shared_
     emitter.write_text(emitter.read_text().replace('fault == "raise"', 'fault == "never"'))
     done = thingc("batch", "faults.yaml", *ALONE, "--resume", "--retry", cwd=here, env=env)
     assert done.returncode == 0 and [line["index"] for line in journal(here)[12:]] == [5]
-    assert {row["status"] for row in table(here)} == {"built"} and "9 variants (8 of them before): 9 built" in done.stderr
+    assert {row["status"] for row in table(here)} == {"built"} and "9 variants (8 of them in earlier runs): 9 built" in done.stderr
     assert {line["id"] for line in journal(here)} == {place.name for place in (here / "build/faults/variants").iterdir()}
 
 
@@ -348,7 +348,7 @@ def test_a_full_disk_ends_the_batch_in_words_and_it_goes_on_later(tmp_path: Path
         assert (small_disk / "faults" / line["path"] / "manifest.json").exists()
     subprocess.run(["mount", "-o", "remount,size=64m", str(small_disk)], check=True)
     again = thingc("batch", "faults.yaml", *ALONE, "-o", str(small_disk), "--resume", cwd=here, env=env)
-    assert again.returncode == 0 and f"({len(noted)} of them before)" in again.stderr, again.stderr
+    assert again.returncode == 0 and f"({len(noted)} of them in earlier runs)" in again.stderr, again.stderr
 
 
 def test_a_store_that_cannot_be_used_is_said_in_words(tmp_path: Path) -> None:

@@ -206,7 +206,7 @@ def test_a_killed_driver_of_a_packed_batch_can_be_resumed(tmp_path: Path, shared
             stream.write('{"index": 2')  # a line that the kill has torn
     there = journal.read_bytes().count(b"\n")
     done = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", "--resume", cwd=here, env=env)
-    assert done.returncode == 0 and f"({there} of them before): 24 built" in done.stderr and not journal.exists(), done.stderr
+    assert done.returncode == 0 and f"({there} of them in earlier runs): 24 built" in done.stderr and not journal.exists(), done.stderr
     assert sealed(here / "build/faults") == sealed(places[1] / "build/faults")
 
 

@@ -285,7 +285,7 @@ def test_a_batch_that_is_stopped_goes_on_and_leaves_nothing_behind(
     done = len(journal(here))
     assert 3 <= done < 16
     summary = shipped(here, env, apart.dask.address, "--resume")[-1]
-    assert f"16 variants ({done} of them before): 16 built" in summary
+    assert f"16 variants ({done} of them in earlier runs): 16 built" in summary
     assert_whole(here, 16)
     assert not apart.places()  # neither of this driver, nor of one that was killed
 

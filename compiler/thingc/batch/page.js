@@ -1,5 +1,5 @@
 "use strict";
-// The page of a batch. Whatever comes from documents reaches the page as text (textContent), never as HTML.
+// The page of a batch. Strings from documents are inserted as text (textContent), never as HTML.
 (() => {
   const batch = JSON.parse(document.getElementById("batch").textContent);
   const { columns, rows } = batch;
@@ -39,12 +39,12 @@
   const label = (column) => column.name.replace(/^parameters\./, "").replace(/(^|\.)components\./g, "$1");
   const withUnit = (column) => label(column) + (column.unit ? ` [${column.unit}]` : "");
 
-  // A column is worth showing when the variants differ in it.
+  // Show only columns in which the variants differ.
   const varies = columns.map((column, index) => rows.some((row) => row[index] !== rows[0][index]));
   const HEAD = ["index", "id", "name", "status", "rule", "code", "message", "path", "command"];
   const SECTIONS = /^(parameters|components|joints|defaults|links|materials|modes|poses|raw|sensors|simulation|tests)\./;
   const isSetting = (column) => SECTIONS.test(column.name) && !HEAD.includes(column.name);
-  // ... and when no column before it says the same: a parameter may be set to be equal to another one.
+  // Omit columns that are equal to a previous column, such as a parameter that is set to another one.
   const settings = columns.filter((column, index) => varies[index] && isSetting(column) && !columns.some((other, before) =>
     before < index && varies[before] && isSetting(other) && rows.every((row) => row[before] === row[index])));
   const results = columns.filter((column, index) => varies[index] && !isSetting(column) && !HEAD.includes(column.name));
@@ -62,7 +62,7 @@
     const ends = columns.filter((column) => column.name.endsWith(`.${word}`));
     return ends.length === 1 ? ends[0] : null;
   }
-  /** A test of rows for `mass<2.5 length>=0.3 status=built word`; throws words that say what is wrong. */
+  /** A test of rows for `mass<2.5 length>=0.3 status=built word`; throws an error message. */
   function tested(text) {
     const tests = text.trim().split(/\s+/).filter(Boolean).map((term) => {
       const found = /^([^<>=!]+)(<=|>=|!=|=|<|>)(.*)$/.exec(term);
@@ -95,7 +95,7 @@
     return (a, b) => {
       const u = a[index], v = b[index];
       if (u === v) return a[0] - b[0];
-      if (u === null) return 1; // what has no value comes last either way
+      if (u === null) return 1; // rows without a value are last in both directions
       if (v === null) return -1;
       if (isNumber(column)) return way * (number(u) - number(v));
       return way * (String(u) < String(v) ? -1 : 1);
@@ -145,7 +145,7 @@
       image, make("div", { class: "text" },
         make("div", { class: "name" }, make("span", { class: "dot", own: status(row), title: SPOKEN[status(row)] }), make("span", {}, cell(row, "name"))), pairs));
   }
-  /** A variant without a picture, as a line: what it is set to, or why it was not built. */
+  /** A line for a variant without a picture: its settings, or why it was not built. */
   function line(row) {
     const words = status(row) === "built"
       ? settings.slice(0, TOLD).map((column) => `${label(column)} ${inUnit(row, column)}`).join(" · ") : `${SPOKEN[status(row)]}: ${why(row)}`;
@@ -228,10 +228,10 @@
         path && batch.layout === "folders" ? make("a", { href: `${path}/` }, cell(row, "id")) : cell(row, "id")),
       ...(source ? [make("img", { src: source, alt: "" })] : []),
       pairs(settings), pairs(columns.filter((column) => isNumber(column) && !isSetting(column) && column.name !== "index" && row[at[column.name]] !== null)),
-      make("code", { title: "builds this variant alone" }, cell(row, "command") ?? ""),
+      make("code", { title: "build only this variant" }, cell(row, "command") ?? ""),
     );
     $("one").hidden = false;
-    history.replaceState(null, "", `#${cell(row, "id")}`); // the address is that of the variant
+    history.replaceState(null, "", `#${cell(row, "id")}`); // the address selects the variant
   }
 
   // --- the plot -------------------------------------------------------------------------------------------------------
@@ -242,7 +242,7 @@
     node.append(...children);
     return node;
   };
-  /** Places and texts along an axis: of numbers, round steps; of texts and flags, each of them. */
+  /** The ticks of an axis: round numbers, or every value of strings and flags. */
   function axis(column, found) {
     const index = at[column.name];
     if (!isNumber(column)) {
@@ -371,7 +371,7 @@
   if (!rows.some(picture)) {
     state.view = "table";
     $("view-pictures").disabled = true;
-    $("view-pictures").title = "there are none: thingc batch --page-only --pictures N draws some";
+    $("view-pictures").title = "no pictures; to draw them, run thingc batch --page-only --pictures N";
   }
   refresh();
   const named = rows.find((row) => `#${cell(row, "id")}` === location.hash);

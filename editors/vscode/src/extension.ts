@@ -1,4 +1,4 @@
-// Starts `thingc lsp` and connects it to VS Code. The language server has all knowledge of robots.
+// Starts `thingc lsp` and connects it to VS Code. All features are implemented in the language server.
 import { commands, window, workspace } from "vscode";
 import type { ExtensionContext } from "vscode";
 import { LanguageClient } from "vscode-languageclient/node";
@@ -35,7 +35,7 @@ async function restart(): Promise<void> {
   if (found === undefined) {
     client = undefined;
     const name = configured[0] ?? "thingc";
-    await offerSettings(`There is no \`${name}\` outside of this workspace, and it is not trusted. Install thingc, or set thingc.command in your user settings to its absolute path.`);
+    await offerSettings(`This workspace is not trusted, and there is no \`${name}\` outside it. Install thingc, or set thingc.command in your user settings to its absolute path.`);
     return;
   }
   const { program, words, cwd } = found;
@@ -50,7 +50,7 @@ async function restart(): Promise<void> {
   } catch (fault) {
     const reason = fault instanceof Error ? fault.message : fault;
     await offerSettings(
-      `\`${[program, ...words].join(" ")} lsp\` does not start (${reason}). Install it with \`pip install 'thingc[lsp]'\`, or set thingc.command.`,
+      `\`${[program, ...words].join(" ")} lsp\` failed to start (${reason}). Install it with \`pip install 'thingc[lsp]'\`, or set thingc.command.`,
     );
   }
 }

@@ -161,7 +161,7 @@ mm are checked only once.
 | Key | Type | Default | Description |
 |---|---|---|---|
 | `pair` | two components, patterns allowed | required | a nested assembly means all of its components |
-| `reason` | text | required | why this is intended |
+| `reason` | string | required | why this is intended |
 
 An unused entry of `allow` is a warning.
 """

@@ -87,9 +87,9 @@ def fault(kind: str, message: Hint, *, help: Hint | None = None, offset: int | N
 
 
 def found(value: object) -> str:
-    """Return the description of a value in messages: "text `x`", "the number `3`", "a list of 2", "a mapping"."""
+    """Return the description of a value in messages: "the string `x`", "the number `3`", "a list of 2", "a mapping"."""
     if isinstance(value, str):
-        return f"text `{shortened(value)}`" if value else "an empty string"
+        return f"the string `{shortened(value)}`" if value else "an empty string"
     if isinstance(value, bool):
         return f"`{'true' if value else 'false'}`"
     if isinstance(value, (int, float)):

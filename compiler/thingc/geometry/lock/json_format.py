@@ -293,7 +293,7 @@ def _expectation(value: Any, path: str) -> MountExpectation:
 def _question(value: Any, path: str) -> PartWarning:
     texts = list(_texts(value, path))
     if len(texts) != 2 or texts[0] not in list(ImpureInputs):
-        raise BadLock(path, "expected a warning of a part and its text")
+        raise BadLock(path, "expected the kind of a warning and its message")
     return PartWarning(message=texts[1], asked=ImpureInputs(texts[0]))
 
 
@@ -344,7 +344,7 @@ def sequence(value: Any, path: str) -> list[Any]:
 
 def text_at(table: Mapping[str, Any], key: str, path: str) -> str:
     """Return the string at a key. Raises `BadLock` if the key is missing or its value is not a string."""
-    return _of_type(str, table.get(key), f"{path}.{key}", "a text")
+    return _of_type(str, table.get(key), f"{path}.{key}", "a string")
 
 
 def number(value: Any, path: str) -> float:
@@ -409,7 +409,7 @@ def _texts(value: Any, path: str) -> list[str]:
 def _text_table(value: Any, path: str) -> dict[str, str]:
     words = mapping(value, path)
     if not all(isinstance(one, str) for one in words.values()):
-        raise BadLock(path, "expected strings by name")
+        raise BadLock(path, "expected a mapping from names to strings")
     return dict(words)
 
 

@@ -197,5 +197,5 @@ def _states(value: Any, path: str) -> dict[str, str]:
     states = mapping(value, path)
     for file, state in states.items():
         if not isinstance(state, str) or os.path.isabs(file) or ".." in file.split("/") or "\0" in file:
-            raise BadLock(path, "expected paths inside the workspace, with their content")
+            raise BadLock(path, "expected a mapping from paths inside the workspace to states of files")
     return dict(states)

@@ -16,8 +16,8 @@ OTHER_SEED = 1
 """Hash seed of the second run. The seed is fixed, so that a part that depends on the seed is always detected."""
 
 _HELP = (
-    "sort what comes from a set: `sorted(names)`; seed generators; make a parameter of what the clock, the environment or another "
-    "process says"
+    "sort the items of sets: `sorted(names)`; seed random generators; use parameters instead of the clock, the environment and other "
+    "processes"
 )
 
 Show = Callable[[Any, int], str]

@@ -144,7 +144,7 @@ def _rest(tree: Tree, mates: Sequence[Mate], memo: Memo) -> dict[int, Pose]:
 def _occurrence(index: int, instance: Instance, tree: Tree) -> Occurrence:
     part = instance.part
     if part is None:
-        raise ValueError(f"{instance.path} is no occurrence")
+        raise ValueError(f"{instance.path} is not an occurrence")
     added = tree.added.get(index)
     return Occurrence(
         **{**asdict(part), "mounts": {**part.mounts, **added} if added else part.mounts},

@@ -92,7 +92,6 @@ SLOW = 0.05
 SPREAD, COMPACT = 3.0, 200.0
 """Plausible radii of gyration: at most `SPREAD` times the diagonal of the part, and at least the diagonal divided by `COMPACT`."""
 BURDEN = 10.0
-"""Mass of a component without a shape, relative to the mass of the rest of the robot, from which it is suspicious."""
 """Threshold for the mass of a component without a shape, relative to the mass of the rest of the robot."""
 _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 

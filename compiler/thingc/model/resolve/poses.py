@@ -100,7 +100,7 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
         quaternion = None if w is None or x is None or y is None or z is None else (w, x, y, z)
         if quaternion is not None and not any(quaternion):
             scope.error(
-                Code.POSE, f"{what} is zero, which is not a rotation", place, help="write w, x, y, z; `[1, 0, 0, 0]` is no rotation",
+                Code.POSE, f"{what} is zero, which is not a rotation", place, help="write w, x, y, z; the identity is `[1, 0, 0, 0]`",
             )
             return
     if quaternion is not None:

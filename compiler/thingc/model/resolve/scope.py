@@ -200,7 +200,7 @@ class Scope(FrozenStruct):
             unit = ", ".join(f"{part / length:.6g}" for part in (w, x, y, z)) if 0.0 < length < numeric.inf else "1, 0, 0, 0"
             self.error(
                 Code.OUT_OF_RANGE, f"`quat` must be a unit quaternion w, x, y, z, found one of length {length:.6g}", place,
-                help=f"write `[{unit}]`" + (", which is no rotation" if length == 0.0 else ""),
+                help=f"write `[{unit}]`" + (", the identity" if length == 0.0 else ""),
             )
             return None
         return rotation_of((w, x, y, z))

@@ -157,7 +157,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
     """
     for sensor in robot.assembly.sensors:
         missing = _missing(robot, sensor)
-        what = f"it: {missing}" if missing else ""
+        what = f"this sensor: {missing}" if missing else ""
         how: How = "omitted"
         if not missing and sensor.kind in ("imu", "accelerometer") and stays(robot.base) and body_of(robot, sensor) == 0:
             what, how = "gravity in its accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"

@@ -115,7 +115,7 @@ def _of_controller(one: Controller) -> Iterator[str]:
         for name, drive in one.drives.items()
     }
     if any(gains.values()):
-        yield "gains:  # of the drives [N m/rad, N m s/rad; N/m, N s/m]: read where what is commanded is an effort instead"
+        yield "gains:  # of position and velocity drives [N m/rad, N m s/rad; N/m, N s/m], used only with an effort command interface"
         for name, said in gains.items():
             if said:
                 yield f"  {_quoted(name)}: {{{', '.join(said)}}}"

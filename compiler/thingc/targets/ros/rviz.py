@@ -64,7 +64,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-# Of each mode the frame that stands still, where its joints begin [rad or m], and what moves them.
+# For each mode: the fixed frame, the initial joint positions [rad or m], and the controllers.
 MODES = {
 @MODES@}
 

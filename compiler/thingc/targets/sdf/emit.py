@@ -79,7 +79,7 @@ def _of_sensors(robot: Robot) -> Iterator[Loss]:
     mode = robot.mode.name
     for sensor in robot.assembly.sensors:
         if sensor.kind == "force" and on_free_root(robot, sensor):
-            yield _loss(mode, sensor.path, "it: no link carries the root of a free base", "omitted", sensor.origin)
+            yield _loss(mode, sensor.path, "this sensor: no link carries the root of a free base", "omitted", sensor.origin)
         elif sensor.kind == "force" and (place := elsewhere(robot, sensor)) is not None:
             what = f"the force at its mount: it measures the force {place}"
             yield _loss(mode, sensor.path, what, "approximated", sensor.origin)

@@ -67,7 +67,7 @@ def emit(request: EmitRequest) -> Artifacts:
             Code.STEP_FAILED,
             f"cannot write the STEP file of `{assembly.name}`: {fault.reason}",
             assembly.definition.origin,
-            help="name the targets that are wanted with --emit, without `step`",
+            help="select targets other than `step` with --emit",
             detail=fault.detail,
         )
         return Artifacts(files={}, losses=begun.losses)

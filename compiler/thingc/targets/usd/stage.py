@@ -87,7 +87,7 @@ class _Builder:
     def build(self) -> Prim:
         """Return the prim with the scene, materials, links with their contents, and joints."""
         robot = self.robot
-        for word, what in ((SCENE, "the physics scene"), (MATERIALS, "what holds the materials"), (JOINTS, "what holds the joints")):
+        for word, what in ((SCENE, "the physics scene"), (MATERIALS, "the scope of the materials"), (JOINTS, "the scope of the joints")):
             self.names.take(word, (), what)
         links = [robot.assembly.links[body.link] for body in robot.bodies]
         names = [self.names.take(link.name, link.origin) for link in links]

@@ -221,7 +221,7 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
         return code
     console.print_text(summary.notes, stream=sys.stderr, debug=False)
     counts = ", ".join(f"{summary.statuses[status]} {spoken}" for status, spoken in STATUSES.items() if status in summary.statuses)
-    earlier = f" ({summary.before} of them before)" if summary.before else ""
+    earlier = f" ({summary.before} of them in earlier runs)" if summary.before else ""
     modelled = f"{counted(summary.modelled, 'part')} modelled"
     lines = [f"{shown_path(summary.folder)}: {counted(summary.count, 'variant')}{earlier}: {counts}; {modelled}"]
     lines += [f"{counted(summary.duplicates, 'duplicate')} omitted"] if summary.duplicates else []

@@ -59,7 +59,7 @@ class DocumentWriter(DocumentNaming):
     def written(self) -> WrittenDocument:
         """Return the document in canonical layout."""
         text = "\n".join((
-            f"# From {self.origin}. What is not in it is listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
+            f"# From {self.origin}. Losses are listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
             *self._components(), "", *self._joints(), *tendon_lines(self), *self._shown(), *mode_lines(self, self.roots),
             *sensor_lines(self), *name_lines(self), *raw_lines(self), "",
         ))
@@ -100,7 +100,7 @@ class DocumentWriter(DocumentNaming):
         of = link.weight.properties
         mended = link.name in self.repaired
         if mended:
-            yield f"    # repaired ({self.repaired[link.name]}): what the source says is in import.json"
+            yield f"    # repaired ({self.repaired[link.name]}): the original values are in import.json"
         yield f"    mass: {mass(of.mass)}"
         if shapes or any(of.centre):
             yield f"    com: {lengths(of.centre)}"
