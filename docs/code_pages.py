@@ -1,9 +1,9 @@
-"""The pages of the diagnostic codes, `docs/codes/TC302.md`: read their parts, and keep what comes from elsewhere current.
+"""Read and update the pages of diagnostic codes, such as `docs/codes/TC302.md`.
 
-A page is written by hand: what the code means, a wrong and a right example. An example is a sequence of files, each a line with its name
-and a fenced block, and the `console` block of the command that is run on them. The right example has the files of the wrong one, except for
-those that it shows itself. Four things are not written by hand: the title and the fix, which come from `Code`, the last line, and the
-output of the commands, which `REGENERATE=1 pytest tests/reporting/test_codes.py` writes.
+The explanation and the examples of a page are written by hand. An example is a sequence of files (each a line with the file name and a
+fenced block), and a `console` block with a command and its output. The right example uses the files of the wrong example, except for files
+that it replaces. The title, the fix and the last line are generated from `Code`. `REGENERATE=1 pytest tests/reporting/test_codes.py` writes
+the output of the commands.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ $ thingc check CODE.right.yaml
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Example:
-    """The files that an example shows, by name, the encodings of those that are not UTF-8, its command, and what the command prints."""
+    """An example: its files by name, the encodings of files that are not UTF-8, its command, and the output of the command."""
 
     files: dict[str, str]
     encodings: dict[str, str]
@@ -70,13 +70,13 @@ class Example:
 
     @property
     def document(self) -> str:
-        """The document that the command names, or `robot.yaml`."""
+        """The document in the command, or `robot.yaml`."""
         return next((word for word in self.command.split() if word.endswith((".yaml", ".toml"))), "robot.yaml")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
-    """The parts of a page that are written by hand. A code that no document causes has no examples."""
+    """The hand-written parts of a page. Codes that no document can cause have no examples."""
 
     meaning: str
     examples: dict[str, Example]
@@ -93,7 +93,7 @@ def read_page(code: DiagnosticCode) -> Page:
 
 
 def parse_page(text: str) -> Page:
-    """Return the parts of a page; the examples by `wrong` and `right`."""
+    """Return the parts of a page, with the examples by `wrong` and `right`."""
     head, *sections = re.split(r"^## (Wrong|Right)\n", text, flags=re.MULTILINE)
     meaning = " ".join(head.partition("\n**")[0].split("\n")[1:]).strip()
     examples = {name.lower(): _example(name, section) for name, section in zip(sections[::2], sections[1::2], strict=True)}
@@ -112,7 +112,7 @@ def _example(name: str, section: str) -> Example:
 
 
 def unpack(page: Page, side: str, folder: Path) -> None:
-    """Write the files of an example into a new folder. Without a `thingc.toml`, it gets the one of `tests/cases` and the parts there."""
+    """Write the files of an example to a new folder. Without a `thingc.toml`, use the one of `tests/cases` and the parts there."""
     examples = [page.examples["wrong"]] if side == "wrong" else [page.examples["wrong"], page.examples["right"]]
     folder.mkdir()
     if all("thingc.toml" not in example.files for example in examples):
@@ -131,7 +131,7 @@ def with_output(text: str, example: Example, printed: str) -> str:
 
 
 def current_page(code: DiagnosticCode) -> str:
-    """Return the page of a code with the title and the fix of `Code`, and the last line; a new code gets a page to be filled in."""
+    """Return the page of a code with the current title and fix of `Code`, and the last line. A new code gets a template."""
     path = path_of(code)
     text = path.read_text(encoding="utf-8") if path.exists() else NEW.replace("CODE", code.code)
     used = [name for name in ("boxes", "failing") if re.search(rf"\b{name}:[A-Z]", text)]

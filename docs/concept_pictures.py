@@ -1,8 +1,8 @@
-"""Draws the figures of `docs/concepts/`: `python docs/concept_pictures.py` writes
+"""Draw the figures of `docs/concepts/`: `python docs/concept_pictures.py` writes
 
-- `pictures/joint.svg`: the frames between a parent and a child that a joint moves, posed by `thingc.base.pose` and `thingc.base.joints`;
+- `pictures/joint.svg`: the frames between a parent and a child of a joint, computed with `thingc.base.pose` and `thingc.base.joints`;
 - `pictures/roots.svg`: one robot at one q with two roots, and its two trees;
-- `pictures/closure.svg`: a four-bar linkage that a mode cuts, before its loop is closed and after.
+- `pictures/closure.svg`: a four-bar linkage that a mode cuts, before and after its loop is closed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Point = tuple[float, float]
 
 
 def page(title: str, size: tuple[int, int], parts: list[str]) -> str:
-    """An SVG document on white."""
+    """Return an SVG document with a white background."""
     width, height = size
     return "\n".join([
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}">',
@@ -36,37 +36,37 @@ def page(title: str, size: tuple[int, int], parts: list[str]) -> str:
 
 
 def text(at: Point, words: str, style: str = "", anchor: str = "start", fill: str = INK) -> str:
-    """Words at a point."""
+    """Return text at a point."""
     return f'<text x="{at[0]:.1f}" y="{at[1]:.1f}" class="{style}" text-anchor="{anchor}" style="fill: {fill}">{words}</text>'
 
 
 def line(a: Point, b: Point, color: str = INK, width: float = 2.0, dashes: str = "") -> str:
-    """A straight line."""
+    """Return a straight line."""
     dashed = f' stroke-dasharray="{dashes}"' if dashes else ""
     return f'<line x1="{a[0]:.1f}" y1="{a[1]:.1f}" x2="{b[0]:.1f}" y2="{b[1]:.1f}" stroke="{color}" stroke-width="{width}" ' \
         f'stroke-linecap="round"{dashed}/>'
 
 
 def head(tip: Point, angle: float, color: str, size: float = 12.0) -> str:
-    """The head of an arrow that comes in at an angle [rad, down the page]."""
+    """Return an arrowhead with a direction [rad, clockwise on the page]."""
     back = (angle + math.pi - 0.4, angle + math.pi + 0.4)
     corners = [tip, *((tip[0] + size * math.cos(way), tip[1] + size * math.sin(way)) for way in back)]
     return f'<polygon points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in corners)}" fill="{color}"/>'
 
 
 def arrow(a: Point, b: Point, color: str = INK, width: float = 2.5, dashes: str = "") -> list[str]:
-    """A line with a head at `b`."""
+    """Return a line with an arrowhead at `b`."""
     angle = math.atan2(b[1] - a[1], b[0] - a[0])
     return [line(a, (b[0] - 8 * math.cos(angle), b[1] - 8 * math.sin(angle)), color, width, dashes), head(b, angle, color)]
 
 
 def path(points: list[Point], color: str, width: float = 2.0) -> str:
-    """A line through points."""
+    """Return a line through points."""
     return f'<polyline points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in points)}" fill="none" stroke="{color}" stroke-width="{width}"/>'
 
 
 def dot(at: Point, radius: float = 6.0, fill: str = "#ffffff", stroke: str = INK) -> str:
-    """A round joint."""
+    """Return a round joint."""
     return f'<circle cx="{at[0]:.1f}" cy="{at[1]:.1f}" r="{radius}" fill="{fill}" stroke="{stroke}" stroke-width="2.5"/>'
 
 
@@ -74,13 +74,13 @@ def dot(at: Point, radius: float = 6.0, fill: str = "#ffffff", stroke: str = INK
 
 
 def seen(point: Vector) -> Point:
-    """Where a point is on the page: x comes to the lower left, y to the lower right, z up."""
+    """Project a point to the page: x points to the lower left, y to the lower right, z up."""
     x, y, z = point
     return 200 + 100 * (y - x) * math.cos(math.pi / 6), 330 + 100 * ((x + y) * math.sin(math.pi / 6) - z)
 
 
 def frame(pose: Pose, name: str, side: Point, size: float = 0.55) -> list[str]:
-    """Three arrows and a name."""
+    """Return three arrows and a name."""
     origin = seen(pose.translation)
     parts = []
     for axis, color in enumerate(COLORS):
@@ -92,7 +92,7 @@ def frame(pose: Pose, name: str, side: Point, size: float = 0.55) -> list[str]:
 
 
 def joint() -> str:
-    """P, A, A moved, B and C: what `X_PC` is made of."""
+    """Return the picture of the frames P, A, the moved A, B and C, of which `X_PC` is composed."""
     q = math.radians(55)
     parent = placed((0.0, -0.7, 0.0), (0.0, 0.0, 0.3))
     mount = shifted(0.3, 0.9, 0.35)
@@ -129,7 +129,7 @@ def joint() -> str:
 
 
 def chain(start: Point, heading: float, lengths: tuple[float, ...], turns: tuple[float, ...]) -> list[Point]:
-    """The points of a planar chain: a link of each length, turned against the one before it [rad, counterclockwise]."""
+    """Return the points of a planar chain. Each link has a length, and an angle relative to the previous link [rad, counterclockwise]."""
     points, angle = [start], heading
     for length, turn in zip(lengths, (0.0, *turns), strict=True):
         angle += turn
@@ -139,7 +139,7 @@ def chain(start: Point, heading: float, lengths: tuple[float, ...], turns: tuple
 
 
 def robot(points: list[Point], names: tuple[str, ...], root: int) -> list[str]:
-    """A chain of links with its joints; the root is orange."""
+    """Return a chain of links with its joints. The root is orange."""
     parts = []
     for k, (a, b) in enumerate(zip(points, points[1:], strict=False)):
         parts.append(line(a, b, ORANGE if k == root else "#4a6a8a", 13.0))
@@ -151,13 +151,13 @@ def robot(points: list[Point], names: tuple[str, ...], root: int) -> list[str]:
 
 
 def ground(at: Point) -> list[str]:
-    """Hatched ground below a point."""
+    """Return hatched ground below a point."""
     x, y = at
     return [line((x - 60, y), (x + 60, y), GREY, 2.5), *(line((x + k, y), (x + k - 12, y + 12), GREY, 1.5) for k in range(-48, 61, 18))]
 
 
 def tree(x: float, names: list[str], joints: list[str]) -> list[str]:
-    """A tree that is a chain, from its root downwards, with the joint at each edge."""
+    """Return a tree without branches from the root downwards, with a joint at each edge."""
     parts: list[str] = []
     for k, name in enumerate(names):
         y = 400 + 56 * k
@@ -168,7 +168,7 @@ def tree(x: float, names: list[str], joints: list[str]) -> list[str]:
 
 
 def roots() -> str:
-    """The same angles between the same links, the root at either end."""
+    """Return the picture of one state with the root at either end."""
     lengths, names = (90.0, 130.0, 120.0), ("base", "arm", "hand")
     turns = (-0.75, -1.15)
     standing = chain((130.0, 310.0), math.pi / 2, lengths, turns)
@@ -187,13 +187,15 @@ def roots() -> str:
 
 
 def linkage(x: float, crank: float, rod: float, rocker: float) -> tuple[list[Point], list[Point]]:
-    """A four-bar linkage cut at the end of its rod: ground, crank and rod from the left; ground and rocker from the right [rad]."""
+    """Return a four-bar linkage that is cut at the end of its rod: ground, crank and rod from the left, ground and rocker from the right
+    [rad].
+    """
     left = chain((x, 250.0), crank, (90.0, 200.0), (rod - crank,))
     return left, chain((x + 190.0, 250.0), rocker, (120.0,), ())
 
 
 def closing(crank: float) -> tuple[float, float]:
-    """The angles of rod and rocker at which their ends meet, by Newton's method from a first guess."""
+    """Return the angles of rod and rocker for which their ends meet, by Newton's method from an initial guess."""
     rod, rocker = 0.35, 1.35
     for _ in range(30):
         gap_x = 90 * math.cos(crank) + 200 * math.cos(rod) - 190 - 120 * math.cos(rocker)
@@ -206,7 +208,7 @@ def closing(crank: float) -> tuple[float, float]:
 
 
 def closure() -> str:
-    """Open at the angles that the pose says, and closed by the joints that it does not name."""
+    """Return the picture of the linkage, open at the angles of the pose, and closed by the joints that the pose does not set."""
     crank = math.radians(110)
     parts = []
     for x, angles, says in (

@@ -1,9 +1,8 @@
-"""Writes the pages of the diagnostics, what `thingc explain` shows of them, the kinds of tests in `language/tests.md`, the tables of
-`formats.md` and `outputs/index.md`, and the picture of the build folder: `python docs/generate.py`.
+"""Write the generated pages and parts of pages: `python docs/generate.py`.
 
-`docs/diagnostics.md` lists all codes. Their pages, such as `docs/codes/TC302.md`, are written by hand (`code_pages.py`): the title, the fix
-and the last line are written here, and a new code gets a page to be filled in. `compiler/thingc/tools/reporting/examples.json` is what
-`thingc explain` reads of them.
+`docs/diagnostics.md` lists all codes. Their pages, such as `docs/codes/TC302.md`, are written by hand, except for the title, the fix and
+the last line (`code_pages.py`); a new code gets a template. `compiler/thingc/tools/reporting/examples.json` contains the texts for `thingc
+explain`.
 
 The text between `<!-- generated: ... -->` and `<!-- /generated -->` comes from the kinds in `documents/checks/` in
 `docs/language/tests.md`, from the capabilities of the targets in `docs/formats.md`, from their declarations in `docs/outputs/index.md`, and
@@ -108,7 +107,7 @@ Codes are never reused or renumbered.
 
 
 def sections() -> dict[str, str]:
-    """What each hundred is about (`TC1`: `reading files`), from the comments in the source of `Code`."""
+    """Return the topic of each hundred codes (`TC1`: `reading files`), from the comments in the source of `Code`."""
     found = re.findall(r"# --- (TC\d)xx: ([^()\n-]+?)(?: \([^)]*\))? -+$", inspect.getsource(Code), re.MULTILINE)
     return dict(found)
 
@@ -130,13 +129,13 @@ def examples(pages: Mapping[Path, str]) -> str:
 
 
 def generated() -> dict[Path, str]:
-    """Every file that is made here, with its text."""
+    """Return all generated files with their text."""
     pages = {path_of(code): current_page(code) for code in all_codes()}
     return {PAGE: page(), EXAMPLES: examples(pages), TESTS: tests(), FORMATS: formats(), OUTPUTS: outputs(), **pages, **command_pages()}
 
 
 def formats() -> str:
-    """The page of the formats, with their tables."""
+    """Return the page of the formats with their tables."""
     tables = {name: import_module(target.capabilities).CAPABILITIES for name, target in TARGETS.items() if target.capabilities is not None}
     rows, notes = [f"| | {' | '.join(tables)} |", "|---" * (1 + len(tables)) + "|"], Notes()
     for group in get_type_hints(Capabilities):
@@ -191,7 +190,7 @@ def _said(cell: Cell[Any], notes: Notes) -> str:
 
 
 def tests() -> str:
-    """The page of tests, with the texts of all kinds of tests."""
+    """Return the page of tests with the texts of all kinds of tests."""
     rows = ["<!-- keys: TestSpec -->", "| Key | Type | Default | Description |", "|---|---|---|---|"]
     for kind in kinds().values():
         rows.append(f"| `{kind.name}` | mapping | | {_cell(kind.summary[0].lower() + kind.summary[1:].removesuffix('.'))} |")
@@ -200,7 +199,9 @@ def tests() -> str:
 
 
 def command_pages() -> dict[Path, str]:
-    """Return the page of each command: written by hand, except for the usage and the options. A new command gets a page without text."""
+    """Return the pages of the commands. They are written by hand, except for the usage and the options. A new command gets a page without
+    text.
+    """
     pages = {}
     for command, summary in COMMANDS.items():
         path = COMMAND_PAGES / f"{command}.md"
@@ -225,7 +226,7 @@ def _options(command: str) -> str:
 
 
 def _words(action: argparse.Action) -> list[str]:
-    """Return the words between which an argument or an option chooses."""
+    """Return the choices of an argument or an option."""
     return str(action.metavar).strip("{}").split(",") if str(action.metavar).startswith("{") else list(action.choices or ())
 
 
@@ -238,7 +239,7 @@ def _metavar(action: argparse.Action) -> str:
 
 
 def _argument(action: argparse.Action) -> str:
-    """Return an argument as in a usage line: `[DOC]...`."""
+    """Return an argument in the syntax of a usage line: `[DOC]...`."""
     name = _metavar(action)
     return {"?": f"[{name}]", "*": f"[{name}]...", "+": f"{name}..."}.get(str(action.nargs), name)
 
@@ -259,7 +260,7 @@ def _option(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
 
 
 def _marked(text: str, parts: Mapping[str, str]) -> str:
-    """A page with the parts that are made here between their marks."""
+    """Return a page with the generated parts between their marks."""
     for name, part in parts.items():
         marked = re.compile(rf"(?s)(<!-- generated: {name} -->\n).*?(<!-- /generated -->)")
         text = marked.sub(lambda found, part=part: f"{found[1]}{part}\n{found[2]}", text)
@@ -267,7 +268,7 @@ def _marked(text: str, parts: Mapping[str, str]) -> str:
 
 
 def page() -> str:
-    """The whole page."""
+    """Return the page of all codes."""
     lines = [HEAD]
     titles = sections()
     for hundred in sorted({code.code[:3] for code in all_codes()}):

@@ -1,6 +1,6 @@
-"""Draws `docs/pictures/mate.svg`: two mounts about to mate, and which child axis lies along which parent axis.
+"""Draw `docs/pictures/mate.svg`: two mounts about to mate, and the parent axis of each child axis.
 
-`python docs/mate_picture.py` writes it. What it shows is read from `thingc.base.pose.MATE`, in an isometric view from +x +y +z.
+The axes are read from `thingc.base.pose.MATE` and drawn in an isometric view from +x +y +z.
 """
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ from thingc.base.pose import MATE, Vector
 PICTURE = Path(__file__).resolve().parent / "pictures" / "mate.svg"
 SCALE, LEFT, GROUND = 92.0, 232.0, 330.0
 LIFT = 1.9
-"""How far the child's mount is above the parent's."""
+"""Distance of the child's mount above the parent's mount."""
 COLORS = {"x": "#c62828", "y": "#2e7d32", "z": "#1565c0"}
 BASIS: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def point(x: float, y: float, z: float) -> tuple[float, float]:
-    """Where a point of the parent mount's frame is on the page: x comes to the lower left, y to the lower right, z up."""
+    """Project a point in the frame of the parent mount to the page: x points to the lower left, y to the lower right, z up."""
     across, down = (y - x) * math.cos(math.pi / 6), (x + y) * math.sin(math.pi / 6) - z
     return round(LEFT + SCALE * across, 1), round(GROUND + SCALE * down, 1)
 
 
 def polygon(corners: list[Vector], fill: str, opacity: float, stroke: str) -> str:
-    """A filled face."""
+    """Return a filled face."""
     points = " ".join(f"{u},{v}" for u, v in (point(*corner) for corner in corners))
     return f'<polygon points="{points}" fill="{fill}" fill-opacity="{opacity}" stroke="{stroke}" stroke-linejoin="round"/>'
 
 
 def block(half: float, low: float, high: float, fills: tuple[str, str, str], opacity: float, stroke: str) -> list[str]:
-    """The three faces of a box that are seen: +x, +y and the top."""
+    """Return the three visible faces of a box: +x, +y and the top."""
     h = half
     return [
         polygon([(h, -h, low), (h, h, low), (h, h, high), (h, -h, high)], fills[0], opacity, stroke),
@@ -42,7 +42,7 @@ def block(half: float, low: float, high: float, fills: tuple[str, str, str], opa
 
 
 def axis(origin: Vector, direction: Vector, length: float, color: str, label: str, side: tuple[float, float]) -> list[str]:
-    """An arrow, and its label beside the tip: a letter with an index."""
+    """Return an arrow with a label at its tip: a letter with an index."""
     tip = tuple(o + length * d for o, d in zip(origin, direction, strict=True))
     (u0, v0), (u1, v1) = point(*origin), point(*tip)  # type: ignore[arg-type]
     angle = math.atan2(v1 - v0, u1 - u0)
@@ -60,14 +60,14 @@ def axis(origin: Vector, direction: Vector, length: float, color: str, label: st
 
 
 def along(child: str) -> str:
-    """`-y`: the parent axis along which an axis of the child lies, from the matrix."""
+    """Return the parent axis of a child axis, such as `-y`, from the matrix."""
     column = "xyz".index(child)
     row = next(k for k in range(3) if abs(MATE.rotation[k][column]) == 1.0)
     return ("-" if MATE.rotation[row][column] < 0.0 else "+") + "xyz"[row]
 
 
 def picture() -> str:
-    """The whole SVG document."""
+    """Return the SVG document."""
     below, above = (0.0, 0.0, 0.0), (0.0, 0.0, LIFT)
     parts = block(1.0, -0.42, 0.0, ("#c9ccd1", "#b4b8bf", "#e4e6e9"), 1.0, "#7c828b")
     parts += axis(below, BASIS["x"], 1.55, COLORS["x"], "xA", (-30.0, 10.0))

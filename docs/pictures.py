@@ -1,4 +1,4 @@
-"""`make pictures`: the pictures that the README and the docs show, drawn by `thingc render`, `thingc hag` and a browser."""
+"""`make pictures`: draw the pictures of the README and the docs with `thingc render`, `thingc hag` and a browser."""
 
 from __future__ import annotations
 
@@ -54,17 +54,17 @@ STRIPS: dict[str, tuple[str, list[list[str]]]] = {
     "gallery_gecko.png": ("gallery/gecko/gecko.yaml", [["--mode", "floor"], ["--mode", "right_front"]]),
     "arm_frames.png": ("assemblies/arm.yaml", [["--mode", "drawing", "--joints", "--root", "--mounts-of", "hand.fixture"]]),
 }
-"""Pictures side by side: the document, and how each is taken."""
+"""Pictures that are placed side by side: the document, and the options of each."""
 
 
 def thingc(*words: str) -> str:
-    """Standard output of a command."""
+    """Return the standard output of a command."""
     command = [sys.executable, "-m", "thingc", *words]
     return subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
 def strip(document: str, shots: list[list[str]]) -> Image.Image:
-    """The shots of a document, side by side."""
+    """Return pictures of a document side by side."""
     whole = Image.new("RGB", (WIDTH * len(shots), HEIGHT))
     with tempfile.TemporaryDirectory() as folder:
         for index, shot in enumerate(shots):
@@ -76,7 +76,7 @@ def strip(document: str, shots: list[list[str]]) -> Image.Image:
 
 
 def new_robots(path: Path) -> None:
-    """What each template of `thingc new` begins with, side by side."""
+    """Write pictures of the robots of all templates of `thingc new`, side by side."""
     documents = [f"compiler/thingc/tools/templates/{template}/my_robot.yaml" for template in TEMPLATES]
     pictures = [strip(document, [["--azimuth", "215" if "legged" in document else "130"]]) for document in documents]
     whole = Image.new("RGB", (WIDTH * len(pictures), HEIGHT))
@@ -86,7 +86,7 @@ def new_robots(path: Path) -> None:
 
 
 def batch_page(path: Path) -> None:
-    """The page of a batch in a browser, one of its variants chosen."""
+    """Write a screenshot of the page of a batch with a selected variant."""
     browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if browser is None:
         print("no Chromium is installed: the picture of a batch's page stays as it is", file=sys.stderr)
@@ -107,11 +107,11 @@ HERO = (
     ("front_foot", "step_rear", (0.95, -0.62, 0.5)), ("front_foot_wall", "arched", (-0.55, -1.05, 0.3)),
     ("rear_foot_ceiling", "arched", (0.95, -0.7, -0.2)),
 )
-"""Modes of MInchW, each with a pose and whence it is looked at."""
+"""Modes of MInchW, each with a pose and the position of the camera."""
 
 
 def hero(path: Path) -> None:
-    """The modes of MInchW as its document has them, and what they are in the viewer."""
+    """Write the modes of MInchW in its document, next to the modes in the viewer."""
     from viewer.browser import BROWSER, address, chromium, drawn, opened
 
     if BROWSER is None:
@@ -149,11 +149,11 @@ STEPS = {
     "rover": {"start_left.png": "mode=on_left&pose=lean_left"}, "rover_longer": {"start_longer.png": "mode=walking"},
     "rover_hat": {"start_hat.png": "mode=walking", "start_margin.png": "mode=on_left&pose=lean_left&colour=torque+margin"},
 }
-"""Pictures of the first tutorial: the viewer of a step, and where in it."""
+"""Pictures of the first tutorial: the step, and the permalink of the viewer."""
 
 
 def tutorial() -> None:
-    """What the robot of the tutorial is after its steps, in the viewer."""
+    """Write pictures of the tutorial's robot after each step, in the viewer."""
     from viewer.browser import BROWSER, address, chromium, drawn, opened
 
     if BROWSER is None:
@@ -182,7 +182,7 @@ FRAME = """<!doctype html><meta charset="utf-8"><style>
 
 
 def search_front(path: Path) -> None:
-    """The Pareto front that a page draws itself."""
+    """Write the Pareto front that the example of a page draws."""
     from docs.pages import blocks
 
     with tempfile.TemporaryDirectory() as folder:
@@ -195,7 +195,7 @@ def search_front(path: Path) -> None:
 
 
 def main() -> int:
-    """Draw every strip, the page of a batch, and the assembly graph of the arm."""
+    """Write all pictures."""
     PICTURES.mkdir(exist_ok=True)
     sys.path.insert(0, str(ROOT / "tests"))
     hero(PICTURES / "hero.png")

@@ -1,6 +1,6 @@
-"""`make pictures`: the terminal recording of the README, an animated SVG of what commands really print.
+"""`make pictures`: record the terminal session of the README as an animated SVG.
 
-The commands run in a scratch folder, one after the other; what they print is shown as if somebody typed them, in twenty seconds.
+The commands run in a temporary folder. The animation shows each command and its output, in twenty seconds.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 SECONDS = 20.0
 COLUMNS, ROWS = 96, 25
 LINE, CHARACTER = 19.0, 8.43
-"""Of a line and a character [px]."""
+"""Height of a line and width of a character [px]."""
 
 SCENES: tuple[tuple[str, float], ...] = (
     ("thingc new rover", 0.0),
@@ -28,18 +28,18 @@ SCENES: tuple[tuple[str, float], ...] = (
     ("thingc build rover.yaml", 12.5),
     ("thingc info rover.yaml | head -4", 15.5),
 )
-"""What is typed, and when [s]."""
+"""Commands and the times at which they are typed [s]."""
 
 COLOURS = (
     (re.compile(r"^(error)(\[TC\d+\])"), "bad"), (re.compile(r"^\s+\|\s+\^+$"), "bad"), (re.compile(r"^\s+help: "), "good"),
     (re.compile(r"fixed `|no diagnostics remain"), "good"),
 )
-"""Lines that are coloured, as a terminal could."""
+"""Patterns of coloured lines."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the recording: when it comes [s], its text, and its class."""
+    """A line of the recording: its time [s], text and class."""
 
     at: float
     text: str
@@ -47,7 +47,7 @@ class Line:
 
 
 def recorded() -> list[Line]:
-    """Every line of every scene, the commands really run."""
+    """Run all commands and return the lines."""
     lines: list[Line] = []
     with tempfile.TemporaryDirectory() as folder:
         where = Path(folder)
@@ -70,12 +70,12 @@ def recorded() -> list[Line]:
 
 
 def said(text: str) -> list[str]:
-    """What a command printed, at most as wide as the picture; progress that a terminal writes over is left out."""
+    """Return the lines of an output, truncated to the width of the picture, without progress lines."""
     return [line[:COLUMNS] for line in text.rstrip().splitlines() if not re.match(r"\w+ parts: \d", line)]
 
 
 def svg(lines: list[Line]) -> str:
-    """The animation, which begins again when it is over."""
+    """Return the animation, which repeats."""
     width, height = COLUMNS * CHARACTER + 36, ROWS * LINE + 56
     rules: list[str] = []
     texts: list[str] = []
@@ -120,5 +120,5 @@ text {{ font: 14px ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace;
 
 
 def write(path: Path) -> None:
-    """Record, and write the picture."""
+    """Record the session, and write the picture."""
     path.write_text(svg(recorded()))

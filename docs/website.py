@@ -1,15 +1,16 @@
-"""Builds the documentation as a site: `make site`, or `python docs/website.py [--without-viewers]`, writes `build/site`.
+"""Build the documentation as a website: `make site`, or `python docs/website.py [--without-viewers]`, writes `build/site`.
 
-The pages are the Markdown files of `docs/`, written for whoever reads them in the repository. They are laid in `build/pages` and there
+The pages are the Markdown files of `docs/`, which are written for readers of the repository. They are copied to `build/pages` with these
+changes:
 
-- a link out of `docs/` becomes one to a page of the site: the project's own pages (`PROJECT`), or a page that shows the source file;
-- lists are indented as Python-Markdown wants them;
-- a picture below the comment `<!-- viewer: arm -->` becomes a frame that shows it until somebody clicks at it, and then the robot itself:
-  `viewers/arm.html`, which `thingc build --emit html` makes of each of `robots()`. `<!-- viewer: arm#... -->` takes a permalink, and
-  `<!-- viewer: longer of rover.yaml -->` shows what the commands of the page have made so far (`steps`).
+- Links out of `docs/` lead to pages of the site: pages of the project (`PROJECT`), or pages that show the source file.
+- Lists are indented for Python-Markdown.
+- A picture below the comment `<!-- viewer: arm -->` becomes a frame that loads the viewer when it is clicked: `viewers/arm.html`, written
+  by `thingc build --emit html` for each of `robots()`. `<!-- viewer: arm#... -->` contains a permalink, and `<!-- viewer: longer of
+  rover.yaml -->` shows the result of the page's commands so far (`steps`).
 
-zensical (`zensical.toml`) makes HTML of them, and `llms.txt` and `llms-full.txt` lie beside it: the list of the pages, and all of them.
-What the site then refers to has to be there, and nothing in it may be asked of another host.
+zensical (`zensical.toml`) converts the pages to HTML. `llms.txt` lists all pages, and `llms-full.txt` contains their text. All link targets
+of the site must exist, and it must not load anything from other hosts.
 """
 
 from __future__ import annotations
@@ -37,21 +38,21 @@ CONFIG = ROOT / "zensical.toml"
 PROJECT = {
     "README.md": "readme.md", "ARCHITECTURE.md": "architecture.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md",
 }
-"""The project's own pages, and what they are called on the site."""
+"""Pages of the project, and their titles on the site."""
 LANGUAGES = {".py": "python", ".yaml": "yaml", ".yml": "yaml", ".toml": "toml", ".json": "json"}
 SKIPPED = ("readme.md", "architecture.md", "contributing.md", "changelog.md", "decisions/index.md", "api.md")
-"""Pages that `llms-full.txt` leaves out: repetitions, internals of the project, and docstrings, which exist only in the built site."""
+"""Pages that are omitted in `llms-full.txt`: repetitions, internals of the project, and docstrings, which exist only in the built site."""
 WORKERS = "https://unpkg.com/iframe-worker/shim"
-"""What zensical's pages ask for, where `docs/site/iframe-worker.js` is just that."""
+"""Requests of zensical's pages that are served by `docs/site/iframe-worker.js`."""
 WRITES = ("new", "set", "add")
-"""The commands of `thingc` that write what a document says."""
+"""Commands of `thingc` that write files."""
 
 FRAME = (
     "html,body{margin:0;height:100%;background:#dcdcdc}a{display:block;height:100%;position:relative}"
     "img{width:100%;height:100%;object-fit:contain}span{position:absolute;left:0;right:0;bottom:9px;text-align:center;font:15px sans-serif}"
     "b{background:#fffd;color:#123;border-radius:6px;padding:5px 12px;border:1px solid #8898}"
 )
-"""How the picture of a frame lies in it."""
+"""Style of the picture in a frame."""
 
 _TEXT = r"(?:`[^`]*`|!\[[^\]]*\]\([^)\s]*\)|[^\[\]`])*?"
 _TOKENS = re.compile(
@@ -62,21 +63,22 @@ _TOKENS = re.compile(
     |(?P<code>(?P<ticked>`+)(?!`).*?(?<!`)(?P=ticked)(?!`))""",
     re.MULTILINE | re.DOTALL | re.VERBOSE,
 )
-"""What of a page is not plain words; what begins first has what is in it."""
+"""Markdown that is not plain text. The first match contains the others."""
 _SHOWN = re.compile(r"```\w+\n(?P<text># (?P<file>[\w/]+\.(?:py|yaml))\n.*)```", re.DOTALL)
-"""A block that is a file, whose first line names it."""
+"""A block with a file, whose first line is the file name."""
 _ITEM = re.compile(r"( *)(?:[-*]|\d+\.) +(?=\S)")
 
 
 def robots() -> dict[str, Path]:
-    """The documents that the site shows live, by a name: the arm, MInchW, and the gallery's."""
+    """Documents with a viewer on the site, by name: the arm, MInchW, and those of the gallery."""
     gallery = sorted(path for path in ROOT.glob("gallery/*/*.yaml") if path.stem == path.parent.name)
     return {path.stem: path for path in (ROOT / "assemblies/arm.yaml", ROOT / "assemblies/minchw/minchw.yaml", *gallery)}
 
 
 def steps(text: str) -> Iterator[tuple[str, str, list[list[str]]]]:
-    """The viewers of a page that show what its own commands have made up to there: the name of each, the document, and what has been
-    typed since the one before, as words: `cd`, what of `thingc` writes files (`WRITES`), and `file NAME TEXT` for a file that is shown."""
+    """Viewers that show the result of the commands of a page so far: the name, the document, and the commands since the previous viewer.
+    The commands are `cd`, commands of `thingc` that write files (`WRITES`), and `file NAME TEXT` for a file on the page.
+    """
     typed: list[list[str]] = []
     for found in _TOKENS.finditer(text):
         if found["document"]:
@@ -90,7 +92,7 @@ def steps(text: str) -> Iterator[tuple[str, str, list[list[str]]]]:
 
 
 def made(text: str, folder: Path) -> Iterator[tuple[str, Path]]:
-    """Follows a page in a folder: the name of each of its `steps` with the document, as it stands there until the next is asked for."""
+    """Execute the steps of a page in a folder. Yield the name of each viewer with the document in its state at this step."""
     for name, document, typed in steps(text):
         for words in typed:
             if words[0] == "cd":
@@ -106,7 +108,7 @@ def made(text: str, folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def pages() -> dict[str, str]:
-    """Every page of the site by its path there, as Markdown for zensical."""
+    """Return all pages of the site by path, as Markdown for zensical."""
     own = {_page(path): path for path in sorted(DOCS.rglob("*.md"))}
     own |= {name: ROOT / file for file, name in PROJECT.items()}
     sources: dict[str, Path] = {}
@@ -115,13 +117,13 @@ def pages() -> dict[str, str]:
 
 
 def _page(path: Path) -> str:
-    """The page of the site for a file or folder of `docs/`. `README.md`, the index of a folder, becomes `index.md`."""
+    """Return the page of the site for a file or folder of `docs/`. `README.md`, the index of a folder, becomes `index.md`."""
     where = path.relative_to(DOCS)
     return (where.with_name("index.md") if path.name == "README.md" else where).as_posix()
 
 
 def linked(text: str, name: str, path: Path, sources: dict[str, Path]) -> str:
-    """A page `name` of the site, read from the file `path`, with the site's links; `sources` is told what else has to be shown."""
+    """Return the page `name` of the site from the file `path`, with links of the site. Other files to show are added to `sources`."""
 
     def token(found: re.Match[str]) -> str:
         if found["viewer"]:
@@ -137,7 +139,7 @@ def linked(text: str, name: str, path: Path, sources: dict[str, Path]) -> str:
 
 
 def _there(target: str, name: str, path: Path, sources: dict[str, Path]) -> str:
-    """Where a link of a page leads on the site."""
+    """Return the target of a page's link on the site."""
     file, mark, anchor = target.partition("#")
     if not file or "://" in file:
         return target
@@ -153,8 +155,9 @@ def _there(target: str, name: str, path: Path, sources: dict[str, Path]) -> str:
 
 
 def _frame(robot: str, fragment: str, says: str, picture: Path, name: str) -> str:
-    """A picture that becomes the robot itself when somebody clicks at it: a frame, as wide and high as the picture, whose first page is
-    the picture as a link. The second page that it loads is the robot, for which it takes the height that `site.css` gives it."""
+    """Return a frame with the size of a picture, whose first page is the picture as a link to the viewer. `site.css` sets the height of
+    the viewer.
+    """
     up = os.path.relpath(".", Path(name).parent) if "/" in name else "."
     address = html.escape(f"{up}/viewers/{robot}.html{fragment}".removeprefix("./"))
     shown = os.path.relpath(picture.resolve(), DOCS / Path(name).parent).replace(os.sep, "/")
@@ -171,7 +174,7 @@ def _frame(robot: str, fragment: str, says: str, picture: Path, name: str) -> st
 
 
 def _source(name: str, path: Path) -> str:
-    """The page of a file or folder that is no page, for who reads the site without the repository."""
+    """Return a page that shows a file or folder of the repository."""
     title = f"---\nsearch: {{exclude: true}}\n---\n\n# {name.removeprefix('source/').removesuffix('.md')}\n\n"
     if path.is_dir():
         return title + "\n".join(f"- `{inner.name}`" for inner in sorted(path.iterdir()) if not inner.name.startswith(("_", "."))) + "\n"
@@ -179,10 +182,12 @@ def _source(name: str, path: Path) -> str:
 
 
 def indented(text: str) -> str:
-    """A page with its lists as Python-Markdown wants them: an empty line before each, and four spaces for what belongs to an item."""
+    """Return a page with lists in the format of Python-Markdown: an empty line before each list, and four spaces before the content of an
+    item.
+    """
     lines: list[str] = []
     items: list[int] = []
-    """Where the text of each item begins in which this line is."""
+    """Columns of the text of all items that contain the current line."""
     fence = ""
     for line in text.split("\n"):
         bare = line.lstrip()
@@ -212,7 +217,7 @@ def indented(text: str) -> str:
 
 
 def _last(lines: list[str]) -> str:
-    """The last line that begins at the margin, of the paragraph or list that goes on."""
+    """The last line without indentation in the current paragraph or list."""
     for line in reversed(lines):
         if not line:
             return ""
@@ -225,7 +230,8 @@ def _last(lines: list[str]) -> str:
 
 
 def llms(texts: Mapping[str, str]) -> dict[str, str]:
-    """`llms.txt`, the list of the pages with their first sentences, and `llms-full.txt`, all of them in the order of the site."""
+    """Return `llms.txt`, a list of pages with their first sentences, and `llms-full.txt`, the text of all pages in the order of the site.
+    """
     config = tomllib.loads(CONFIG.read_text(encoding="utf-8"))["project"]
     title = f"# {config['site_name']}\n\n> {config['site_description']}\n"
     index, full = [title], [title]
@@ -240,7 +246,7 @@ def llms(texts: Mapping[str, str]) -> dict[str, str]:
 
 
 def sections(nav: Iterable[object]) -> Iterator[tuple[str, list[str]]]:
-    """The sections of the navigation, each with its pages in their order."""
+    """Return the sections of the navigation, each with its pages in order."""
     for entry in nav:
         assert isinstance(entry, dict), entry
         for section, inner in entry.items():
@@ -255,14 +261,14 @@ def _title(text: str) -> str:
 
 
 def _first(text: str) -> str:
-    """The first sentence of a page, behind a colon; nothing of a page without words."""
+    """Return the first sentence of a page after a colon, or an empty string for a page without text."""
     words = re.search(r"^(?![#<|!\s-])(.+?)(?:\n\n|\Z)", re.sub(r"(?ms)^`{3}.*?^`{3}$", "", text), re.MULTILINE | re.DOTALL)
     plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", words[1] if words else "").replace("**", "")
     return plain and ": " + re.split(r"(?<=\.)\s", re.sub(r"\s+", " ", plain))[0].rstrip(":")
 
 
 def _plain(text: str) -> str:
-    """A page without frames, and without what lays it out."""
+    """Return a page without frames and layout."""
     return re.sub(r"<iframe.*?</iframe>\n|</?div[^>]*>\n+", "", text, flags=re.DOTALL).strip() + "\n"
 
 
@@ -270,7 +276,7 @@ def _plain(text: str) -> str:
 
 
 class _References(HTMLParser):
-    """What a page refers to, and what in it can be referred to."""
+    """Collects the links of a page and its anchors."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -279,7 +285,7 @@ class _References(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note what a tag says."""
+        """Record the links and the anchor of a tag."""
         for key, value in attrs:
             if key in ("id", "name") and value:
                 self.anchors.add(value)
@@ -290,7 +296,7 @@ class _References(HTMLParser):
 
 
 def faults(site: Path) -> list[str]:
-    """What a built site refers to and does not have, and what it would ask of another host, each as `page: target`."""
+    """Return links of a built site without a target, and requests to other hosts, each as `page: target`."""
     read = {path: _References(path.read_text(encoding="utf-8")) for path in sorted(site.rglob("*.html")) if path.parent.name != "viewers"}
     found = []
     for path, references in read.items():
@@ -309,7 +315,7 @@ def faults(site: Path) -> list[str]:
 
 
 def lay(folder: Path, *, viewers: bool) -> None:
-    """Lay all that zensical reads into `folder`, anew; without `viewers` each robot's page is an empty one."""
+    """Write all input of zensical to `folder`. Without `viewers`, the pages of robots are empty."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(DOCS / "pictures", folder / "pictures")
     shutil.copytree(DOCS / "site", folder / "site")
@@ -331,7 +337,7 @@ def lay(folder: Path, *, viewers: bool) -> None:
 
 
 def view(document: Path, page: Path) -> None:
-    """Build the page of a document's robot."""
+    """Build the viewer of a document's robot."""
     built = ROOT / "build" / "viewers" / page.stem
     subprocess.run(
         [sys.executable, "-m", "thingc", "build", str(document), "--emit", "html", "--output", str(built)], cwd=document.parent, check=True,
@@ -340,7 +346,7 @@ def view(document: Path, page: Path) -> None:
 
 
 def build(folder: Path) -> list[str]:
-    """Have zensical build `build/site` from the `zensical.toml` of a folder; what it complains of, and what the site refers to in vain."""
+    """Build `build/site` with zensical from the `zensical.toml` of a folder. Return its warnings, and links without a target."""
     site = folder / "build" / "site"
     shutil.rmtree(site, ignore_errors=True)
     run = subprocess.run(
@@ -359,7 +365,7 @@ def build(folder: Path) -> list[str]:
 
 
 def main() -> int:
-    """The command line."""
+    """Parse the command line and build the site."""
     parser = argparse.ArgumentParser(description="Build the documentation as a site.")
     parser.add_argument("--without-viewers", action="store_true", help="leave the robots' pages empty: no part is modelled")
     lay(ROOT / "build" / "pages", viewers=not parser.parse_args().without_viewers)

@@ -1,4 +1,4 @@
-"""Who says which bridges are tried: the document itself, which draws them at random, or Optuna."""
+"""Drivers that select the bridges to build: random samples of the document of variants, or Optuna."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from bridge_report import MARGIN, Tried
 from thingc import Options
 
 ROUND = 8
-"""Bridges that Optuna is asked for at once."""
+"""Number of bridges to request from Optuna at once."""
 
 
 class Driver(Protocol):
-    """Asked for a document of variants until there is none, and told what came of each."""
+    """A search strategy. Call `ask` for the next document of variants until it returns None, and report the results to `tell`."""
 
     def ask(self) -> Path | None:
-        """The next document to build."""
+        """Return the next document of variants to build, or None."""
 
     def tell(self, rows: Sequence[Tried]) -> None:
-        """What came of it, in the order of its variants."""
+        """Receive the results, in the order of the variants."""
 
 
 class Random:
-    """The document's own sample, or with a count another number of points of the same sequence."""
+    """The sample of the document itself or, with `count`, another number of points of the same sequence."""
 
     def __init__(self, document: Path, count: int | None, options: Options) -> None:
         self._waiting: list[Path] = [document if count is None else _written(document, "bridge_search_random", sample={"count": count})]
 
     def ask(self) -> Path | None:
-        """One document, once."""
+        """Return the document once."""
         return self._waiting.pop() if self._waiting else None
 
     def tell(self, rows: Sequence[Tried]) -> None:
-        """Chance does not learn."""
+        """Do nothing, because random sampling does not use results."""
 
 
 class Optuna:
-    """Tree-structured Parzen estimator with the torque margin as its constraint, seeded with the document's seed."""
+    """A tree-structured Parzen estimator with the torque margin as a constraint. It uses the seed of the document."""
 
     def __init__(self, document: Path, count: int | None, options: Options) -> None:
         import optuna
@@ -58,7 +58,7 @@ class Optuna:
         self._round = 0
 
     def ask(self) -> Path | None:
-        """The next few bridges, as a list of variants."""
+        """Return a document that lists the next bridges."""
         size = min(ROUND, self._left)
         if not size:
             return None
@@ -72,14 +72,14 @@ class Optuna:
         return _written(self._document, f"bridge_search_optuna_{self._round:02d}", listed=listed)
 
     def tell(self, rows: Sequence[Tried]) -> None:
-        """Lengths and margins."""
+        """Convert the settings of a trial to lengths and margins."""
         for trial, row in zip(self._asked, rows, strict=True):
             trial.set_constraint("torque_margin", MARGIN - row.margin)
             self._study.tell(trial, row.bridge)
 
 
 def _written(document: Path, name: str, *, sample: dict[str, Any] | None = None, listed: list[Any] | None = None) -> Path:
-    """A document like the given one in the workspace's build folder, with another sample or with a list instead."""
+    """Write a copy of a document to the build folder of the workspace, with another sample, or with a list instead. Return its path."""
     found = yaml.safe_load(document.read_text())
     folder = document.parents[2] / "build"
     folder.mkdir(exist_ok=True)

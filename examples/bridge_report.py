@@ -1,4 +1,4 @@
-"""What has been tried, as a page and as a picture."""
+"""Report the bridges of a search as a section of a page and as a plot."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import mujoco
 import numpy as np
 
 MARGIN = 1.3
-"""Least torque margin; `keep` of the document says the same."""
+"""Smallest allowed torque margin, as in `keep` of the document."""
 PULL, RADIUS = 300.0, 0.025
 """Pull [N] and radius [m] of a magnet."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
-    """A bridge: lengths [m], least torque margin, mass [kg]; `folder` is what was built of one that is feasible."""
+    """A bridge: its lengths [m], smallest torque margin, mass [kg], and the build folder of a feasible bridge."""
 
     name: str
     leg: float
@@ -33,8 +33,9 @@ class Tried:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rebuilt:
-    """What MuJoCo says of the model of a bridge: distance of the soles [m], torque margin by joint, pull at the rim of the magnet
-    that holds it [N]."""
+    """Results of MuJoCo for a bridge: the distance of the soles [m], the torque margin by joint, and the pull [N] at the rim of the
+    holding magnet.
+    """
 
     bridge: float
     margins: dict[str, float]
@@ -42,7 +43,7 @@ class Rebuilt:
 
 
 def rebuilt(one: Tried) -> Rebuilt:
-    """The same by MuJoCo's inverse dynamics, from the model that was built."""
+    """Compute the same values with MuJoCo's inverse dynamics, from the built model."""
     assert one.folder is not None
     model = mujoco.MjModel.from_xml_path(str(Path(one.folder, "mjcf", "minchw_probe_reaching.xml")))
     data = mujoco.MjData(model)
@@ -106,7 +107,7 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
 
 
 def best_so_far(found: Sequence[Tried]) -> list[float]:
-    """After each robot the longest bridge until then [m]; NaN before the first feasible one."""
+    """Return the longest bridge [m] up to each robot; NaN before the first feasible one."""
     best, curve = math.nan, []
     for one in found:
         if one.feasible and not one.bridge <= best:
@@ -116,7 +117,7 @@ def best_so_far(found: Sequence[Tried]) -> list[float]:
 
 
 def draw(found: Sequence[Tried], best: Tried | None, path: Path) -> None:
-    """The picture: the bridge against both lengths, and the best so far."""
+    """Plot the bridge length against both lengths, and the best result so far."""
     import matplotlib
 
     matplotlib.use("Agg")

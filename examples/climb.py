@@ -1,8 +1,7 @@
-"""MInchW climbs through a tunnel of steel, floor, wall and ceiling, and how fast it may: `make climb`, or
-`python examples/climb.py BUILD`.
+"""MInchW climbs through a steel tunnel with a floor, a wall and a ceiling: `make climb`, or `python examples/climb.py BUILD`.
 
-The film is of one simulation from the floor to the ceiling, rooted at the foot that holds. The plot is of many walks on each, at the
-pace of the plan and slower and faster. What is printed is what the simulations measured.
+The film shows one simulation from the floor to the ceiling, rooted at the foot that holds the robot. The plot shows the pull margin of many
+walks on each surface, at different speeds. The printed values are measured in the simulations.
 """
 
 from __future__ import annotations
@@ -29,25 +28,25 @@ from walk import LIFT, PLACES, ROOT, SHORT, SINK, STRIDE, write
 
 STAGES = ("floor", "floor to wall", "wall", "wall to ceiling", "ceiling")
 PACES = (0.5, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
-"""Of the gait of `walk`, which has pace 1."""
+"""Paces relative to the gait of `walk`, which has pace 1."""
 
 FALLEN = 0.1
-"""How far [m] a foot slips that has fallen down."""
+"""Distance [m] by which a foot slips in a fall."""
 
 FRAME, SHOWN = 0.3, 0.1
-"""Time between two frames of the film [s], and for how long one is shown."""
+"""Simulated time between two frames of the film [s], and the duration of a frame [s]."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Stages:
-    """The least pull margin [N] in each stage of the way: called after every step, as a film is."""
+    """Records the smallest pull margin [N] in each stage. Called after every step, like a film."""
 
     until: tuple[float, ...]
     film: FollowingFilm | None = None
     least: dict[str, float] = field(default_factory=lambda: dict.fromkeys(STAGES, np.inf))
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, margin: float) -> None:
-        """Take note of the margin, and show it."""
+        """Record the margin, and pass it to the film."""
         stage = STAGES[min(int(np.searchsorted(self.until, data.time - 1e-9)), len(STAGES) - 1)]
         self.least[stage] = min(self.least[stage], margin)
         if self.film is not None:
@@ -55,13 +54,13 @@ class Stages:
 
 
 def stages(tunnel: Tunnel, plan: Sequence[Swing]) -> tuple[float, ...]:
-    """When each stage of the way ends [s]."""
+    """Return the end of each stage [s]."""
     ends = np.cumsum([2 * tunnel.floor, len(CORNER), 2 * tunnel.wall, len(CORNER), 2 * tunnel.ceiling])
     return tuple(STAND + sum(swing.duration for swing in plan[:end]) for end in ends)
 
 
 def climb(folder: Path, tunnel: Tunnel, film: FollowingFilm | None = None) -> dict[str, tuple[Seen, Stages]]:
-    """All the way through a tunnel, rooted and free; the film is of the rooted robot."""
+    """Simulate the way through a tunnel twice, rooted and free. The film shows the rooted robot."""
     robot = Climb(folder, "", tunnel.faces)
     plan, footholds = tunnel.plan(robot.models), tunnel.footholds()
     found = {}
@@ -72,7 +71,7 @@ def climb(folder: Path, tunnel: Tunnel, film: FollowingFilm | None = None) -> di
 
 
 def report(found: Mapping[str, tuple[Seen, Stages]]) -> str:
-    """The table of the climb, one column for each way."""
+    """Return the table of the climb, one column per simulation."""
     seen = [each for each, _ in found.values()]
     rows = [
         ("", list(found)),
@@ -88,24 +87,24 @@ def report(found: Mapping[str, tuple[Seen, Stages]]) -> str:
 
 
 def newtons(margin: float) -> str:
-    """A pull margin [N], or that the foot has come off."""
+    """Format a pull margin [N], or report that the foot came off."""
     return f"{round(margin, 1) + 0.0:.1f}" if np.isfinite(margin) else "off"
 
 
 def fallen(seen: Seen) -> bool:
-    """Whether a foot is somewhere else altogether."""
+    """Return whether a foot is far away from its planned position."""
     return max(seen.slips.values()) > FALLEN
 
 
 def paced(folder: Path, place: str, pace: float, steps: int = 2) -> tuple[float, dict[str, Seen]]:
-    """The gait of `walk` at a place, so many times as fast: its speed [m/s], and both ways of walking."""
+    """Simulate the gait of `walk` on a surface at `pace` times its speed. Return the speed [m/s] and the results of both simulations."""
     robot = Climb(folder, PLACES[place])
     plan = [replace(swing, pace=pace) for swing in swings(robot.models, steps, SHORT, STRIDE, LIFT, SINK)]
     return steps * STRIDE / sum(swing.duration for swing in plan), {"rooted": robot.rooted(plan), "free": robot.adhering(plan)}
 
 
 def report_speeds(found: Mapping[str, Sequence[tuple[float, dict[str, Seen]]]]) -> str:
-    """The table of the speeds, one column for each."""
+    """Return the table of speeds, one column per pace."""
     rows = [("speed [mm/s]", [f"{1e3 * speed:.1f}" for speed, _ in next(iter(found.values()))])]
     for place, walks in found.items():
         for way in ("rooted", "free"):
@@ -116,7 +115,9 @@ def report_speeds(found: Mapping[str, Sequence[tuple[float, dict[str, Seen]]]]) 
 
 
 def plot(found: Mapping[str, Sequence[tuple[float, dict[str, Seen]]]], path: Path) -> None:
-    """Least pull margin against speed: a line where the robot is rooted, a ring where it is free, a cross where a foot comes off."""
+    """Plot the smallest pull margin against the speed: a line for the rooted robot, a ring for the free robot, and a cross if a foot comes
+    off.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
@@ -151,7 +152,7 @@ def plot(found: Mapping[str, Sequence[tuple[float, dict[str, Seen]]]], path: Pat
 
 
 def main() -> int:
-    """Build the robot unless a build is given, climb, and print."""
+    """Build the robot unless a build folder is specified, simulate the climb, and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("build", nargs="?", type=Path, help="the folder of a built MInchW; built afresh unless given")
     parser.add_argument("--film", type=Path, help="where to write the film of the climb (WebP)")

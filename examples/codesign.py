@@ -1,8 +1,8 @@
-"""How long should MInchW's legs and body be, and how should it walk? `make codesign`, or `python examples/codesign.py`.
+"""Search for the lengths of MInchW's legs and body together with its gait: `make codesign`, or `python examples/codesign.py`.
 
-Lengths and gait are searched together, by Optuna, for the longest way up a wall for each joule. Every robot is that of the document with
-other lengths, by `thingc.family`; its walk is simulated by `mujoco.rollout`, sixteen at once. What has been tried is kept in a journal: a
-search that was stopped goes on when the same command is given again, and ends as if it had not been stopped.
+Optuna maximizes the distance climbed on a wall per joule. `thingc.family` creates each robot from the document with other lengths, and
+`mujoco.rollout` simulates sixteen walks at once. All trials are stored in a journal. If a search is interrupted, the same command continues
+it, with the same result as an uninterrupted search.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from walk import ROOT, write
 DOCUMENT = ROOT / "assemblies" / "minchw" / "minchw.yaml"
 JOURNAL = ROOT / "build" / "codesign.journal"
 TOGETHER = 16
-"""Walks that are asked for, and simulated, at once."""
+"""Number of walks that are requested and simulated at once."""
 AT_RANDOM = 64
-"""Walks that are drawn before the sampler learns from them."""
+"""Number of random walks before the sampler uses results."""
 
 LENGTHS = {"leg": (64, 140, 2), "body": (90, 220, 10)}
-"""Least, greatest and step [mm]: a part of each length is modelled once, however many robots have it."""
+"""Range and step of each length [mm]. Because of the step, each part is built only once per length."""
 GAIT = {"stride": (0.03, 0.3), "knee": (1.0, 1.7), "pace": (0.5, 2.0)}
-"""Least and greatest of what is only asked of the servos, as `Design` has it."""
+"""Ranges of the parameters of the gait, as in `Design`."""
 PUBLISHED = {"leg": 0.064, "body": 0.0947}
 BY_HAND = Design(**PUBLISHED, stride=0.09, knee=1.5, pace=1.0)
 """The robot and the gait of `make walk`."""
@@ -43,7 +43,7 @@ BY_HAND = Design(**PUBLISHED, stride=0.09, knee=1.5, pace=1.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
-    """A design, and what came of it."""
+    """A design and its result."""
 
     design: Design
     outcome: Outcome
@@ -52,10 +52,10 @@ class Tried:
 def search(
     robots: thingc.RobotFamily, storage: BaseStorage, name: str, count: int, seed: int, lengths: Mapping[str, float] | None, threads: int,
 ) -> list[Tried]:
-    """What a study of `count` walks has tried, in its order; with `lengths` [m] only the gait is searched. It is finished first.
+    """Run a study until it has `count` walks, and return them in order. If `lengths` [m] is set, only the gait is varied.
 
-    Each walk is chosen by a sampler with a seed of its own, from what all rounds before came to. So a search that was stopped, at
-    whatever instant, chooses what it would have chosen.
+    Each walk has its own sampler seed, and uses the results of all previous rounds. Therefore, an interrupted search continues with the
+    same choices.
     """
     study = optuna.create_study(study_name=f"{name}, seed {seed}", storage=storage, direction="maximize", load_if_exists=True)
     while True:
@@ -76,7 +76,7 @@ def search(
 
 
 def _trial(study: optuna.Study, number: int, seed: int, begun: FrozenTrial | None) -> Trial:
-    """The trial with this number, which a stopped search may have begun."""
+    """Return the trial with this number, or create it."""
     study.sampler = optuna.samplers.TPESampler(
         seed=seed * 1_000_003 + number, multivariate=True, n_startup_trials=AT_RANDOM,
     )
@@ -84,7 +84,7 @@ def _trial(study: optuna.Study, number: int, seed: int, begun: FrozenTrial | Non
 
 
 def _designed(trial: Trial, lengths: Mapping[str, float] | None) -> Design:
-    """What a trial chooses."""
+    """Return the design that a trial suggests."""
     if lengths is None:
         lengths = {key: trial.suggest_int(key, low, high, step=step) / 1000 for key, (low, high, step) in LENGTHS.items()}
     return Design(**lengths, **{key: trial.suggest_float(key, low, high) for key, (low, high) in GAIT.items()})
@@ -96,12 +96,12 @@ def _tried(trial: FrozenTrial, lengths: Mapping[str, float] | None) -> Tried:
 
 
 def best_of(tried: Sequence[Tried]) -> Tried:
-    """The first with the longest way for each joule."""
+    """Return the first trial with the longest distance per joule."""
     return max(tried, key=lambda one: one.outcome.value)
 
 
 def report(columns: Mapping[str, Tried]) -> str:
-    """The table, one column for each robot."""
+    """Return the table, one column per robot."""
     some = list(columns.values())
     rows = [
         ("", list(columns)),
@@ -122,14 +122,14 @@ def report(columns: Mapping[str, Tried]) -> str:
 
 
 def report_failed(tried: Sequence[Tried]) -> str:
-    """How many walks were none, and why."""
+    """Count the failed walks by reason."""
     reasons = Counter(one.outcome.failed for one in tried if one.outcome.failed)
     lines = [f"{len(tried):5} walks, {len(tried) - reasons.total()} of them completed"]
     return "\n".join([*lines, *(f"{count:5} {reason}" for reason, count in sorted(reasons.items(), key=lambda one: (-one[1], one[0])))])
 
 
 def plot(together: Sequence[Tried], gait: Sequence[Tried], path: Path) -> None:
-    """The way for a joule against the length of the legs, coloured by that of the body; and the best so far of both searches."""
+    """Plot the distance per joule against the leg length, coloured by body length, and the best result so far of both searches."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -164,7 +164,7 @@ def plot(together: Sequence[Tried], gait: Sequence[Tried], path: Path) -> None:
 
 
 def main() -> int:
-    """Search, or go on searching, and print."""
+    """Start or continue the search, and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=1000, help="how many walks lengths and gait are searched with (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="the same seed finds the same (default: %(default)s)")

@@ -1,7 +1,7 @@
-"""MInchW of any size climbs a wall in a gait of any measure: what comes of it, by `mujoco.rollout`, many at once.
+"""Simulate designs of MInchW that climb a wall, with different lengths and gaits, in parallel with `mujoco.rollout`.
 
-The robot is free, and held by its magnets alone. What its servos are asked for follows from inverse dynamics before it moves, as in
-`inchworm_physics`; nothing that happens then corrects it. Units are SI.
+The robot is free, and only its magnets hold it. The commands of its servos are computed with inverse dynamics before the simulation, as in
+`inchworm_physics`, without feedback. Units are SI.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from inchworm_gait import DRAWN_UP, FEET, JOINTS, Array, Swing, swings
 
 PLACE = "_wall"
 STEPS = 2
-"""Of each foot; the robot stands for `STAND` [s] before."""
+"""Steps of each foot. The robot stands for `STAND` [s] first."""
 STAND = 0.3
 LIFT, SINK = 0.025, 0.0001
 SAMPLED = 25
-"""Every so many steps of the simulation it is looked at where the feet are and what touches."""
+"""Number of simulation steps between checks of the feet and the contacts."""
 SLIP, TILT = 0.002, 0.02
-"""How far a foot that carries the robot may slip [m], and lean [rad], in a step."""
+"""Largest slip [m] and tilt [rad] of a supporting foot in a step."""
 
 STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """Lengths of leg and body [m]; how far a foot is put forward [m]; how far the knees are bent when the robot is drawn up [rad]; and
-    how many times as fast as `make walk` it goes."""
+    """A design: lengths of leg and body [m], stride [m], knee angle with both feet close together [rad], and pace relative to `make walk`.
+    """
 
     leg: float
     body: float
@@ -43,14 +43,17 @@ class Design:
 
     @property
     def settings(self) -> dict[str, float]:
-        """Those of the document."""
+        """The design in the document."""
         return {"leg_length": self.leg, "body_length": self.body}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """How far the robot came [m] in how long [s], and what that took [J]: `work` of the servos, |torque * velocity| (what is braked is
-    lost), and `heat` of their windings. `failed` is why the walk is none (empty: it is)."""
+    """The result of a walk: distance [m], time [s] and energy [J].
+
+    `work` is the work of the servos, the integral of |torque * velocity| (braking does not recover energy). `heat` is the heat in their
+    windings. `failed` is the reason of a failure, or empty.
+    """
 
     failed: str = ""
     distance: float = 0.0
@@ -59,18 +62,19 @@ class Outcome:
     heat: float = 0.0
     mass: float = 0.0
     largest: float = 0.0
-    """The largest part of a servo's torque-speed line: torque / stall torque + speed / no-load speed."""
+    """The largest load on the torque-speed line of a servo: torque / stall torque + speed / no-load speed."""
 
     @property
     def value(self) -> float:
-        """Distance per energy [m/J]; 0 of a walk that is none."""
+        """Distance per energy [m/J]; 0 for a failed walk."""
         return 0.0 if self.failed else self.distance / (self.work + self.heat)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prepared:
-    """A walk that has not been simulated: the model, its first state, and what the drives are asked for (steps, nu); `ends` is the
-    step at which each swing ends, `plan` the swings."""
+    """A walk before its simulation: the model, the initial state, and the commands of the drives (steps, nu). `ends` contains the step at
+    which each swing ends, `plan` the swings.
+    """
 
     model: mujoco.MjModel
     start: Array
@@ -80,7 +84,7 @@ class Prepared:
 
 
 def evaluate(robots: thingc.RobotFamily, designs: Sequence[Design], threads: int) -> list[Outcome]:
-    """What comes of each design. The same designs give the same outcomes, whatever else is simulated beside them."""
+    """Simulate designs. The result of a design does not depend on the other designs."""
     prepared = [prepare(robots, design) for design in designs]
     walks = [one for one in prepared if isinstance(one, Prepared)]
     if not walks:
@@ -96,7 +100,7 @@ def evaluate(robots: thingc.RobotFamily, designs: Sequence[Design], threads: int
 
 
 def prepare(robots: thingc.RobotFamily, design: Design) -> Prepared | Outcome:
-    """Plan the walk of a design; why there is none, where the legs do not reach or the document refuses the robot."""
+    """Plan the walk of a design. Return the reason if the legs cannot reach, or if the document rejects the lengths."""
     held: dict[str, mujoco.MjModel] = {}
     for foot in FEET:
         model = robots.model(design.settings, mode=f"{foot}_foot{PLACE}", visual=False)
@@ -119,7 +123,7 @@ def prepare(robots: thingc.RobotFamily, design: Design) -> Prepared | Outcome:
 
 
 def _apart(model: mujoco.MjModel, q: Array) -> float:
-    """How far apart the soles are [m] at joint angles (6,)."""
+    """Return the distance between the soles [m] at joint angles (6,)."""
     data = _placed(model, q)
     return float(np.linalg.norm(data.site("front/sole").xpos - data.site("rear/sole").xpos))
 
@@ -134,7 +138,8 @@ def _placed(model: mujoco.MjModel, q: Array) -> mujoco.MjData:
 
 
 def _commanded(free: mujoco.MjModel, held: dict[str, mujoco.MjModel], plan: list[Swing], pace: float) -> Prepared:
-    """The walk of a plan, with what positions its servos are asked for: force = kp (ctrl - q) - kv v is the torque that is needed."""
+    """Compute the walk of a plan and the position commands of its servos, which produce the required torque: force = kp (ctrl - q) - kv v.
+    """
     drives = [free.actuator(name).id for name in JOINTS]
     kp, kv = free.actuator_gainprm[drives, 0], -free.actuator_biasprm[drives, 2]
     magnets = [(foot, free.actuator(f"{foot}/sole").id) for foot in FEET]
@@ -172,7 +177,7 @@ def _at_pace(swing: Swing, pace: float) -> Swing:
 
 @dataclass(slots=True)
 class _Inverse:
-    """Inverse dynamics of the mode that a foot holds, in which nothing touches."""
+    """Return the inverse dynamics of the mode that is rooted at a foot, without contacts."""
 
     model: mujoco.MjModel
     data: mujoco.MjData = field(init=False)
@@ -187,7 +192,7 @@ class _Inverse:
         self.still = {}
 
     def torque(self, q: Array, v: Array, a: Array) -> Array:
-        """Torques (6,) for q, v and a, friction and damping of the joints included."""
+        """Return torques (6,) for q, v and a, including friction and damping of the joints."""
         key = b"" if v.any() else q.tobytes()
         if key in self.still:
             return self.still[key]
@@ -200,7 +205,7 @@ class _Inverse:
 
 
 def judged(walk: Prepared, states: Array) -> Outcome:
-    """What comes of a walk whose states after every step are these (steps, nstate)."""
+    """Evaluate a walk from its states after every step (steps, nstate)."""
     model, begin = walk.model, walk.ends[0]
     if not np.isfinite(states).all():
         return Outcome(failed="the simulation is unstable")
@@ -226,7 +231,7 @@ def judged(walk: Prepared, states: Array) -> Outcome:
 
 
 def _watched(walk: Prepared, states: Array) -> tuple[str, float]:
-    """Why a walk is none (empty: it is one), and how far the middle between the soles came."""
+    """Return the reason of a failure (empty for a successful walk) and the distance that the middle between the soles has moved."""
     model, data = walk.model, mujoco.MjData(walk.model)
     soles = {frozenset((model.geom("floor").id, model.geom(f"{foot}/magnet:collision").id)) for foot in FEET}
     first = None
@@ -255,5 +260,5 @@ def _middle(data: mujoco.MjData) -> Array:
 
 
 def _lean(data: mujoco.MjData, foot: str) -> float:
-    """The angle [rad] between a sole and the steel."""
+    """Return the angle [rad] between a sole and the steel."""
     return float(np.linalg.norm(data.site(f"{foot}/sole").xmat.reshape(3, 3)[:2, 2]))

@@ -1,4 +1,4 @@
-"""A moving picture of MInchW in a tunnel: the camera goes with it, its root is orange, and a bar shows the pull margin."""
+"""An animation of MInchW in a tunnel. The camera follows the robot, the root is orange, and a bar shows the pull margin."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from PIL import Image, ImageDraw, ImageFont
 
 WIDTH, HEIGHT = 520, 420
 ROOT, HOLDING, LOOSE, BRACKET = (0.95, 0.42, 0.08, 1.0), (0.98, 0.75, 0.45, 1.0), (0.60, 0.62, 0.66, 1.0), (0.82, 0.81, 0.79, 1.0)
-"""Colours [rgba] of the root's foot, of a magnet that holds without being the root, of one that does not, and of other feet."""
+"""Colours [rgba] of the foot that is the root, of other active magnets, of inactive magnets, and of other feet."""
 
 STEEL, LINE = [0.66, 0.70, 0.76, 1], [0.45, 0.49, 0.55, 1]
 NEAR, FAR, THICK, OPEN = -0.08, 0.16, 0.012, -0.45
-"""The plates reach from y = NEAR to FAR [m], are THICK, and begin at x = OPEN."""
+"""Extent of the plates from y = NEAR to FAR [m], their thickness THICK, and their start at x = OPEN."""
 
 FULL = 300.0
-"""The whole bar [N]."""
+"""Pull margin of a full bar [N]."""
 
 
 def decorate_tunnel(spec: mujoco.MjSpec, length: float, height: float) -> None:
-    """Plates of steel with a line every 100 mm: a floor, a wall at x = `length` [m] and a ceiling at z = `height` [m]; and a light."""
+    """Add steel plates with a line every 100 mm: a floor, a wall at x = `length` [m] and a ceiling at z = `height` [m]. Also add a light.
+    """
     look = {"contype": 0, "conaffinity": 0, "group": 2, "type": mujoco.mjtGeom.mjGEOM_BOX}
     y, half = (NEAR + FAR) / 2, (FAR - NEAR) / 2
     along, t = (length - OPEN) / 2 + THICK, THICK / 2
@@ -50,7 +51,7 @@ def decorate_tunnel(spec: mujoco.MjSpec, length: float, height: float) -> None:
 
 
 class FollowingFilm:
-    """Frames of a robot that climbs, every so many seconds [s]: call it after every step."""
+    """Records frames of a climbing robot at an interval [s]. Call it after every step."""
 
     def __init__(self, every: float) -> None:
         self.every = every
@@ -60,8 +61,9 @@ class FollowingFilm:
         self.at: np.ndarray | None = None
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, margin: float) -> None:
-        """Take a frame where `every` has passed since the last one. The bar shows the least margin since then, and a mark the least
-        of all."""
+        """Record a frame if `every` has passed since the last one. The bar shows the smallest margin since then, and the mark the smallest
+        so far.
+        """
         self.least, self.ever = min(self.least, margin), min(self.ever, margin)
         if data.time < len(self.frames) * self.every:
             return
@@ -87,18 +89,18 @@ class FollowingFilm:
         self.least = np.inf
 
     def close(self) -> None:
-        """Let the renderers go."""
+        """Close the renderers."""
         for renderer in self.renderers.values():
             renderer.close()
 
     def save(self, path: Path, milliseconds: int, quality: int = 55) -> None:
-        """As an endless animated WebP."""
+        """Save the frames as a looping animated WebP."""
         path.parent.mkdir(parents=True, exist_ok=True)
         first, *rest = self.frames
         first.save(path, save_all=True, append_images=rest, duration=milliseconds, loop=0, quality=quality, method=4)
 
     def _camera(self, data: mujoco.MjData) -> mujoco.MjvCamera:
-        """From the open side, softly following the middle of the robot."""
+        """Return the camera, which smoothly follows the middle of the robot on the open side."""
         middle = np.array(data.subtree_com[0])
         self.at = middle if self.at is None else self.at + 0.12 * (middle - self.at)
         camera = mujoco.MjvCamera()

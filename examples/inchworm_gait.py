@@ -1,7 +1,7 @@
-"""The gait of an inchworm: where the joints of MInchW should be at every instant, and which magnets hold.
+"""The gait of an inchworm: joint positions and magnets as functions of time.
 
-Planned once from the kinematics of the built robot, with nothing measured: both ways of walking it (`inchworm_physics`) follow
-the same plan. Units are SI; a vector of six joints is in the order of `JOINTS`.
+The gait is planned once from the kinematics of the built robot, without feedback. Both kinds of simulation (`inchworm_physics`) follow the
+same plan. Units are SI. Vectors of six joints are in the order of `JOINTS`.
 """
 
 from __future__ import annotations
@@ -23,30 +23,30 @@ PULL = 300.0
 """Nominal pull of a magnet [N]."""
 
 SWING, PRESS, TRANSFER, RELEASE, REST = 1.5, 0.15, 0.35, 0.15, 0.2
-"""How long [s] a foot is in the air, its magnet takes hold, the load moves over to it, the other magnet lets go, and all is
-still."""
+"""Durations [s] of the phases of a step: foot in the air, magnet on, load transfer, other magnet off, and rest."""
 
 DRAWN_UP = np.array([0.0, 1.5, 1.5, 0.0, 1.5, 1.5])
-"""Joint angles (6,) near which the robot stands on both feet, the knees above the ankles."""
+"""Joint angles (6,) near a stance on both feet with the knees above the ankles."""
 
 DEGREE, KNOTS = 24, 49
-"""Of the polynomials through the joints' paths, and how many points they are fitted to."""
+"""Degree of the polynomials of joint paths, and number of points for their fit."""
 
 
 def other(foot: str) -> str:
-    """The foot that is not `foot`."""
+    """Return the other foot."""
     return FEET[1 - FEET.index(foot)]
 
 
 def smooth(s: Array) -> Array:
-    """From 0 at s = 0 to 1 at s = 1 with four derivatives 0 at both ends."""
+    """Return a smooth step from 0 at s = 0 to 1 at s = 1, whose first four derivatives are 0 at both ends."""
     return s**5 * (126.0 - 420.0 * s + 540.0 * s**2 - 315.0 * s**3 + 70.0 * s**4)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Instant:
-    """What is wanted now: `q`, `v`, `a` (6,) of the joints; `share`, how much of the robot the landing foot carries already
-    (0 to 1); the magnets' forces [N] by foot; and the name of the phase."""
+    """The desired state at a time: `q`, `v`, `a` (6,) of the joints, `share` (the part of the load on the landing foot, 0 to 1), the
+    magnet forces [N] by foot, and the name of the phase.
+    """
 
     phase: str
     q: Array
@@ -58,8 +58,11 @@ class Instant:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Swing:
-    """One foot's way through the air while the other holds: Chebyshev coefficients (degree + 1, 6) of q over s in [-1, 1];
-    how long [s] it is in the air, and its magnet takes hold. At `pace` 2, everything takes half its time."""
+    """The motion of one foot while the other holds.
+
+    Contains the Chebyshev coefficients (degree + 1, 6) of q over s in [-1, 1], and the durations [s] in the air and until the magnet holds.
+    With `pace` 2, all durations are halved.
+    """
 
     holds: str
     moves: str
@@ -70,18 +73,18 @@ class Swing:
 
     @property
     def begin(self) -> Instant:
-        """Standing on both feet, before the first swing."""
+        """Return the desired state on both feet before the first swing."""
         still, start = np.zeros(len(JOINTS)), np.asarray(chebyshev.chebval(-1.0, self.path))
         magnets = {self.holds: PULL, self.moves: 0.0}
         return Instant(phase="stand", q=start, v=still, a=still, share=0.0, magnets=magnets)
 
     @property
     def end(self) -> Array:
-        """q (6,) when the foot is put down."""
+        """q (6,) at touchdown."""
         return np.asarray(chebyshev.chebval(1.0, self.path))
 
     def bent(self, begin: Array, end: Array) -> Swing:
-        """The same way, from other joint angles (6,) to others."""
+        """Return the same motion from other initial joint angles (6,) to other final joint angles."""
         over = np.linspace(-1.0, 1.0, KNOTS)
         done = chebyshev.chebfit(over, smooth(0.5 + 0.5 * over), 9)
         path = self.path.copy()
@@ -91,11 +94,11 @@ class Swing:
 
     @property
     def duration(self) -> float:
-        """From lifting one foot to the load on it and the other free [s]."""
+        """Duration [s] from lifting one foot until it carries the load and the other foot is free."""
         return (self.seconds + self.press + TRANSFER + RELEASE + REST) / self.pace
 
     def instants(self, timestep: float) -> Iterator[Instant]:
-        """From lifting one foot to the load on it and the other free."""
+        """Return the desired state between lifting one foot and releasing the other foot."""
         velocity = chebyshev.chebder(self.path) * (2.0 * self.pace / self.seconds)
         acceleration = chebyshev.chebder(velocity) * (2.0 * self.pace / self.seconds)
         for phase, duration in (
@@ -120,7 +123,7 @@ class Swing:
 
 
 class Legs:
-    """Inverse kinematics in the plane of the legs, by Newton's method on the model of a mode that a foot holds."""
+    """Inverse kinematics in the plane of the legs, by Newton's method on the model of the mode rooted at a foot."""
 
     def __init__(self, model: mujoco.MjModel, holds: str) -> None:
         self.model, self.data = model, mujoco.MjData(model)
@@ -128,9 +131,11 @@ class Legs:
         self.columns = [int(model.joint(name).dofadr[0]) for name in PITCHING]
 
     def solve(self, x: float, z: float, turn: float, pitch: float, near: Array) -> Array:
-        """q (6,) with the moving sole at `x` and `z` [m] from the held one, as this stands on its steel (x ahead, z out of the
-        steel), turned from it by `turn` [rad], toe up, and the body's nose `pitch` [rad] up. `near` (6,) is where the search
-        starts. Raises `ValueError` where there is no such q."""
+        """Return q (6,) for a position of the moving sole.
+
+        The sole is at `x` and `z` [m] relative to the held sole (x forwards, z out of the steel), rotated by `turn` [rad] (toe up). The
+        nose of the body is rotated up by `pitch` [rad]. The search starts at `near` (6,). Raises `ValueError` if there is no solution.
+        """
         q = near.copy()
         for _ in range(50):
             error, jacobian = self._error(q, x, z, turn, pitch)
@@ -140,11 +145,13 @@ class Legs:
         raise ValueError(f"the legs do not reach {x:.3f} m ahead and {z:.3f} m up, turned by {turn:.3f} rad")
 
     def pitch(self, q: Array) -> float:
-        """Of the body [rad], nose up, at q (6,)."""
+        """Return the pitch of the body [rad] (nose up) at q (6,)."""
         return -float(self._error(q, 0.0, 0.0, 0.0, 0.0)[0][3])
 
     def _error(self, q: Array, x: float, z: float, turn: float, pitch: float) -> tuple[Array, Array]:
-        """(4,) and (4, 4): x and z of the moving sole, its pitch, and that of the body, by the four joints that pitch."""
+        """Return x and z of the moving sole, its pitch and the pitch of the body (4,), and their derivatives by the four pitch joints (4,
+        4).
+        """
         for name, value in zip(JOINTS, q, strict=True):
             self.data.joint(name).qpos = value
         mujoco.mj_kinematics(self.model, self.data)
@@ -165,8 +172,9 @@ class Legs:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stance:
-    """Standing on both feet, seen from the one that holds: where the other one is [m], how it is turned from it, and the pitch of the
-    body [rad], as `Legs.solve` has them."""
+    """A stance on both feet, relative to the holding foot: position [m] and rotation of the other foot, and pitch of the body [rad], as
+    for `Legs.solve`.
+    """
 
     x: float
     z: float = 0.0
@@ -175,11 +183,11 @@ class Stance:
 
 
 def swing(legs: Legs, near: Array, begin: Stance, end: Stance, *, lift: float, nose: float, sink: float, seconds: float = SWING) -> Swing:
-    """From one stance to another, from the joint angles `near` (6,) on.
+    """Plan a swing from one stance to another, starting at joint angles near `near` (6,).
 
-    The foot is lifted by `lift` [m] from its steel, with the nose of the body `nose` [rad] further up than between the stances, and put
-    down `sink` [m] below the steel: the servos press it on gently, before its magnet would snatch it. Raises `ValueError` where the
-    legs do not reach.
+    The foot is lifted by `lift` [m], with the nose of the body up by an additional `nose` [rad], and is lowered to `sink` [m] below the
+    surface of the steel. The servos therefore press the foot on gently before the magnet would pull it down. Raises `ValueError` if the
+    legs cannot reach.
     """
     q, knots = near, []
     s = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, KNOTS))
@@ -198,11 +206,11 @@ def swing(legs: Legs, near: Array, begin: Stance, end: Stance, *, lift: float, n
 
 
 def swings(models: dict[str, mujoco.MjModel], steps: int, short: float, stride: float, lift: float, sink: float) -> list[Swing]:
-    """`steps` steps forward: the front foot goes ahead by `stride` [m], the rear one follows.
+    """Plan `steps` steps forward: the front foot moves by `stride` [m], and the rear foot follows.
 
-    `models` are those of the modes that a foot holds, by foot. The soles are `short` [m] apart when the robot is drawn up; a
-    foot is lifted by `lift` [m], which the body does with half its pitch and the legs with the rest, and put down `sink` [m] below
-    the steel.
+    `models` contains the models of the modes rooted at a foot, by foot. With both feet close together, the soles are `short` [m] apart. A
+    foot is lifted by `lift` [m], half by the pitch of the body and half by the legs, and lowered to `sink` [m] below the surface of the
+    steel.
     """
     start = DRAWN_UP
     found = {}

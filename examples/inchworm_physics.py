@@ -1,7 +1,7 @@
-"""MInchW on steel in MuJoCo: rooted at the foot that holds and switching modes, or free and held by its magnets alone.
+"""Simulate MInchW on steel in MuJoCo, either rooted at the holding foot with mode switches, or free and held only by its magnets.
 
-The servos are the position drives of the document. What a position must be asked of them follows from the torque that the
-motion needs, by inverse dynamics in the mode of the foot that carries the robot: `force = kp (ctrl - q) - kv v`.
+The servos are the position drives of the document. Their position commands follow from the torque that the motion requires. The torque is
+computed with inverse dynamics in the mode rooted at the foot that carries the robot: `force = kp (ctrl - q) - kv v`.
 """
 
 from __future__ import annotations
@@ -21,33 +21,38 @@ from thingc.modes import Modes
 
 TIMESTEP = 1e-3
 STAND = 0.3
-"""How long [s] the robot stands before it starts."""
+"""Time [s] for which the robot stands before it starts."""
 
 POLE = 0.025
-"""Radius [m] of a magnet's face: over its rim a foot tips."""
+"""Radius [m] of a magnet's face. A foot tips over its rim."""
 
 SLIDE = 0.5
-"""Friction of a sole on steel, as MInchW's materials have it."""
+"""Friction of a sole on steel, as in MInchW's materials."""
 
 STEEL = {
     "friction": [SLIDE, 0.005, 0.0001], "priority": 2, "solref": [0.004, 1.0], "solimp": [0.99, 0.999, 0.0005, 0.5, 2.0],
     "gap": 0.001,
 }
-"""Contact with the beam. MuJoCo's usual contacts would let 300 N pull a lone foot 4 mm into it; these give 0.03 mm. In the last
-millimetre a magnet pulls without touching, or it would never take hold of a wall, to which gravity presses nothing."""
+"""Contact parameters of the beam.
+
+With MuJoCo's default contacts, a magnet with 300 N would penetrate the beam by 4 mm; with these, by 0.03 mm. A magnet also pulls in the
+last millimetre without contact; otherwise, it would never attach to a wall, because gravity does not press it on.
+"""
 
 LEANS = 1e-5
-"""How much the steel leans [rad]. A foot that was the root a moment ago stands level to the last bit, and MuJoCo (3.17, plane against
-cylinder) takes what rounding leaves of the direction in which a cylinder leans for that direction: it may find the foot 24 mm deep. Less
-than 1e-6 it takes for nothing."""
+"""Tilt of the steel [rad].
+
+A foot that was the root is exactly parallel to the steel. In this case, MuJoCo (3.17, plane against cylinder) derives the contact direction
+from rounding errors, and can report a penetration of 24 mm. It ignores tilts of less than 1e-6.
+"""
 
 Watch = Callable[[mujoco.MjModel, mujoco.MjData, float], None]
-"""Is called after every step, with the pull margin [N] of the feet that carry the robot."""
+"""A callback after every step, with the pull margin [N] of the feet that carry the robot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Face:
-    """A plane of steel: a point of it [m], and how it is turned about y [rad] from a floor, its x ahead."""
+    """A steel plane: a point on it [m], and its rotation about y [rad] relative to a floor. Its x axis points forwards."""
 
     name: str
     x: float = 0.0
@@ -60,32 +65,32 @@ BEAM = (Face(name="steel"),)
 
 @dataclass(slots=True, kw_only=True)
 class Seen:
-    """The worst of a walk [SI], and where it went."""
+    """Extreme values of a walk [SI], and the final position."""
 
     steps: int = 0
     progress: float = 0.0
     slips: dict[str, float] = field(default_factory=lambda: {"standing": 0.0, "landing": 0.0})
     pull: float = 0.0
-    """The largest pull that a holding foot has to bear, a moment counted as the force at the rim that it takes."""
+    """Largest required pull of a holding foot [N]. A moment counts as an equivalent force at the rim."""
     pulled: str = ""
-    """In which phase that was."""
+    """Phase of the largest required pull."""
     shear: float = 0.0
-    """The largest ratio of force along the steel to what friction bears."""
+    """Largest ratio of the tangential force to the friction limit."""
     torque: dict[str, float] = field(default_factory=lambda: dict.fromkeys(JOINTS, 0.0))
-    """Of each servo, the largest part of its stall torque."""
+    """Largest torque of each servo, relative to its stall torque."""
     speed: float = 0.0
-    """The largest part of the torque-speed line: torque / stall torque + speed / no-load speed."""
+    """Largest load on the torque-speed line: torque / stall torque + speed / no-load speed."""
     tracking: float = 0.0
     tilt: float = 0.0
     removed: float = 0.0
-    """The fastest motion [m/s or rad/s] of a foot in the instant in which it became the root."""
+    """Largest velocity [m/s or rad/s] of a foot when it becomes the root."""
     removed_angular: float = 0.0
     touches: set[str] = field(default_factory=set)
-    """What touched the steel or the robot itself, other than soles the steel."""
+    """Contacts of the robot with the steel (except soles) or with itself."""
 
 
 def on_steel(folder: Path, mode: str, faces: Sequence[Face] = BEAM) -> mujoco.MjModel:
-    """The model of a mode on the face of a beam (z = 0), or between other faces."""
+    """Return the model of a mode on the surface of a beam (z = 0), or between other surfaces."""
     spec = mujoco.MjSpec.from_file(str(folder / "mjcf" / f"minchw_{mode}.xml"))
     spec.option.timestep = TIMESTEP
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -107,7 +112,7 @@ def on_steel(folder: Path, mode: str, faces: Sequence[Face] = BEAM) -> mujoco.Mj
 
 
 class World:
-    """One mode's model and state."""
+    """The model and the state of one mode."""
 
     def __init__(self, folder: Path, mode: str, faces: Sequence[Face] = BEAM) -> None:
         self.mode, self.model = mode, on_steel(folder, mode, faces)
@@ -124,40 +129,43 @@ class World:
         self.kp, self.kv = self.model.actuator_gainprm[self.drives, 0], -self.model.actuator_biasprm[self.drives, 2]
 
     def joints(self) -> Array:
-        """q (6,) as it is."""
+        """The current q (6,)."""
         return np.array(self.data.qpos[self.qpos])
 
     def sole(self, foot: str) -> Array:
-        """The middle of a sole in the world (3,)."""
+        """Return the centre of a sole in the world (3,)."""
         return np.array(self.soles[foot].xpos)
 
     def normal(self, foot: str) -> Array:
-        """(3,) of the steel on which a foot stands, from the steel to the robot: along an axis of the world, as all steel here."""
+        """Return the normal (3,) of the steel under a foot, towards the robot. It is along an axis of the world."""
         return -np.round(self.soles[foot].xmat[2::3])
 
     def turn(self, foot: str) -> float:
-        """How a sole is turned from a floor [rad], toe up."""
+        """Return the rotation of a sole relative to a floor [rad], toe up."""
         x, _, z = self.soles[foot].xmat[2::3]
         return float(np.arctan2(x, -z))
 
     def gravity(self, foot: str) -> Array:
-        """(3,) in the frame of the steel on which a foot stands: z from the steel to the robot, x ahead. As in the document's modes
-        `..._wall` and `..._ceiling`, whatever the steel is to the world."""
+        """Return gravity (3,) in the frame of the steel under a foot: z from the steel to the robot, x forwards. The result is equal to
+        the gravity of the document's modes `..._wall` and `..._ceiling`.
+        """
         normal, gravity = self.normal(foot), self.model.opt.gravity
         return np.array([normal[2] * gravity[0] - normal[0] * gravity[2], gravity[1], gravity @ normal])
 
     def tilt(self, foot: str) -> float:
-        """The angle [rad] between a sole and the steel."""
+        """Return the angle [rad] between a sole and the steel."""
         return float(np.linalg.norm(cross(self.soles[foot].xmat[2::3], self.normal(foot))))
 
     def contacts(self) -> Iterator[frozenset[str]]:
-        """The names of the geoms of each contact."""
+        """Yield the names of the geoms of each contact."""
         for pair in self.data.contact.geom.tolist():
             yield frozenset(self.names[geom] for geom in pair)
 
     def reaction(self, foot: str) -> tuple[float, float, float]:
-        """What the steel does to the sole of a foot: force towards the robot [N], force along the steel [N], and the moment that
-        tips the foot [N m]. Of a held foot from the accelerations of all that hangs on it, else from its contacts."""
+        """Return the load of the steel on the sole of a foot: force towards the robot [N], tangential force [N], and tipping moment [N m].
+
+        For a held foot, it is computed from the accelerations of the robot, otherwise from contacts.
+        """
         centre, wrench = self.sole(foot), np.zeros(6)
         body = self.feet[foot]
         if self.model.body_mocapid[body] >= 0:
@@ -176,7 +184,7 @@ class World:
         return float(wrench[:3] @ normal), along, tipping
 
     def on_sole(self, foot: str, centre: Array) -> Iterator[tuple[Array, Array]]:
-        """Force [N] and moment about `centre` [N m] of each contact of a foot with the steel."""
+        """Return force [N] and moment about `centre` [N m] of each contact of a foot with the steel."""
         body, found = self.feet[foot], self.data.contact
         for index, bodies in enumerate(self.model.geom_bodyid[found.geom].tolist()):
             if sorted(bodies) == [0, body]:
@@ -186,7 +194,9 @@ class World:
                 yield force, cross(found.pos[index] - centre, force)
 
     def hold(self, foot: str, centre: Array) -> tuple[int, Array, Array]:
-        """How many contacts a magnet has, its pull [N] and the moment of that about `centre` [N m]: MuJoCo spreads it evenly."""
+        """Return the number of contacts of a magnet, its pull [N], and the moment of the pull about `centre` [N m]. MuJoCo distributes the
+        pull evenly over the contacts.
+        """
         bodies = self.model.geom_bodyid[self.data.contact.geom].tolist()
         touching = [index for index, pair in enumerate(bodies) if sorted(pair) == [0, self.feet[foot]]]
         if not touching:
@@ -196,32 +206,32 @@ class World:
         return len(points), force, cross(points.mean(axis=0) - centre, force)
 
     def drive(self, now: Instant, torque: Array) -> None:
-        """Ask the servos for the positions at which they give `torque` (6,), and set the magnets."""
+        """Set the position commands at which the servos provide `torque` (6,), and set the magnets."""
         self.data.ctrl[self.drives] = now.q + (torque + self.kv * now.v) / self.kp
         for foot, force in now.magnets.items():
             self.magnets[foot].ctrl = force
 
 
 def cross(a: Array, b: Array) -> Array:
-    """a x b; numpy's own takes any shape, and its time."""
+    """Return a x b. The function of numpy accepts more shapes, but is slower."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def sum_of(parts: Iterator[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """All forces and all moments (3,) together."""
+    """Return the sum of forces and the sum of moments (3,)."""
     found = list(parts)
     return sum((force for force, _ in found), np.zeros(3)), sum((moment for _, moment in found), np.zeros(3))
 
 
 class Dynamics:
-    """Inverse dynamics of a mode that a foot holds, in the air: the torques (6,) for q, v and a."""
+    """Return the torques (6,) for q, v and a without contacts, by inverse dynamics of the mode rooted at a foot."""
 
     def __init__(self, world: World) -> None:
         self.world, self.model = world, on_no_steel(world.model)
         self.data = mujoco.MjData(self.model)
 
     def torque(self, now: Instant, gravity: Array) -> Array:
-        """[N m], friction and damping of the joints included; `gravity` (3,) in the frame of the steel on which the foot stands."""
+        """Return torques [N m] including friction and damping of the joints. `gravity` (3,) is in the frame of the steel under the foot."""
         self.model.opt.gravity[:] = gravity
         self.data.qpos[self.world.qpos] = now.q
         self.data.qvel[self.world.dofs], self.data.qacc[self.world.dofs] = now.v, now.a
@@ -230,15 +240,16 @@ class Dynamics:
 
 
 def on_no_steel(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same model in which nothing touches."""
+    """Return a copy of the model without contacts."""
     found = copy.copy(model)
     found.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     return found
 
 
 class Climb:
-    """The robot on a floor (`where=""`), a wall (`"_wall"`) or a ceiling (`"_ceiling"`), or between several faces: the worlds of its
-    modes, and what was seen."""
+    """The robot on a floor (`where=""`), a wall (`"_wall"`) or a ceiling (`"_ceiling"`), or between several surfaces: the worlds of its
+    modes, and the measured values.
+    """
 
     def __init__(self, folder: Path, where: str, faces: Sequence[Face] = BEAM) -> None:
         self.robot = Modes.load(folder)
@@ -249,9 +260,10 @@ class Climb:
         self.legs = {foot: Legs(model, foot) for foot, model in self.models.items()}
 
     def rooted(self, plan: list[Swing], watch: Watch | None = None, footholds: Sequence[Stance] | None = None) -> Seen:
-        """Walk rooted at the foot that holds; the other becomes the root when it has landed and carries the robot.
+        """Simulate a walk rooted at the holding foot. The other foot becomes the root after it has landed and carries the robot.
 
-        With `footholds`, where the sole of each swing should land in the world, each is aimed anew from where the root stands.
+        `footholds` are the planned positions of the soles in the world. If they are set, each swing is corrected for the actual position of
+        the root.
         """
         seen = Seen(steps=len(plan) // 2)
         world = self._start(plan[0])
@@ -270,7 +282,7 @@ class Climb:
         return seen
 
     def adhering(self, plan: list[Swing], watch: Watch | None = None, footholds: Sequence[Stance] | None = None) -> Seen:
-        """Walk the same plan with a free base: nothing but the magnets keeps a foot where it is."""
+        """Simulate the same plan with a free base. Only the magnets hold the feet."""
         seen = Seen(steps=len(plan) // 2)
         first = self._start(plan[0])
         self.robot.switch((first.mode, first.data), (self.free.mode, self.free.data))
@@ -284,7 +296,7 @@ class Climb:
         return seen
 
     def _start(self, swing: Swing) -> World:
-        """Drawn up on both feet, rooted at the one that holds first."""
+        """Return the robot on both feet with the soles close together, rooted at the foot that holds first."""
         world, now = self.held[swing.holds], swing.begin
         mujoco.mj_resetDataKeyframe(world.model, world.data, 0)
         world.data.qpos[world.qpos] = now.q
@@ -294,7 +306,7 @@ class Climb:
         return world
 
     def _stand(self, world: World, swing: Swing) -> Array:
-        """Let it come to rest on both feet: the middle between the soles."""
+        """Simulate until the robot is at rest on both feet. Return the middle between the soles."""
         world.drive(swing.begin, self._torque(world, swing, swing.begin))
         for _ in range(round(STAND / TIMESTEP)):
             mujoco.mj_step(world.model, world.data)
@@ -318,7 +330,7 @@ class Climb:
             seen.slips[what] = max(seen.slips[what], slip)
 
     def _aimed(self, world: World, swing: Swing, q: Array, foothold: Stance) -> Swing:
-        """The swing from the joint angles (6,) to which the one before it led, to a foothold in the world."""
+        """Return the swing to a foothold in the world, from the joint angles (6,) at the end of the previous swing."""
         legs, turn = self.legs[swing.holds], world.turn(swing.holds)
         x, _, z = np.array([foothold.x, 0.0, foothold.z]) - world.sole(swing.holds)
         turned = (foothold.turn - turn + np.pi) % (2.0 * np.pi) - np.pi
@@ -328,14 +340,16 @@ class Climb:
         return swing.bent(q, end)
 
     def _torque(self, world: World, swing: Swing, now: Instant) -> Array:
-        """What the servos must give (6,), by the dynamics of the foot that carries the robot; while the load moves over, a mixture."""
+        """Return the required torques (6,) of the servos from the dynamics of the foot that carries the robot. During load transfer, the
+        result is interpolated between both feet.
+        """
         torque = self.dynamics[swing.holds].torque(now, world.gravity(swing.holds))
         if now.share == 0.0:
             return torque
         return (1.0 - now.share) * torque + now.share * self.dynamics[swing.moves].torque(now, world.gravity(swing.moves))
 
     def _measure(self, world: World, swing: Swing, now: Instant, seen: Seen) -> float:
-        """The largest pull [N] that a foot which carries the robot must bear now."""
+        """Return the largest required pull [N] of the feet that carry the robot."""
         data, most = world.data, -np.inf
         carrying = [swing.holds] if now.share == 0.0 else [swing.moves] if now.share == 1.0 else FEET
         for foot in carrying:

@@ -1,4 +1,4 @@
-"""What is only looked at: a steel beam on a floor, at a wall or under a ceiling, and moving pictures of a robot on it."""
+"""Visual elements of films: a steel beam on a floor, on a wall or under a ceiling, and animations of a robot on it."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ HEIGHT = 300
 WIDTHS = {"floor": 280, "wall": 200, "ceiling": 280}
 COLORS = 64
 HOLDING, LOOSE = (0.93, 0.42, 0.13, 1.0), (0.72, 0.74, 0.78, 1.0)
-"""A magnet's colour [rgba] while it holds, and while it does not."""
+"""Colours [rgba] of an active and an inactive magnet."""
 
 
 def decorate(spec: mujoco.MjSpec, place: str) -> None:
-    """A beam under the plane z = 0, what it stands on or hangs from, a light and the camera `aside`; up is z on the floor, x at
-    a wall and -z under a ceiling."""
+    """Add a beam under the plane z = 0, its support, a light and the camera `aside`. Up is z on the floor, x on a wall and -z under a
+    ceiling.
+    """
     world = spec.worldbody
     wall = place == "wall"
     look = {"contype": 0, "conaffinity": 0, "group": 2}
@@ -61,7 +62,7 @@ def decorate(spec: mujoco.MjSpec, place: str) -> None:
 
 
 class Film:
-    """Frames of a robot that walks: call it after every step."""
+    """Records frames of a walking robot. Call it after every step."""
 
     def __init__(self, where: str, every: float) -> None:
         self.where, self.every = where, every
@@ -69,7 +70,7 @@ class Film:
         self.renderers: dict[int, mujoco.Renderer] = {}
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, margin: float) -> None:
-        """Take a frame where `every` [s] has passed since the last one."""
+        """Record a frame if `every` [s] has passed since the last one."""
         if data.time < len(self.frames) * self.every:
             return
         if id(model) not in self.renderers:
@@ -87,13 +88,13 @@ class Film:
         self.frames.append(picture.resize((WIDTHS[self.where], HEIGHT), Image.Resampling.LANCZOS))
 
     def close(self) -> None:
-        """Let the renderers go."""
+        """Close the renderers."""
         for renderer in self.renderers.values():
             renderer.close()
 
 
 def save(films: list[Film], path: Path, milliseconds: int) -> None:
-    """The films side by side as an endless GIF with one palette, so that what stands still costs nothing."""
+    """Save the films side by side as a looping GIF. They share one palette, so that static areas are compressed well."""
     width = sum(WIDTHS[film.where] for film in films)
     whole = []
     for pictures in zip(*(film.frames for film in films), strict=True):

@@ -1,8 +1,8 @@
-"""MInchW's way through a tunnel of steel: along the floor, over the inner corner onto the wall, up, over the corner under the
-ceiling, and along that.
+"""The path of MInchW through a steel tunnel: along the floor, over the inner corner onto the wall, up, over the next corner to the
+ceiling, and along it.
 
-Both corners are one and the same plan: seen from the steel that is left, the steel that is come to is a quarter turn further, nose
-up. What differs is where gravity pulls, which the servos are told and the plan is not.
+Both corners use the same plan: relative to the old surface, the new surface is rotated by a quarter turn, nose up. Only gravity differs.
+The servo commands take gravity into account; the plan does not depend on it.
 """
 
 from __future__ import annotations
@@ -17,19 +17,20 @@ from inchworm_gait import DRAWN_UP, Legs, Stance, Swing, other, swing, swings
 from inchworm_physics import Face
 
 SHORT, STRIDE, LIFT, SINK = 0.32, 0.09, 0.025, 0.0001
-"""As in `walk`; a little less drawn up, which leaves the joints more room in the corners."""
+"""Parameters as in `walk`, but with a slightly larger distance between the soles, which leaves more joint range in the corners."""
 
 PRESS = 1.5
-"""How long [s] a magnet takes hold in a corner: there the foot that holds bears the jolt at the end of a long lever."""
+"""Time [s] for a magnet to attach in a corner, where the impact acts on the holding foot with a long lever."""
 
 ARRIVE, LEAVE = 0.39, 0.08
-"""How far [m] the rear sole is from a corner when the robot, drawn up, begins to cross it, and when it has."""
+"""Distances [m] of the rear sole from a corner before and after the robot crosses it, with both feet close together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """One foot in a corner: how far from it [m] it is put down, before it or `beyond`; the pitch of the body [deg] then, from the steel
-    before the corner, and how much further up the nose is on the way; how far the foot is lifted [m], and for how long [s]."""
+    """A foothold in a corner: its distance from the corner [m] (before it, or `beyond`), the pitch of the body [deg] relative to the steel
+    before the corner, the additional pitch during the swing, the lift of the foot [m] and its duration [s].
+    """
 
     moves: str
     beyond: bool
@@ -46,12 +47,12 @@ CORNER = (
     Step(moves="front", beyond=True, to=0.40, pitch=54.0, nose=4.0, lift=0.025, seconds=1.5),
     Step(moves="rear", beyond=True, to=LEAVE, pitch=90.0, nose=-10.0, lift=0.03, seconds=3.0),
 )
-"""Found by a search over footholds and pitches: no joint comes closer than 15 degrees to its limit."""
+"""Result of a search over footholds and pitches. All joints stay at least 15 degrees away from their limits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tunnel:
-    """A floor, a wall and a ceiling for so many strides on each, and the swings that lead through it."""
+    """A tunnel with a number of strides on the floor, the wall and the ceiling, and the swings of the robot through it."""
 
     floor: int = 1
     wall: int = 1
@@ -59,29 +60,29 @@ class Tunnel:
 
     @property
     def length(self) -> float:
-        """From the rear sole at the start to the wall [m]."""
+        """Distance from the rear sole at the start to the wall [m]."""
         return self.floor * STRIDE + ARRIVE
 
     @property
     def height(self) -> float:
-        """From floor to ceiling [m]."""
+        """Distance from the floor to the ceiling [m]."""
         return LEAVE + self.wall * STRIDE + ARRIVE
 
     @property
     def faces(self) -> tuple[Face, Face, Face]:
-        """Of steel, in the world of the robot that starts on its rear foot."""
+        """Return the steel surfaces in the world of the robot that starts on its rear foot."""
         return (
             Face(name="floor"), Face(name="wall", x=self.length, turn=pi / 2), Face(name="ceiling", x=self.length, z=self.height, turn=pi)
         )
 
     def plan(self, models: Mapping[str, mujoco.MjModel]) -> list[Swing]:
-        """The whole way, by the models of the modes that a foot holds."""
+        """Plan the whole path with the models of the modes rooted at a foot."""
         way = corner(models)
         strides = {n: swings(dict(models), n, SHORT, STRIDE, LIFT, SINK) for n in {self.floor, self.wall, self.ceiling}}
         return [*strides[self.floor], *way, *strides[self.wall], *way, *strides[self.ceiling]]
 
     def footholds(self) -> list[Stance]:
-        """Where the soles should land in the world, in the order of the plan: pressed below the steel."""
+        """Return the planned positions of the soles in the world in order, pressed below the surface of the steel."""
         found, faces = [], self.faces
         for k, (strides, start, length) in enumerate(
             ((self.floor, 0.0, self.length), (self.wall, LEAVE, self.height), (self.ceiling, LEAVE, 0.0))
@@ -95,7 +96,7 @@ class Tunnel:
 
 
 def foothold(face: Face, distance: float) -> Stance:
-    """In the world, `distance` [m] along a face from where it begins."""
+    """Return the point at `distance` [m] along a surface from its start, in the world."""
     along, out = (cos(face.turn), sin(face.turn)), (-sin(face.turn), cos(face.turn))
     return Stance(
         x=face.x + distance * along[0] - SINK * out[0], z=face.z + distance * along[1] - SINK * out[1], turn=face.turn
@@ -103,7 +104,9 @@ def foothold(face: Face, distance: float) -> Stance:
 
 
 def corner(models: Mapping[str, mujoco.MjModel]) -> list[Swing]:
-    """From drawn up before a corner to drawn up beyond it. Raises `ValueError` where the legs do not reach."""
+    """Plan the swings from before a corner to beyond it, with the soles close together at both ends. Raises `ValueError` if the legs
+    cannot reach.
+    """
     at = {"front": (False, ARRIVE - SHORT), "rear": (False, ARRIVE)}
     found: list[Swing] = []
     q, pitch = DRAWN_UP, 0.0
@@ -118,7 +121,9 @@ def corner(models: Mapping[str, mujoco.MjModel]) -> list[Swing]:
 
 
 def stance(held: tuple[bool, float], moving: tuple[bool, float], pitch: float) -> Stance:
-    """Of two feet at a corner, each beyond it or not and so far from it [m], with the body at `pitch` [rad] from the steel before it."""
+    """Return the stance of two feet at a corner. Each foot is before or beyond it at a distance [m]. The body has the pitch `pitch` [rad]
+    relative to the steel before the corner.
+    """
     (xh, zh, turn), (xm, zm, turned) = (
         (0.0, distance, pi / 2) if beyond else (-distance, 0.0, 0.0) for beyond, distance in (held, moving)
     )

@@ -1,8 +1,8 @@
-"""How far apart can MInchW's soles be? `make bridge-search`, or `python examples/longest_bridge.py`.
+"""Search for the largest distance between MInchW's soles: `make bridge-search`, or `python examples/longest_bridge.py`.
 
-Leg and body length are searched, through `assemblies/minchw/bridge_search.yaml` and the batch engine, for the longest bridge that
-every drive holds with a torque margin of 1.3. `--driver random` builds the document's own variants; `--driver optuna` asks
-Optuna which to build next, in the same loop.
+The search varies leg and body length with `assemblies/minchw/bridge_search.yaml` and the batch engine. The result is the longest bridge in
+which all drives have a torque margin of 1.3. `--driver random` builds the variants of the document; with `--driver optuna`, Optuna selects
+the variants in the same loop.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DOCUMENT = ROOT / "assemblies" / "minchw" / "bridge_search.yaml"
 
 
 def search(driver: Driver, output: str | None, store: str | None, jobs: int) -> list[Tried]:
-    """Build what the driver asks for, round after round, until it asks for nothing more."""
+    """Build the documents of the driver, round after round, until it returns None."""
     found: list[Tried] = []
     while (document := driver.ask()) is not None:
         summary = thingc.batch.run(str(document), output=output, jobs=jobs, options=Options(store=store), on_progress=_progress)
@@ -34,7 +34,7 @@ def search(driver: Driver, output: str | None, store: str | None, jobs: int) -> 
 
 
 def tried(row: Any, folder: str) -> Tried:
-    """What the table says of a variant. Without results (refused, failed) there is nothing to search in."""
+    """Return the results of a variant in the table. Variants without results (refused, failed) cannot be used by the search."""
     if "torque_margin" not in row:
         raise SystemExit(f"variant {row['name']} is {row['status']}: {row.get('message', '')}")
     return Tried(
@@ -49,7 +49,7 @@ def _progress(now: thingc.batch.Progress) -> None:
 
 
 def main() -> int:
-    """Search, print the page, write it and its picture."""
+    """Search, print the page, and write the page and its plot."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--driver", choices=DRIVERS, default="random", help="who says what is tried (default: random)")
     parser.add_argument("--count", type=int, help="how many variants (default: as many as the document draws)")

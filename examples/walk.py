@@ -1,8 +1,7 @@
-"""MInchW climbs a steel beam, lying on the floor, standing at a wall and hanging from a ceiling: `make walk`, or
-`python examples/walk.py BUILD`.
+"""MInchW climbs along a steel beam on the floor, on a wall and under a ceiling: `make walk`, or `python examples/walk.py BUILD`.
 
-Once rooted at the foot that holds, the root changing from foot to foot with `thingc.modes`, and once with a free base, held
-by its magnets alone. What is printed is what the simulation measured.
+The walk is simulated in two ways: rooted at the holding foot, where `thingc.modes` moves the root from foot to foot, and with a free base,
+held only by the magnets. The printed values are measured in the simulation.
 """
 
 from __future__ import annotations
@@ -23,19 +22,21 @@ from inchworm_scenery import Film, save
 
 ROOT = Path(__file__).resolve().parent.parent
 SHORT, STRIDE, LIFT, SINK = 0.31, 0.09, 0.025, 0.0001
-"""Soles apart when drawn up, length of a step, height of a lifted foot, and how far below the steel it is put down [m]: a foot that has
-landed stands a third of a milliradian askew, which lifts the other one by 0.13 mm when it is the root."""
+"""Distance between the soles when they are close together, stride, lift, and depth of touchdown below the steel [m].
+
+A foot that has landed is tilted by a third of a milliradian, which lifts the other foot by 0.13 mm when it is the root.
+"""
 
 PLACES = {"floor": "", "wall": "_wall", "ceiling": "_ceiling"}
 FILMED = ("floor", "wall")
 FRAME = 0.15
-"""Time [s] between two frames of the film, which is shown a third faster than that."""
+"""Simulated time [s] between two frames. The film is shown a third faster."""
 
 
 def walk(
     folder: Path, steps: int, film: Path | None = None, places: Sequence[str] = tuple(PLACES), sink: float = SINK,
 ) -> dict[tuple[str, str], Seen]:
-    """Both ways of walking at every place, by (place, way); feet are put down `sink` [m] below the steel."""
+    """Simulate both kinds of walks on every surface. Return them by (surface, kind). Feet are lowered to `sink` [m] below the steel."""
     found, films = {}, []
     for place in places:
         climb = Climb(folder, PLACES[place])
@@ -52,7 +53,7 @@ def walk(
 
 
 def report(found: dict[tuple[str, str], Seen]) -> str:
-    """The table, one column for each walk."""
+    """Return the table, one column per walk."""
     worst = {key: max(seen.torque, key=seen.torque.__getitem__) for key, seen in found.items()}
     rows: list[tuple[str, list[str]]] = [
         ("", [f"{place}, {way}" for place, way in found]),
@@ -76,7 +77,7 @@ def report(found: dict[tuple[str, str], Seen]) -> str:
 
 
 def write(page: Path, marker: str, text: str) -> None:
-    """Put a report into the block of a page that follows a marker."""
+    """Replace the block that follows a marker in a page by a report."""
     head, opening, rest = page.read_text().partition(f"<!-- {marker} -->\n```text\n")
     assert opening, f"{page} has no block <!-- {marker} -->"
     page.write_text(head + opening + text + "\n```" + rest.partition("\n```")[2])
@@ -87,7 +88,7 @@ def _only(way: str, value: float) -> str:
 
 
 def main() -> int:
-    """Build the robot unless a build is given, walk, and print."""
+    """Build the robot unless a build folder is specified, simulate the walks, and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("build", nargs="?", type=Path, help="the folder of a built MInchW; built afresh unless given")
     parser.add_argument("--steps", type=int, default=3)
