@@ -69,8 +69,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=["freeze", "compare"])
     parser.add_argument("file", type=Path)
-    parser.add_argument("--only", nargs="+", default=["*"], metavar="PATTERN", help="entries whose name fits one of these")
-    parser.add_argument("--store", help="where modelled parts are kept (default: an empty one)")
+    parser.add_argument("--only", nargs="+", default=["*"], metavar="PATTERN", help="only entries whose name matches one of these patterns")
+    parser.add_argument("--store", help="cache of built parts (default: an empty one)")
     arguments = parser.parse_args()
     before: dict[str, Entry] = json.loads(arguments.file.read_text()) if arguments.what == "compare" else {}
     now: dict[str, Entry] = {}

@@ -232,8 +232,8 @@ def definitions(out: str) -> tuple[set[str], set[str]]:
 def main() -> int:
     """Print the table; return 1 if a bound is exceeded."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-n", type=int, default=5, help="runs of each scenario; medians are printed")
-    parser.add_argument("--only", default="", help="only scenarios whose name contains this")
+    parser.add_argument("-n", type=int, default=5, help="number of runs per scenario; medians are printed")
+    parser.add_argument("--only", default="", help="run only scenarios whose name contains this string")
     arguments = parser.parse_args()
     importing = [sys.executable, "-c", "import build123d"]
     with tempfile.TemporaryDirectory() as folder:

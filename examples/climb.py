@@ -138,7 +138,7 @@ def plot(found: Mapping[str, Sequence[tuple[float, dict[str, Seen]]]], path: Pat
         for speed, seen in walks:
             if fallen(seen["free"]):
                 axes.annotate("falls", (shift * 1e3 * speed, -14.0), color=colour, ha="center", va="top", fontsize=9)
-    axes.plot([], [], color="0.3", ls="", marker="x", ms=9, mew=2.5, label="a foot comes off")
+    axes.plot([], [], color="0.3", ls="", marker="x", ms=9, mew=2.5, label="foot comes off")
     axes.set_xscale("log")
     ticks = [10, 20, 30, 40, 60, 80, 120]
     axes.set_xticks(ticks, [str(tick) for tick in ticks])
@@ -154,10 +154,10 @@ def plot(found: Mapping[str, Sequence[tuple[float, dict[str, Seen]]]], path: Pat
 def main() -> int:
     """Build the robot unless a build folder is specified, simulate the climb, and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("build", nargs="?", type=Path, help="the folder of a built MInchW; built afresh unless given")
-    parser.add_argument("--film", type=Path, help="where to write the film of the climb (WebP)")
-    parser.add_argument("--plot", type=Path, help="where to draw pull margin against speed; without it, only the climb is simulated")
-    parser.add_argument("--page", type=Path, help="a page whose reports to write anew (docs/studies/walking.md)")
+    parser.add_argument("build", nargs="?", type=Path, help="build folder of MInchW (default: build it)")
+    parser.add_argument("--film", type=Path, help="output file for the film of the climb (WebP)")
+    parser.add_argument("--plot", type=Path, help="output file for the plot of the pull margin; without it, only the climb is simulated")
+    parser.add_argument("--page", type=Path, help="page whose reports are replaced (docs/studies/walking.md)")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.build

@@ -143,18 +143,18 @@ def plot(together: Sequence[Tried], gait: Sequence[Tried], path: Path) -> None:
     )
     figure.colorbar(points, ax=axes[0], label="body [mm]")
     best = best_of(together)
-    axes[0].scatter([1e3 * best.design.leg], [1e3 * best.outcome.value], s=130, facecolors="none", edgecolors="black", label="the best")
+    axes[0].scatter([1e3 * best.design.leg], [1e3 * best.outcome.value], s=130, facecolors="none", edgecolors="black", label="best")
     by_hand = best_of(gait)
-    axes[0].scatter([64], [1e3 * by_hand.outcome.value], s=90, marker="*", color="tab:red", label="as published, best gait", zorder=3)
-    axes[0].set(xlabel="leg [mm]", ylabel="distance per joule [mm]")
+    axes[0].scatter([64], [1e3 * by_hand.outcome.value], s=90, marker="*", color="tab:red", label="published lengths, best gait", zorder=3)
+    axes[0].set(xlabel="leg [mm]", ylabel="distance per energy [mm/J]")
     axes[0].legend(fontsize=8, loc="lower left")
-    for tried, colour, label in ((together, "tab:blue", "lengths and gait"), (gait, "tab:red", "gait alone, as published")):
+    for tried, colour, label in ((together, "tab:blue", "lengths and gait"), (gait, "tab:red", "gait only, published lengths")):
         so_far, curve = 0.0, []
         for one in tried:
             so_far = max(so_far, one.outcome.value)
             curve.append(1e3 * so_far)
         axes[1].step(range(1, len(curve) + 1), curve, where="post", color=colour, label=label)
-    axes[1].set(xlabel="walks simulated", ylabel="best so far [mm for a joule]", ylim=(0.8 * 1e3 * by_hand.outcome.value, None))
+    axes[1].set(xlabel="walks simulated", ylabel="best so far [mm/J]", ylim=(0.8 * 1e3 * by_hand.outcome.value, None))
     axes[1].legend(fontsize=8, loc="lower right")
     for panel in axes:
         panel.grid(alpha=0.3)
@@ -166,13 +166,13 @@ def plot(together: Sequence[Tried], gait: Sequence[Tried], path: Path) -> None:
 def main() -> int:
     """Start or continue the search, and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=1000, help="how many walks lengths and gait are searched with (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="the same seed finds the same (default: %(default)s)")
-    parser.add_argument("--journal", type=Path, default=JOURNAL, help="what has been tried (default: %(default)s)")
-    parser.add_argument("--threads", type=int, default=os.cpu_count() or 1, help="of the simulation (default: %(default)s)")
-    parser.add_argument("--store", help="folder of modelled parts (default: the user's cache)")
-    parser.add_argument("--page", type=Path, help="a page whose reports to write anew (docs/studies/codesign.md)")
-    parser.add_argument("--plot", type=Path, help="where to draw what was tried (PNG)")
+    parser.add_argument("--count", type=int, default=1000, help="number of walks in the search for lengths and gait (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="random seed (default: %(default)s)")
+    parser.add_argument("--journal", type=Path, default=JOURNAL, help="file of all trials, to continue the search (default: %(default)s)")
+    parser.add_argument("--threads", type=int, default=os.cpu_count() or 1, help="number of simulation threads (default: %(default)s)")
+    parser.add_argument("--store", help="folder of cached parts (default: the user's cache)")
+    parser.add_argument("--page", type=Path, help="page whose reports are replaced (docs/studies/codesign.md)")
+    parser.add_argument("--plot", type=Path, help="output file for the plot (PNG)")
     parser.add_argument("--adopt", action="store_true", help="write the lengths of the best robot into its document")
     given = parser.parse_args()
     optuna.logging.set_verbosity(optuna.logging.WARNING)

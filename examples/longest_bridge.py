@@ -51,12 +51,12 @@ def _progress(now: thingc.batch.Progress) -> None:
 def main() -> int:
     """Search, print the page, and write the page and its plot."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--driver", choices=DRIVERS, default="random", help="who says what is tried (default: random)")
-    parser.add_argument("--count", type=int, help="how many variants (default: as many as the document draws)")
+    parser.add_argument("--driver", choices=DRIVERS, default="random", help="how to select variants (default: random)")
+    parser.add_argument("--count", type=int, help="number of variants (default: that of the document)")
     parser.add_argument("--docs", type=Path, help="folder of the page and, in `pictures`, of the figure (default: print only)")
     parser.add_argument("-o", "--output", help="folder of the batches (default: the workspace's build folder)")
-    parser.add_argument("--store", help="folder of modelled parts (default: the user's cache)")
-    parser.add_argument("--jobs", type=int, default=0, help="variants built at once (default: one per core)")
+    parser.add_argument("--store", help="folder of cached parts (default: the user's cache)")
+    parser.add_argument("--jobs", type=int, default=0, help="number of variants to build in parallel (default: one per core)")
     given = parser.parse_args()
     options = Options(store=given.store)
     try:

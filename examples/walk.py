@@ -90,12 +90,12 @@ def _only(way: str, value: float) -> str:
 def main() -> int:
     """Build the robot unless a build folder is specified, simulate the walks, and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("build", nargs="?", type=Path, help="the folder of a built MInchW; built afresh unless given")
+    parser.add_argument("build", nargs="?", type=Path, help="build folder of MInchW (default: build it)")
     parser.add_argument("--steps", type=int, default=3)
-    parser.add_argument("--on", nargs="+", choices=PLACES, default=tuple(PLACES), help="where it climbs; everywhere unless given")
-    parser.add_argument("--sink", type=float, default=1e3 * SINK, help="how far below the steel a foot is put down [mm]")
-    parser.add_argument("--gif", type=Path, help="where to draw a film of the rooted walks, on the floor and the wall")
-    parser.add_argument("--page", type=Path, help="a page whose reports to write anew (docs/studies/walking.md)")
+    parser.add_argument("--on", nargs="+", choices=PLACES, default=tuple(PLACES), help="surfaces (default: all)")
+    parser.add_argument("--sink", type=float, default=1e3 * SINK, help="depth of touchdown below the steel [mm]")
+    parser.add_argument("--gif", type=Path, help="output file for the film of the rooted walks on the floor and the wall")
+    parser.add_argument("--page", type=Path, help="page whose reports are replaced (docs/studies/walking.md)")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.build

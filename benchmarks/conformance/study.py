@@ -235,9 +235,9 @@ def _ends(ends: Sequence[float] | None) -> tuple[float, float]:
 def main() -> int:
     """Build, compare and write the page; return 1 if an answer differs."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--random", type=int, default=RANDOM, help="how many random robots")
-    parser.add_argument("--reader", action="append", default=[], choices=[one.name for one in READERS], help="only this one")
-    parser.add_argument("--print", action="store_true", help="only print, leave the page as it is")
+    parser.add_argument("--random", type=int, default=RANDOM, help="number of random robots")
+    parser.add_argument("--reader", action="append", default=[], choices=[one.name for one in READERS], help="measure only this one")
+    parser.add_argument("--print", action="store_true", help="print the results without updating the page")
     arguments = parser.parse_args()
     folder = ROOT / "build" / "conformance"
     asked = list(questions(folder, arguments.random))

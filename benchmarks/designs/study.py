@@ -29,11 +29,11 @@ COUNT, SEED = 200, 7
 def main() -> int:
     """Draw and judge designs, print and write the tables; return 1 if a design crashed or has a fault."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=COUNT, help="how many designs")
-    parser.add_argument("--seed", type=int, default=SEED, help="another seed gives other designs")
-    parser.add_argument("--first", type=int, default=0, metavar="N", help="begin with design N: to look at one again")
-    parser.add_argument("--store", type=Path, help="keep modelled parts there: what was stopped goes on faster; else an empty one")
-    parser.add_argument("--print", action="store_true", help="only print, leave the page as it is")
+    parser.add_argument("--count", type=int, default=COUNT, help="number of designs")
+    parser.add_argument("--seed", type=int, default=SEED, help="random seed of the designs")
+    parser.add_argument("--first", type=int, default=0, metavar="N", help="start with design N, to repeat it")
+    parser.add_argument("--store", type=Path, help="cache of built parts, which speeds up a restart (default: an empty one)")
+    parser.add_argument("--print", action="store_true", help="print the results without updating the page")
     arguments = parser.parse_args()
     if arguments.count < 1:
         parser.error("there is at least 1 design to draw")

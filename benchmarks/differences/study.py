@@ -53,7 +53,7 @@ def faults(old: Snapshot, new: Snapshot, made: frozenset[tuple[str, str, str, st
     paths = {c.path for c in there if not c.caused} | {"perhaps"}
     yield from (f"a stray cause: {c}" for c in there if not set(c.because) <= paths)
     if sorted(map(_content, (mirrored(c) for c in there))) != sorted(map(_content, back)):
-        yield "the way back is no mirror image"
+        yield "the reverse comparison is not the mirror image"
 
 
 def _content(change: Change) -> tuple[str, ...]:
@@ -63,8 +63,8 @@ def _content(change: Change) -> tuple[str, ...]:
 def main() -> int:
     """Run the whole study."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--designs", type=int, default=10, help="how many random designs (default: %(default)s)")
-    parser.add_argument("--rewrites", type=int, default=100, help="how many rewrites (default: %(default)s)")
+    parser.add_argument("--designs", type=int, default=10, help="number of random designs (default: %(default)s)")
+    parser.add_argument("--rewrites", type=int, default=100, help="number of rewrites (default: %(default)s)")
     arguments = parser.parse_args()
     wrong = 0
     with tempfile.TemporaryDirectory() as folder:

@@ -229,11 +229,11 @@ def main() -> int:
     """Judge, print and write; return 1 if a slip is not reported and has no reason."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--store", help="where modelled parts are kept (default: an empty one)")
+    parser.add_argument("--store", help="cache of built parts (default: an empty one)")
     parser.add_argument("--before", action="store_true", help=f"judge with the version of {COMMIT} instead, and keep that")
-    parser.add_argument("--root", type=Path, default=ROOT, help="the checkout whose robots are taken")
+    parser.add_argument("--root", type=Path, default=ROOT, help="checkout with the robots to use")
     parser.add_argument("--bare-gains", action="store_true", help="`kp` is written without a unit there")
-    parser.add_argument("--verdicts", action="store_true", help="only print the verdicts, as JSON")
+    parser.add_argument("--verdicts", action="store_true", help="print only the verdicts, as JSON")
     arguments = parser.parse_args()
     if arguments.before:
         before(arguments.jobs, arguments.store)

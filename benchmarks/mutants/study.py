@@ -26,12 +26,12 @@ REFUSED, RIGHT = 0.80, 0.95
 def main() -> int:
     """Judge, print and write; return 1 if too few mutants are rejected, or too few of them at the right line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=COUNT, help="mutants in all, spread over the documents by their size")
+    parser.add_argument("--count", type=int, default=COUNT, help="total number of mutants, distributed over the documents by size")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--store", default=None, help="where modelled parts are kept")
-    parser.add_argument("--print", action="store_true", help="only print, leave the page as it is")
-    parser.add_argument("--list", action="store_true", help="also print every mutant that is accepted or blamed elsewhere")
+    parser.add_argument("--store", default=None, help="cache of built parts")
+    parser.add_argument("--print", action="store_true", help="print the results without updating the page")
+    parser.add_argument("--list", action="store_true", help="also print every mutant that is accepted or reported at another place")
     arguments = parser.parse_args()
     begun = time.monotonic()
     with ProcessPoolExecutor(arguments.jobs) as pool:

@@ -113,16 +113,16 @@ def report(results: list[dict[str, Any]], rooms: list[str]) -> None:
 
 def parsed() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--number", type=int, default=300, help="how many mutants (default: 300)")
+    parser.add_argument("--number", type=int, default=300, help="number of mutants (default: 300)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rooms", nargs="+", choices=ROOMS, default=list(ROOMS), help="folders of compiler/thingc to change")
-    parser.add_argument("--minutes", type=float, default=240.0, help="start no further mutant after this time (default: 240)")
+    parser.add_argument("--minutes", type=float, default=240.0, help="start no mutants after this time [min] (default: 240)")
     parser.add_argument("--seconds", type=float, default=8.0, help="processor time of the tests that a mutant must survive (default: 8)")
-    parser.add_argument("--longest", type=float, default=8.0, help="use no test file that takes more processor time [s] (default: 8)")
-    parser.add_argument("--map-minutes", type=float, default=60.0, help="add no test file to the map after this time (default: 60)")
-    parser.add_argument("--keep-map", action="store_true", help="use the map even if the compiler has changed")
-    parser.add_argument("--again", action="store_true", help="judge mutants that survived before again")
-    parser.add_argument("--folder", type=Path, default=ROOT / "build" / "mutation", help="for the map and the results")
+    parser.add_argument("--longest", type=float, default=8.0, help="skip test files that take more processor time [s] (default: 8)")
+    parser.add_argument("--map-minutes", type=float, default=60.0, help="time limit for building the map [min] (default: 60)")
+    parser.add_argument("--keep-map", action="store_true", help="use the existing map even if the compiler has changed")
+    parser.add_argument("--again", action="store_true", help="test mutants again that survived before")
+    parser.add_argument("--folder", type=Path, default=ROOT / "build" / "mutation", help="folder for the map and the results")
     return parser.parse_args()
 
 

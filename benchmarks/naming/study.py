@@ -25,8 +25,8 @@ GROUPS = ("outermost plane", "inner plane", "hole", "other surface")
 def main() -> int:
     """Sweep, print and write; return 1 if a name was wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=int, default=STEPS, help="values of each parameter, both ends of its range among them")
-    parser.add_argument("--print", action="store_true", help="only print, leave the page as it is")
+    parser.add_argument("--steps", type=int, default=STEPS, help="number of values per parameter, including both ends of its range")
+    parser.add_argument("--print", action="store_true", help="print the results without updating the page")
     arguments = parser.parse_args()
     if arguments.steps < 2:
         parser.error("a sweep has at least 2 steps")

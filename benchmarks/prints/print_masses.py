@@ -252,9 +252,9 @@ BEGIN, END = "<!-- print-masses -->\n", "\n<!-- end of print-masses -->"
 def main() -> int:
     """Slice, compare, print and write; return 1 if a bound is exceeded, 2 without the slicer."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--print", action="store_true", help="only print, leave the page as it is")
-    parser.add_argument("--keep", action="store_true", help="keep what was sliced in build/prints, and use what is there")
-    parser.add_argument("parts", nargs="*", help="only these (`arm:Hand`); prints, and leaves the page as it is")
+    parser.add_argument("--print", action="store_true", help="print the results without updating the page")
+    parser.add_argument("--keep", action="store_true", help="cache sliced prints in build/prints")
+    parser.add_argument("parts", nargs="*", help="measure only these parts (`arm:Hand`), without updating the page")
     arguments = parser.parse_args()
     if program() is None:
         print("prusa-slicer is not installed: apt install prusa-slicer", file=sys.stderr)

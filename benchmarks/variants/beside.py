@@ -172,8 +172,8 @@ def timed(make: Callable[[list[int]], Any], indices: list[int]) -> float:
 def main() -> int:
     """Compare, measure and print; return 1 if models differ."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=4000, help="variants of the quickest lane, in each round (default: %(default)s)")
-    parser.add_argument("--rounds", type=int, default=5, help="how often each lane is measured, after a first time that does not count")
+    parser.add_argument("--count", type=int, default=4000, help="number of variants per round for the fastest lane (default: %(default)s)")
+    parser.add_argument("--rounds", type=int, default=5, help="measurements per lane, after one warm-up")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="thingc-beside-") as name:
         folder = Path(name)

@@ -78,11 +78,11 @@ def main() -> int:
     """Build, compare and print; return 1 if anything differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"{', '.join(KINDS)} (default: all)")
-    parser.add_argument("--count", type=int, default=300, help="variants of each kind (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=11, help="of the samples (default: %(default)s)")
-    parser.add_argument("--layout", choices=("folders", "packed"), default="folders", help="of the batch; what is packed is unpacked")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="single builds at once")
-    parser.add_argument("--store", help="where modelled parts are kept (default: an empty one)")
+    parser.add_argument("--count", type=int, default=300, help="number of variants of each kind (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=11, help="random seed of the samples (default: %(default)s)")
+    parser.add_argument("--layout", choices=("folders", "packed"), default="folders", help="layout of the batch")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="number of parallel single builds")
+    parser.add_argument("--store", help="cache of built parts (default: an empty one)")
     arguments = parser.parse_args()
     if unknown := [kind for kind in arguments.kinds if kind not in KINDS]:
         parser.error(f"no kind is called {', '.join(unknown)}")

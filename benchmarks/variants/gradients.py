@@ -58,8 +58,8 @@ ERROR, COST, RATIO, ESTIMATED = 1e-13, 3.0, 20.0, 1e-4
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=4096, help="settings of each robot (default: %(default)s)")
-    parser.add_argument("--no-parts", action="store_true", help="without modelled parts")
+    parser.add_argument("--count", type=int, default=4096, help="number of settings per robot (default: %(default)s)")
+    parser.add_argument("--no-parts", action="store_true", help="skip measurements that build parts")
     options = parser.parse_args()
     missed = []
     print(f"{'':9} {'lines':>6} {'bits':>11} {'value':>8} {'jacobian':>9} {'error':>8}")

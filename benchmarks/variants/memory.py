@@ -198,18 +198,18 @@ MUSTS = {
     "fields": ("patched", 1_000.0, 1_000.0), "a mesh": ("exchanged", 300.0, 600.0), "a part": ("kernel", 7.0, 8.0),
     "seen": ("patched", 20_000.0, 20_000.0),
 }
-"""The lane by hand for comparison, the required rate and the target rate [1/s] on that machine. Of several lanes, it is the strictest."""
+"""The lane by hand for comparison (the strictest if there are several), the required rate and the target rate [1/s] on that machine."""
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=4000, help="variants of the quickest lanes, in each round (default: %(default)s)")
-    parser.add_argument("--rounds", type=int, default=5, help="how often each lane is measured, after a first time that does not count")
-    parser.add_argument("--pens", type=int, default=16, help="of how many a variant of `a mesh` has one (default: %(default)s)")
+    parser.add_argument("--count", type=int, default=4000, help="number of variants per round for the fastest lanes (default: %(default)s)")
+    parser.add_argument("--rounds", type=int, default=5, help="measurements per lane, after one warm-up")
+    parser.add_argument("--pens", type=int, default=16, help="number of meshes for the lane `a mesh` (default: %(default)s)")
     parser.add_argument("--scale", type=int, default=0, help="largest number of variants for growth (default: not measured)")
-    parser.add_argument("--store", help="where modelled parts are kept")
-    parser.add_argument("--verify", type=int, help="of so many models one is compared with a compilation (default: every 2^n-th)")
+    parser.add_argument("--store", help="cache of built parts")
+    parser.add_argument("--verify", type=int, help="compare every N-th model with a compilation (default: every 2^n-th)")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="thingc-memory-") as name:
         document = workspace(Path(name))

@@ -139,8 +139,8 @@ def masses(folder: Path, count: int) -> None:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=100_000, help="masses (default: %(default)s)")
-    parser.add_argument("--arm", type=int, default=1024, help="arms (default: %(default)s)")
+    parser.add_argument("--count", type=int, default=100_000, help="number of masses (default: %(default)s)")
+    parser.add_argument("--arm", type=int, default=1024, help="number of arms (default: %(default)s)")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="thingc-packed-") as name:
         folder = Path(os.path.realpath(name))

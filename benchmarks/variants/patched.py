@@ -138,10 +138,10 @@ def main() -> int:
     """Compare and print; return 1 if anything differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("documents", nargs="*", metavar="DOCUMENT")
-    parser.add_argument("--count", type=int, default=2000, help="settings of each document (default: %(default)s)")
-    parser.add_argument("--store", help="where modelled parts are kept")
-    parser.add_argument("--visual", action="store_true", help="with what is only drawn")
-    parser.add_argument("--parts", action="store_true", help="with numbers that model parts")
+    parser.add_argument("--count", type=int, default=2000, help="number of settings per document (default: %(default)s)")
+    parser.add_argument("--store", help="cache of built parts")
+    parser.add_argument("--visual", action="store_true", help="include visual geometry")
+    parser.add_argument("--parts", action="store_true", help="vary numbers that change the geometry of parts")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         wrong = sum(printed(document, arguments) for document in arguments.documents or usual(Path(folder)))

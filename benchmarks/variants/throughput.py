@@ -298,12 +298,12 @@ def scales(largest: int) -> Iterator[int]:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=400, help="variants that model nothing (default: %(default)s)")
-    parser.add_argument("--models", type=int, default=40, help="variants that model a part each (default: %(default)s)")
-    parser.add_argument("--rounds", type=int, default=5, help="how often each takes its turn with a part of them (default: %(default)s)")
+    parser.add_argument("--count", type=int, default=400, help="number of variants without new parts (default: %(default)s)")
+    parser.add_argument("--models", type=int, default=40, help="number of variants with a new part each (default: %(default)s)")
+    parser.add_argument("--rounds", type=int, default=5, help="number of rounds, in which the ways alternate (default: %(default)s)")
     parser.add_argument("--scale", type=int, default=0, help="largest number of variants for growth (default: not measured)")
-    parser.add_argument("--refused", type=int, default=0, metavar="N", help="only compare N good and refused settings")
-    parser.add_argument("--store", help="where modelled parts are kept")
+    parser.add_argument("--refused", type=int, default=0, metavar="N", help="compare only N valid and invalid settings")
+    parser.add_argument("--store", help="cache of built parts")
     arguments = parser.parse_args()
     if sys.platform == "win32":
         raise SystemExit("this benchmark reads /proc")

@@ -67,9 +67,9 @@ def together(model: mujoco.MjModel, fields: Mapping[str, Any], count: int, steps
 def main() -> int:
     """Step both ways and compare; return 1 if they differ."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=64, help="arms (default: %(default)s)")
-    parser.add_argument("--steps", type=int, default=100, help="of 2 ms (default: %(default)s)")
-    parser.add_argument("--store", help="where modelled parts are kept")
+    parser.add_argument("--count", type=int, default=64, help="number of arms (default: %(default)s)")
+    parser.add_argument("--steps", type=int, default=100, help="number of steps of 2 ms (default: %(default)s)")
+    parser.add_argument("--store", help="cache of built parts")
     arguments = parser.parse_args()
     many = [settings(index) for index in range(arguments.count)]
     with thingc.family(ROOT / "assemblies" / "arm.yaml", store=arguments.store, mode=MODE) as family:

@@ -152,7 +152,7 @@ def after_saves(browser: Any, runs: int) -> int:
 def main() -> int:
     """Print the table; return 1 if a bound is exceeded."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-n", type=int, default=5, help="how often each page is opened; medians are printed")
+    parser.add_argument("-n", type=int, default=5, help="number of times each page is opened; medians are printed")
     arguments = parser.parse_args()
     missed = 0
     print(f"{'':8} {'KB':>6} {'parts':>6} {'opened':>8} {'a joint moves':>14} {'the camera':>11} {'calls':>6}")

@@ -18,7 +18,7 @@ from study_page import page
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of `studies` (page) and `pictures` (figure)")
-    parser.add_argument("--store", help="folder of modelled parts (default: the user's cache)")
+    parser.add_argument("--store", help="cache of built parts (default: the user's cache)")
     options = parser.parse_args()
     mujoco.set_mju_user_warning(lambda text: None)  # unstable welds are counted, not logged to a file
     found = measure(Study(options.store))

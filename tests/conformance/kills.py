@@ -143,7 +143,7 @@ class Campaign:
 def main() -> int:
     """See above; the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--number", type=int, default=60, help="kills")
+    parser.add_argument("--number", type=int, default=60, help="number of kills")
     parser.add_argument("--seed", type=int, default=1)
     chosen = parser.parse_args()
     base = Path(tempfile.mkdtemp(prefix="kills-"))

@@ -279,7 +279,7 @@ def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=1.0)
-    parser.add_argument("--most", type=int, help="no more inputs than that")
+    parser.add_argument("--most", type=int, help="maximum number of inputs")
     parser.add_argument("--seed", type=int, default=int(time.time()))
     parser.add_argument("--keep", type=Path, default=Path("fuzz-findings"))
     parser.add_argument("--lock", type=Path, required=True, help="a parts.lock.json of this repository's robots (see `make fuzz`)")

@@ -202,8 +202,8 @@ def test_what_is_wrong_beside_a_fault_of_shape_is_said_in_the_same_run(tmp_path:
         'TC315 several.yaml:7:45 parameter `length` of `arm:Brace` must be at most 500 mm, found `900 mm`',
         'TC201 several.yaml:7:54 unknown key `atach` in `components.brace` | did you mean `attach`?',
         'TC302 several.yaml:8:43 this document has no component `plaet` | did you mean `plate`?',
-        f'TC204 several.yaml:11:16 expected {" or ".join(", ".join(f"`{name}`" for name in KINDS).rsplit(", ", 1))}, found the string `revolut`'
-        ' | did you mean `revolute`?',
+        f'TC204 several.yaml:11:16 expected {" or ".join(", ".join(f"`{name}`" for name in KINDS).rsplit(", ", 1))}, '
+        'found the string `revolut` | did you mean `revolute`?',
         'TC304 several.yaml:13:23 there is no joint `trun` | did you mean `turn`?',
         'TC307 several.yaml:15:30 there is no pose `hmoe` | did you mean `home`?',
     ]

@@ -1,4 +1,4 @@
-"""Find words in docs, messages and docstrings that the section *Words* of CONTRIBUTING.md advises against.
+"""Find phrases in docs, messages and docstrings that are not plain English.
 
     .venv/bin/python tests/wording/wording.py [FILE...]
 
@@ -19,8 +19,11 @@ ROOT = Path(__file__).resolve().parents[2]
 BANNED = {
     "`is no`: write `is not a`, or `there is no`": r"(?<!there )(?<!There )\b(is|are|was|were) no (?!longer|more|less|fewer|other)\w",
     "leading `Of`: begin with the subject": r"(?:^|(?<=[.:;] ))Of (?!course)\w+",
-    "`said`, `told`, `kept`: write `reported`, `shown`, `cached`, `stored`": r"\b(is|are|was|were|be|been|being) (said|told|kept)\b",
-    "`nobody`, `whoever`: name the user or the program": r"\b(nobody|whoever)\b",
+    "`said`, `told`, `kept`, `asked`: write `reported`, `shown`, `cached`, `stored`, `requested`":
+        r"\b(is|are|was|were|be|been|being)( (all|also|both|never|not|only|still|then))? (said|told|kept|asked)\b",
+    "`what it says`, `what a part has`: name the thing":
+        r"\b[Ww]hat (it|they|of|(the|a|an|each|every) [\w-]+) (says?|tells?|knows?|wants?|has|have|takes?)\b",
+    "`nobody`, `whoever`, `whence`: name the user, the program or the source": r"\b([Nn]obody|[Ww]hoever|[Ww]hence)\b",
     "`None where`, `where there is`: write `if`":
         r"\b(None|none) where\b|\bwhere there (is|are)\b|\bwhere (it|they) (has|have) (one|none|it)\b",
     "`all else`, `for what it is`": r"\ball else\b|\bfor what it is\b|\bis to be had\b",
@@ -32,6 +35,15 @@ BANNED = {
         r" (says|tells|knows|wants)\b",
 }
 """Patterns by what to do about them."""
+
+PYTHON = ("compiler/thingc", "parts", "examples", "benchmarks", "docs", "gate")
+"""Folders whose docstrings and messages are plain English."""
+
+OTHERS = (
+    "viewer/src/**/*.ts", "compiler/thingc/**/*.js", "compiler/thingc/**/*.html", "compiler/thingc/tools/templates/**/*.yaml", "gate/*.sh",
+    "action.yml", ".pre-commit-hooks.yaml", "editors/vscode/package.json", "editors/vscode/src/*.ts",
+)
+"""Files in other languages."""
 
 LONGEST = 30
 """Words of a sentence in the docs."""
@@ -96,7 +108,8 @@ def _plain(line: str) -> str:
 def code(path: Path) -> Iterator[Text]:
     """The docstrings of a module, and its other texts of at least three words: messages and helps."""
     tree = ast.parse(path.read_text())
-    room, place = path.relative_to(ROOT / "compiler" / "thingc").parts[0].removesuffix(".py"), path.relative_to(ROOT).as_posix()
+    place = path.relative_to(ROOT).as_posix()
+    room = place.removeprefix("compiler/thingc/").partition("/")[0].removesuffix(".py")
     docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and len(node.value.split()) >= 3:
@@ -104,12 +117,22 @@ def code(path: Path) -> Iterator[Text]:
             yield Text(f"{room} {kind}", f"{place}:{node.lineno}", " ".join(node.value.split()))
 
 
+def lines(path: Path) -> Iterator[Text]:
+    """The lines of a file in another language: the rules do not match code, so it is not distinguished from comments and strings."""
+    place = path.relative_to(ROOT).as_posix()
+    yield from (Text(place, f"{place}:{number}", line.strip()) for number, line in enumerate(path.read_text().splitlines(), 1))
+
+
 def texts() -> Iterator[Text]:
     """All texts that the rules are about."""
     for page in pages():
         yield from prose(page)
-    for path in sorted((ROOT / "compiler" / "thingc").rglob("*.py")):
-        yield from code(path)
+    for folder in PYTHON:
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            yield from code(path)
+    for pattern in OTHERS:
+        for path in sorted(ROOT.glob(pattern)):
+            yield from lines(path)
 
 
 def findings(text: Text) -> Iterator[Finding]:

@@ -107,7 +107,7 @@ export class Viewer {
 
   // --- the robot ---------------------------------------------------------------------------------------------------
 
-  /** Shows a robot. Mode, coordinates, camera and selection of the one before are kept as far as the new one has them. */
+  /** Shows a robot. Mode, coordinates, camera and selection of the previous robot are preserved as far as the new one has them. */
   load(robot: Robot, geometries: BufferGeometry[]): void {
     const before = this.robot === undefined ? null : { robot: this.robot, at: this.configuration };
     const whole = before !== null && this.seen();
