@@ -121,7 +121,7 @@ def test_what_the_kernel_cannot_write(service: GeometryService, tmp_path: Path) 
     assert said.code is Code.STEP_FAILED
     assert said.message.startswith("cannot write the STEP file of `arm`: ")
     assert "Traceback" not in said.message and said.detail
-    assert said.help == "name the targets that are wanted with --emit, without `step`"
+    assert said.help == "select targets other than `step` with --emit"
 
 
 def test_nothing_with_geometry_is_no_file(tmp_path: Path) -> None:

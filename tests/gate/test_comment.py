@@ -106,7 +106,7 @@ def test_one_comment_is_posted_and_then_updated(api: StandIn, tmp_path: Path, sh
     assert first.startswith("<!-- thingc diff -->\n### `main") and "`mass.value 120 g -> 150 g (+25 %)`" in first
     write(folder, ("value: 120 g", "value: 160 g"))
     git(folder, "commit", "-qam", "a still heavier hook")
-    assert "the comment is updated\n" in said(folder, temp, api, shared_store, code=1, FAIL_ON="mass")
+    assert "comment updated\n" in said(folder, temp, api, shared_store, code=1, FAIL_ON="mass")
     assert len(api.comments) == 120 and "120 g -> 160 g" in api.comments[-1]["body"] and api.comments[0]["body"].endswith("not ours")
     write(folder, ("parent: mast.head", "parent: mats.head"))
     git(folder, "commit", "-qam", "a slip")
