@@ -68,7 +68,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add("--timeout", metavar="TIME", help="time limit for each variant (default: '10 min')")
     add("--cluster", metavar="ADDRESS", help="build on a cluster: tcp://HOST:8786 (dask) or slurm:partition=NAME,cpus=8")
-    add("--ship", action="store_true", help="with --cluster: copy files to and from the machines, which share no folder with this one")
+    add("--ship", action="store_true", help="with --cluster: copy files to and from machines that do not share a folder with this one")
     add(
         "--pictures", metavar="N", type=_pictures,
         help="number of pictures on the page of the batch, or `none` or `all` (default: 48, none for more than 200 variants)",
