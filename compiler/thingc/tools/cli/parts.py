@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import textwrap
 from collections.abc import Iterable, Mapping
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
@@ -18,10 +19,13 @@ from thingc.geometry.record import NO_PARTS, MountRecord, ParameterSchema, PartF
 from thingc.geometry.service import GeometryService
 from thingc.tools.cli import console
 
+WIDTH = 120
+"""Largest length of a line of names [characters]."""
+
 EPILOG = """\
-Lists the Things of the workspace: those of its part folders and of the packages that it allows. For parts given as arguments, the frames of
-their mounts are shown too, for default parameters: the axes of the part along x, y and z of the mount. You can name everything that a
-document can use, including shapes, functions, and classes of other installed packages.
+Lists the Things of the workspace: those of its part folders and of the packages that it allows. For parts given as arguments, it also
+shows, for default parameters, the frames of their mounts (the axes of the part along x, y and z of the mount) and the names of their
+reference geometry. You can name everything that a document can use, including shapes, functions, and classes of other installed packages.
 
   thingc parts
   thingc parts thingc_stock bd_warehouse.fastener:SocketHeadCapScrew
@@ -135,7 +139,7 @@ def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]
 
 
 def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> list[str]:
-    """Format a part as lines of text. If `whole` is true, list mounts with their frames, else only their names."""
+    """Format a part as lines of text. If `whole` is true, list mounts with their frames, and reference geometry."""
     lines = [schema.reference]
     first = schema.doc.strip().partition("\n")[0]
     if first:
@@ -152,6 +156,9 @@ def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> l
         lines += [f"  {line}" for line in _mounts(record.mounts)]
     elif record.mounts:
         lines.append(f"  mounts: {', '.join(_runs(record.mounts))}")
+    if whole and record is not None and record.references:
+        names = f"reference geometry: {', '.join(sorted(record.references))}"
+        lines += textwrap.wrap(names, WIDTH, initial_indent="  ", subsequent_indent="    ", break_long_words=False)
     return lines
 
 
