@@ -110,5 +110,5 @@ def test_one_comment_is_posted_and_then_updated(api: StandIn, tmp_path: Path, sh
     assert len(api.comments) == 120 and "120 g -> 160 g" in api.comments[-1]["body"] and api.comments[0]["body"].endswith("not ours")
     write(folder, ("parent: mast.head", "parent: mats.head"))
     git(folder, "commit", "-qam", "a slip")
-    assert "nothing to compare: a side does not compile" in said(folder, temp, api, shared_store, FAIL_ON="mass")
+    assert "nothing to compare: one side does not compile" in said(folder, temp, api, shared_store, FAIL_ON="mass")
     assert "120 g -> 160 g" in api.comments[-1]["body"]
