@@ -10,14 +10,22 @@ RANGE = "A joint can have this range."
 MODE = "The mode is valid, although it differs from the intended one."
 PASSIVE = "Robots can have passive joints, which are joints without a drive."
 MOUNT = "A component can be attached to any mount of a part, and all components are still connected."
+ZERO = "The author chooses the zero position of a joint, and the poses stay within the limits."
+FLOOR = "The mode specifies neither `at` nor feet, so nothing shows where the floor is."
+HELD = "The base is held, so the robot need not be above the floor."
 
 REASONS: dict[str, str] = {
     # --- what is meant: the arm
     "arm poses/home/wrist: 30 deg": POSE,
+    "arm poses/writing/wrist: 58.8 deg": HELD,
     "arm components/bus_board/at/xyz: 0 0 -4 mm": FRAME,
+    "arm modes/bench/root: bracket": FLOOR,
+    "arm modes/drawing/root: hand.seat": HELD,
     "arm joints/wrist/type: continuous": RANGE,
-    "-arm joints/shoulder/turn": "The author chooses the zero position of a joint, and the poses stay within the limits.",
+    "-arm joints/shoulder/turn": ZERO,
     "-arm components/forearm_idler": "A robot without this cap is also valid.",
+    "-arm modes/adrift/at": FLOOR,
+    "arm modes/drawing/pose: folded": HELD,
     "arm components/plate_screw/repeat: {count: 4, as: i}": "A hole does not need a screw.",
     "arm components/bus_board/at: {in: plate.origin, xyz: 4 0 0 mm}": FRAME,
     "arm simulation/integrator: euler": "The gains are also stable with this integrator.",
@@ -29,8 +37,9 @@ REASONS: dict[str, str] = {
     "minchw components/harness/at/xyz: -40 0 -20 mm": FRAME,
     "minchw modes/crawl_ceiling/gravity: 0 0 -9.81 m/s^2":
         "The gravity is valid. Only the name of the mode, `ceiling`, shows that it was not intended.",
+    "minchw modes/crawl/root: cover": FLOOR,
     "leg joints/yaw/type: continuous": RANGE,
-    "-leg components/thigh_idler/attach/turn": "The part still fits into its seat in the other orientation.",
+    "-minchw modes/crawl/pose": FLOOR,
     "-minchw modes/rear_foot/at": MODE,
     "minchw modes/crawl/base: fixed": MODE,
     "minchw modes/front_foot/pose: step_rear": MODE,
@@ -55,12 +64,14 @@ REASONS: dict[str, str] = {
     "arm joints/elbow/limit: {lower: -13 deg, upper: 130 deg}": RANGE,
     "materials materials/petg/density: 127 kg/m^3": "A foam can have this density.",
     "arm components/bus_board/mass: {value: 12 mg, source: measured}": FRAME,
+    "arm joints/shoulder/turn: 90 rad": ZERO,
     "arm components/bus_board/at/xyz: 4 0 0 mm": FRAME,
-    "end_effector components/cap_screw/attach: {mount: seat, to: cap.screw_$i, gap: -20 mm}":
-        "The screw is inside the bounding box of the hand, as expected of a screw, and overlaps the hand by less than a fifth.",
+    "arm components/elbow_servo/attach: {mount: bottom, to: humerus.servo_seat, gap: 100 mm}": "Parts can be attached with a gap.",
     # --- MInchW
     "minchw modes/front_foot/contacts/adhesion/front.sole: 30 N": "The force is larger than the weight of the robot.",
     "minchw components/controller/at/xyz: 0 0 4 cm": FRAME,
+    "minchw modes/bridge/hold/rear.sole/xyz/2: -8 mm": HELD,
+    "minchw modes/front_foot/at: {rpy: 0 90 0 deg}": HELD,
     "minchw components/harness/at/xyz: 20 0 -40 mm": FRAME,
     # --- the walker
     "walker components/body/params: {length: 1500 mm, width: 40 mm}": "A beam can have this length.",
@@ -70,6 +81,4 @@ REASONS: dict[str, str] = {
         "No limit was found that avoids false alarms: the effort of fingers and geared joints can be thousands of times their load.",
     "leg joints/knee/drive: {kind: position, kp: 10 N*m/rad, effort: 2 N*m, velocity: 50 rad/s}": "Some motors reach this speed.",
     "walker components/board/at/xyz: 24 0 0 mm": FRAME,
-    "walker joints/hip/gap: -15 mm": "Parts that are connected by a joint can overlap.",
-    "leg joints/knee/gap: -20 mm": "Parts that are connected by a joint can overlap.",
 }
