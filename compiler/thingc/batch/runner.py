@@ -17,7 +17,7 @@ import threading
 import time
 import traceback
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from thingc.base.diagnostic_output import as_json
 from thingc.base.diagnostics import Code, Diagnostic, Severity
@@ -32,13 +32,11 @@ from thingc.batch.rules import Rule, unkept
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.driver.environment import Options
+from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
 from thingc.driver.settings import SettingsReader
 from thingc.model.resolve.resolver import Settings
 from thingc.targets.artifact import Content, StoredArtifact, counts_of
-
-if TYPE_CHECKING:
-    from thingc.driver.pipeline import Compilation
 
 SHOWN = 5
 """Maximum number of diagnostics that the journal contains for a refused variant."""

@@ -12,7 +12,7 @@ import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.filesystem import NotARegularFile, beginning
@@ -20,12 +20,9 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.installed_packages import dotted_name
 from thingc.base.package_info import KEYS, MEMORY, PackageInfo
 from thingc.base.safe_text import is_text
-from thingc.base.source import MappingNode, Path, Span, line_of
+from thingc.base.source import Document, MappingNode, Path, Span, line_of
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, parse_quantity, shortened
-
-if TYPE_CHECKING:
-    from thingc.base.source import Document
 
 MAX_BYTES = 500_000
 """Maximum size of a workspace file. The limit does not apply to a `pyproject.toml` that does not mention thingc."""

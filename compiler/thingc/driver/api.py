@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic, Report
@@ -14,13 +14,11 @@ from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options, Printed, attempted
-
-if TYPE_CHECKING:
-    from thingc.geometry.store.local import Store
-    from thingc.model.assembly.types import Assembly
-    from thingc.model.robot.types import Robot
-    from thingc.targets.html.emit import Page
-    from thingc.targets.request import EmitRequest
+from thingc.geometry.store.local import Store
+from thingc.model.assembly.types import Assembly
+from thingc.model.robot.types import Robot
+from thingc.targets.html.emit import Page
+from thingc.targets.request import EmitRequest
 
 
 class CompileError(Exception):

@@ -7,16 +7,13 @@ and their models, part schemas and part records, and keeps the worker process.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Report
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
 from thingc.model.resolve.resolver import Settings
-
-if TYPE_CHECKING:
-    from thingc.targets.artifact import Artifacts, Content
+from thingc.targets.artifact import Artifacts, Content
 
 REFUSED = 64
 """Maximum number of cached failures. A learner may draw the same settings several times, and plans request each failure twice."""

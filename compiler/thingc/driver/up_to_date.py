@@ -13,18 +13,16 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import Any, get_type_hints
 
 import msgspec
 from msgspec.structs import asdict
 
 import thingc
 from thingc.base.diagnostics import Code, Diagnostic
-
-if TYPE_CHECKING:
-    from thingc.driver.environment import Environment
-    from thingc.driver.pipeline import Compilation
-    from thingc.geometry.store.local import Store
+from thingc.driver.environment import Environment
+from thingc.driver.pipeline import Compilation
+from thingc.geometry.store.local import Store
 
 FOLDER = "folder:"
 """Prefix of digests of folder listings, which distinguishes them from digests of files."""

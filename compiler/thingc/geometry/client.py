@@ -12,16 +12,14 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from thingc.base.json_lines_process import JsonLinesProcess, Lines, ProcessLost
+from thingc.documents.workspace import Workspace
 from thingc.geometry.key.environment_variables import environment
 from thingc.geometry.record import PartFailure
 from thingc.geometry.record_json import full
 from thingc.geometry.worker import process_tree
-
-if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
 
 GRACE = 15.0
 """Grace period [s] after the deadline of a request. A worker that does not answer within the grace period is ended."""

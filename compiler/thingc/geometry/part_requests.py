@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec.structs import asdict, replace
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.documents.workspace import Workspace
 from thingc.geometry.key.build_key import BuildKey, record_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.part_code import PartCode, file_state
@@ -16,10 +17,6 @@ from thingc.geometry.key.versions import OF_FILES, versions_of
 from thingc.geometry.print_slices import LikelySlicing
 from thingc.geometry.record import PartDefinition, PartFailure, PartSchema, Value
 from thingc.geometry.store.local import Store
-
-if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
-
 
 Likely = Callable[[], Mapping[str, Collection[LikelySlicing]]] | None
 """Returns the likely slicings of parts, by definition text. The function is called when a part has to be built."""

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from thingc.base.diagnostics import Code, Note, Report, Severity, allow_hint
 from thingc.base.source import Span, line_of
+from thingc.documents.workspace import Workspace
+from thingc.geometry.build_reasons import BuildReason
+from thingc.geometry.key.modules import Module
 from thingc.geometry.lock.json_format import BadLock
 from thingc.geometry.lock.lock import LOCK_FILE, REMAKE, lock_path, report_bad, top_of
 from thingc.geometry.part_requests import Likely
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
-
-if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
-    from thingc.geometry.build_reasons import BuildReason
-    from thingc.geometry.key.modules import Module
 
 SHOWN = 8
 

@@ -6,11 +6,12 @@ import contextlib
 import dataclasses
 import hashlib
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec import convert
 from msgspec.structs import replace
 
+from thingc.documents.workspace import Workspace
 from thingc.geometry.key.build_key import BuildKey, record_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.part_code import PartCode
@@ -20,9 +21,6 @@ from thingc.geometry.record_json import blobs_of
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.store.shared_store import CONVEX
 from thingc.geometry.store.slice_cache import Records, Run
-
-if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
 
 Ran = Mapping[str, Sequence[int] | None]
 """Numbers of the functions that ran, by label of the module. None means all functions."""

@@ -7,17 +7,14 @@ import hashlib
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from thingc import __version__
 from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.documents.workspace import Workspace
 from thingc.model.assembly.types import Assembly
 from thingc.targets import json_writer
 from thingc.targets.artifact import MANIFEST, Content, Loss, StoredArtifact
-
-if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
 
 DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "trimesh")
 """Distributions, besides thingc, whose version affects a build. A distribution that is not installed is omitted."""

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec import field
 
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
+from thingc.documents.workspace import Workspace
+from thingc.geometry.service import GeometryService
+from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.types import Robot
-
-if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
-    from thingc.geometry.service import GeometryService
-    from thingc.geometry.store.local import Store
 
 
 class EmitRequest(FrozenStruct, eq=False):

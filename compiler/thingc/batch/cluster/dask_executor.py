@@ -11,16 +11,14 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from thingc.base.diagnostics import Code
 from thingc.batch.cluster.protocol import PATIENCE, FileTransferExecutor, WorkerLost, missing
+from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 from thingc.batch.folder import BatchFault
 from thingc.driver.up_to_date import state_of
 from thingc.targets.manifest import versions
-
-if TYPE_CHECKING:
-    from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 
 T = TypeVar("T")
 

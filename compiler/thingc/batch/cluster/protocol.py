@@ -5,13 +5,11 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from thingc.base.diagnostics import Code
+from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 from thingc.batch.folder import BatchFault
-
-if TYPE_CHECKING:
-    from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 
 T = TypeVar("T")
 

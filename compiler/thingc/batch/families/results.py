@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from thingc.base.diagnostics import Diagnostic, Severity
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.results import UnknownVariant
-
-if TYPE_CHECKING:
-    from thingc.driver.testing.results import Result as TestResult
+from thingc.driver.testing.results import Result as TestResult
 
 
 class Evaluated(OneLineRepr, FrozenStruct):

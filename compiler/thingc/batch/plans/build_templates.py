@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from json.encoder import encode_basestring
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from msgspec.structs import replace
 
@@ -29,14 +29,11 @@ from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
 from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.geometry.record import Placed, StoredFile
+from thingc.geometry.service import GeometryService
 from thingc.model.resolve.resolver import Settings
-from thingc.targets.artifact import MANIFEST, Content, counts_of
+from thingc.targets.artifact import MANIFEST, Artifacts, Content, counts_of
 from thingc.targets.registry import TARGETS, emitted
-
-if TYPE_CHECKING:
-    from thingc.geometry.service import GeometryService
-    from thingc.targets.artifact import Artifacts
-    from thingc.targets.request import EmitRequest
+from thingc.targets.request import EmitRequest
 
 SETTING, DIGEST = "setting:", "digest:"
 """Prefixes of the names of slots in a manifest for texts of settings, and for digests of files."""

@@ -6,19 +6,17 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec.structs import astuple, replace
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch.plans.program import program_of
 from thingc.batch.plans.tape import Tape, Traced, value_of
+from thingc.geometry.part_source import PartSource
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import Mesh, MountExpectation, MountRecord, PartDefinition, PartRecord, PartSchema
 from thingc.targets.artifact import StoredArtifact
-
-if TYPE_CHECKING:
-    from thingc.geometry.part_source import PartSource
 
 KEPT = 512
 """Maximum number of cached records of a plan."""

@@ -6,7 +6,6 @@ import hashlib
 import re
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
@@ -16,9 +15,7 @@ from thingc.documents.load.documents import read_tree
 from thingc.documents.names.document_names import DocumentNames
 from thingc.documents.names.index import NameIndex, index
 from thingc.documents.names.part_names import PartNames
-
-if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
+from thingc.documents.workspace import Workspace
 
 MAX_TEXT = 10_000_000
 

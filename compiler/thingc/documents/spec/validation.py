@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import sys
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 from pydantic_core import ValidationError
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
 from thingc.base.source import Document, ScalarNode, SequenceNode, Span, walk
+from thingc.documents.load.documents import Documents
 from thingc.documents.spec.allowances import allowances
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.invalid_entries import InvalidEntries, Specs
 from thingc.documents.spec.materials import MaterialsSpec
-
-if TYPE_CHECKING:
-    from thingc.documents.load.documents import Documents
 
 KINDS = ("assembly", "materials", "variants", "workspace")
 """Kinds of documents with a model."""

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec.structs import replace
 
 from thingc.base.filesystem import listing
+from thingc.documents.workspace import Workspace
 from thingc.geometry.key.module_key import CodeIngredients, ModuleSources, code_of, defined_in, may_have
 from thingc.geometry.key.modules import OWN, Finder, Module
+from thingc.geometry.key.result_cache import Results
 from thingc.geometry.key.versions import KERNEL, compiler_version, platform_versions, versions_of
 from thingc.geometry.record import PartDefinition, PartFailure
 from thingc.geometry.record_json import shortened
 from thingc.geometry.store.local import Store
-
-if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
-    from thingc.geometry.key.result_cache import Results
 
 FILES = (".step", ".stp", ".brep", ".brp", ".stl", ".3mf", ".obj")
 """Suffixes of files that can be parts."""

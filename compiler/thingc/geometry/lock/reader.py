@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from msgspec.structs import replace
 
+from thingc.documents.workspace import Workspace
+from thingc.geometry.build_reasons import BuildReason
 from thingc.geometry.key.file_states import state_of
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
@@ -18,10 +20,6 @@ from thingc.geometry.lock.lock import LOCK_FILE, Lock, code_hash, lock_path
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import ActuatorRecord, PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.geometry.store.slice_cache import lacking
-
-if TYPE_CHECKING:
-    from thingc.documents.workspace import Workspace
-    from thingc.geometry.build_reasons import BuildReason
 
 MAX_READ = 200_000_000
 """Maximum number of bytes of files (parts that are files, and files that parts read) that are compared with the lock."""

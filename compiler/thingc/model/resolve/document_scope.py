@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from pydantic import BaseModel
 
@@ -13,23 +13,19 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.source import SET, Document, Path
 from thingc.base.suggestions import Hint
+from thingc.base.units import Quantity
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.expressions.terms import Expression
-from thingc.documents.spec.invalid_entries import NO_DOUBTS, InvalidEntries
+from thingc.documents.load.documents import Documents
+from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
+from thingc.documents.spec.invalid_entries import NO_DOUBTS, InvalidEntries, Specs
+from thingc.documents.workspace import Workspace
 from thingc.geometry.record import PartDefinition, PartFailure, PartSchema, Value
 from thingc.geometry.store.file_digests import digest_of
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.scope import NOTHING, Scope
 from thingc.model.resolve.types import AssemblyDefinition, Component, ExtraMount, Joint, Material, NamedPose, Reference
-
-if TYPE_CHECKING:
-    from thingc.base.units import Quantity
-    from thingc.documents.load.documents import Documents
-    from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
-    from thingc.documents.spec.invalid_entries import Specs
-    from thingc.documents.workspace import Workspace
-
 
 Named = TypeVar("Named", Component, Joint)
 Answer = TypeVar("Answer")

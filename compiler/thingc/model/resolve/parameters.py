@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.graphs import MAX_CIRCLE, circle_words
@@ -14,17 +14,14 @@ from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity, short
 from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, plain, words_of
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import Expression, ExpressionError
+from thingc.documents.load.documents import Documents
 from thingc.documents.load.text import forbidden
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
-from thingc.documents.spec.invalid_entries import InvalidEntries
+from thingc.documents.spec.invalid_entries import InvalidEntries, Specs
+from thingc.documents.workspace import Workspace
 from thingc.geometry.record import Value
 from thingc.model.resolve.document_scope import DeclaredParameters, ResolveRun
 from thingc.model.resolve.scope import Scope, dimension_message
-
-if TYPE_CHECKING:
-    from thingc.documents.load.documents import Documents
-    from thingc.documents.spec.invalid_entries import Specs
-    from thingc.documents.workspace import Workspace
 
 Complain = Callable[..., None]
 """`complain(name, code, message, help=None, notes=())` reports an error at the location where a value is set."""

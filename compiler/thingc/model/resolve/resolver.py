@@ -6,20 +6,17 @@ Its inputs are `Settings` and `Sources`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import MAX_FAULTS, Code, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
+from thingc.base.units import Quantity
+from thingc.documents.load.documents import Documents
+from thingc.documents.spec.invalid_entries import Specs
+from thingc.documents.workspace import Workspace
+from thingc.geometry.record import PartFailure, PartSchema
 from thingc.geometry.store.file_digests import digest_of
 from thingc.model.resolve.types import AssemblyDefinition
-
-if TYPE_CHECKING:
-    from thingc.base.units import Quantity
-    from thingc.documents.load.documents import Documents
-    from thingc.documents.spec.invalid_entries import Specs
-    from thingc.documents.workspace import Workspace
-    from thingc.geometry.record import PartFailure, PartSchema
 
 
 class Settings(FrozenStruct):
