@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 from collections import deque
+from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.filesystem import beginning, listing
@@ -17,7 +18,9 @@ from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean, near_hint
 from thingc.base.units import shortened
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
-from thingc.documents.workspace import Workspace
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
 
 HEAD = 65536
 """Number of bytes at the start of a file in which the key `thingc` is searched."""

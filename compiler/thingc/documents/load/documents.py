@@ -6,6 +6,7 @@ import hashlib
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.filesystem import beginning
@@ -18,7 +19,9 @@ from thingc.base.units import shortened
 from thingc.documents.load.discovery import find_packaged, is_packaged
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES, MESH_SUFFIXES, PART_SUFFIXES, find_file, libraries, named, refuse_name
 from thingc.documents.load.text import MAX_ALL_BYTES, MAX_BYTES, MAX_FAULTS, decode
-from thingc.documents.workspace import Workspace
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
 
 KINDS: dict[str, str] = {"assembly": "1", "materials": "1", "variants": "1", "workspace": "1"}
 """Kinds of documents, each with its supported version."""

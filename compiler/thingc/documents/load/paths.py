@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.filesystem import beginning
@@ -11,7 +12,9 @@ from thingc.base.safe_text import escape_control, is_text, unseen
 from thingc.base.source import Span
 from thingc.base.suggestions import Hint, file_meant
 from thingc.base.units import shortened
-from thingc.documents.workspace import Workspace
+
+if TYPE_CHECKING:
+    from thingc.documents.workspace import Workspace
 
 DOCUMENT_SUFFIXES = (".yaml", ".yml", ".toml")
 PART_SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf")
