@@ -62,6 +62,7 @@ bench-variants: $(VENV)/.thingc-dev
 
 gradients: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/variants/gradients.py
+	$(BIN)/python benchmarks/variants/switches.py
 
 bench-viewer: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/viewer/study.py

@@ -5,27 +5,109 @@ This module does not import MuJoCo. `MjData` provides its model, and access to e
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from thingc.modes.errors import WrongData
+from thingc.modes.addresses import Addresses
+from thingc.modes.errors import ModesError, WrongData
 from thingc.modes.frames import Array, pose, quaternion_of, rotation_of
 from thingc.modes.placements import find_displaced
-from thingc.modes.state import RobotState
+from thingc.modes.state import State
 from thingc.modes.tree import Inertias, Mode
 
 FREE = 0
 """MuJoCo's type number of free joints."""
+STRUCTURE = (
+    "names", "body_parentid", "body_mocapid", "body_pos", "body_quat", "jnt_type", "jnt_bodyid", "jnt_pos", "jnt_axis", "site_pos",
+    "site_quat", "actuator_actadr", "actuator_actnum",
+)
+"""Fields of a model that determine its `ModelMap`."""
+RESULTS = 8
+"""Number of models of a mode to cache maps of."""
 
 
-def check(mode: Mode, data: Any) -> None:
-    """Check that `data` belongs to a model of `mode`.
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelMap:
+    """Where a model has the links and coordinates of a mode.
+
+    Attributes:
+        addresses: The coordinates of joints.
+        joints: The first addresses in `qpos` and `qvel` of all joints of the model with a name.
+        base: The addresses in `qpos` and `qvel` of the base, which are empty for a fixed or held base.
+        mocap: The number of the mocap body of a held base, or -1.
+        anchors: The numbers of the mocap bodies of the other holds.
+        actuators: The number and the address and size of the activation of each actuator with a name.
+    """
+
+    addresses: Addresses
+    joints: Mapping[str, tuple[int, int]]
+    base: tuple[Any, Any]
+    mocap: int
+    anchors: list[int]
+    actuators: Mapping[str, tuple[int, int, int]]
+
+
+def map_model(mode: Mode, model: Any) -> ModelMap:
+    """Return the map of a model of `mode`.
 
     Raises `WrongData` if the model differs from the mode in its links, their parents, its base, or the poses of links, joints or mounts.
     """
-    model = data.model
+    found: ModelMap = _cached(_new_map, mode, model)
+    return found
+
+
+def _cached(make: Callable[[Mode, Any], Any], mode: Mode, model: Any) -> Any:
+    """Return `make(mode, model)`, from the cache for a model with the same structure: most calls use the same models."""
+    key = tuple([model.names if name == "names" else getattr(model, name).tobytes() for name in STRUCTURE])
+    results = _results(make, mode)
+    if key not in results:
+        result = make(mode, model)
+        while len(results) >= RESULTS:
+            del results[next(iter(results))]
+        results[key] = result
+    return results[key]
+
+
+@lru_cache(maxsize=128)
+def _results(make: Callable[[Mode, Any], Any], mode: Mode) -> dict[tuple[bytes, ...], Any]:
+    """Return the cached results of `make` for models of a mode."""
+    return {}
+
+
+def _new_map(mode: Mode, model: Any) -> ModelMap:
+    check(mode, model)
+    body_of = _bodies(mode, model)
+    joints = {
+        name: (int(model.jnt_qposadr[number]), int(model.jnt_dofadr[number]))
+        for number in range(model.njnt) if (name := model.joint(number).name)
+    }
+    root = body_of[mode.root_link]
+    base: Iterable[Iterable[int]] = ((), ())
+    if mode.base == "free":  # the joint can have any name
+        number = int(model.body_jntadr[root])
+        base = (range(first, first + size) for first, size in ((model.jnt_qposadr[number], 7), (model.jnt_dofadr[number], 6)))
+    elif mode.base == "ball":
+        base = (range(first, first + size) for first, size in zip(joints["root"], (4, 3), strict=True))
+    elif mode.part is not None:
+        base = zip(*(joints[name] for name in mode.part.joints), strict=True)
+    positions, speeds = (np.array(list(own), dtype=int) for own in base)
+    actuators = [(model.actuator(number).name, number) for number in range(model.nu)]
+    return ModelMap(
+        addresses=Addresses(mode, joints), joints=joints, base=(positions, speeds),
+        mocap=int(model.body_mocapid[root]), anchors=[int(model.body_mocapid[body_of[hold.anchor]]) for hold in mode.holds],
+        actuators={name: (number, *_activation(model, number)) for name, number in actuators if name},
+    )
+
+
+def check(mode: Mode, model: Any) -> None:
+    """Check that `model` is one of `mode`.
+
+    Raises `WrongData` if the model differs from the mode in its links, their parents, its base, or the poses of links, joints or mounts.
+    """
     body_of = _bodies(mode, model)
     wanted = [*(link.name for link in mode.links), *(hold.anchor for hold in mode.holds)]
     missing = next((name for name in wanted if name not in body_of), None)
@@ -67,109 +149,84 @@ def _link_above(model: Any, body: int, links: Collection[int]) -> int:
     return above
 
 
-def _free_joint(mode: Mode, data: Any) -> Any:
-    """Return the free joint of the base. The joint can have any name."""
-    return data.joint(int(data.model.body_jntadr[_bodies(mode, data.model)[mode.root_link]]))
-
-
-def read_state(mode: Mode, data: Any) -> RobotState:
-    """Return the state in `data`. Raises `WrongData`.
+def read_state(mode: Mode, found: ModelMap, data: Any) -> State:
+    """Return the state in `data`. Raises `ModesError` for numbers that are not finite.
 
     The pose of a fixed base is read from the model. The twist of a fixed or held base is zero.
     """
-    check(mode, data)
-    twist = np.zeros(6)
+    twist: Array = np.zeros(6)
+    qpos, qvel = data.qpos, data.qvel
+    positions, speeds = (values[own] for values, own in zip((qpos, qvel), found.base, strict=True))
     if mode.base == "free":
-        free = _free_joint(mode, data)
-        X, twist = pose(rotation_of(free.qpos[3:]), free.qpos[:3]), np.array(free.qvel)
+        X, twist = pose(rotation_of(positions[3:]), positions[:3]), speeds
     elif mode.part is not None:
-        here = [data.joint(name) for name in mode.part.joints]
-        X = mode.part.pose(np.concatenate([joint.qpos for joint in here]))
-        twist = mode.part.twist(X, np.concatenate([joint.qvel for joint in here]))
+        X = mode.part.pose(positions)
+        twist = mode.part.twist(X, speeds)
     elif mode.base == "held":
-        number = data.model.body(mode.root_link).mocapid[0]
-        X = pose(rotation_of(data.mocap_quat[number]), data.mocap_pos[number])
+        X = pose(rotation_of(data.mocap_quat[found.mocap]), data.mocap_pos[found.mocap])
     else:
         X = bolted(mode, data)
-    q: dict[str, float] = {}
-    v: dict[str, float] = {}
-    for joint in mode.joints:
-        here = data.joint(joint.in_data)
-        if joint.ball is None:
-            q[joint.name], v[joint.name] = float(here.qpos[0]), float(here.qvel[0])
-        elif joint.first:
-            own = joint.ball.read(here.qpos, here.qvel)
-            q |= own[0]
-            v |= own[1]
-    return RobotState(mode=mode.name, base_pose=X, base_twist=twist, q=q, v=v)
+    q, v = found.addresses.read(qpos, qvel)
+    for name, values in (("base_pose", X), ("base_twist", twist), ("q", q), ("v", v)):
+        if not np.isfinite(values).all():
+            raise ModesError(f"`{name}` has numbers that are not finite")
+    return State(X, twist, q, v)
 
 
-def write_state(mode: Mode, state: RobotState, data: Any) -> None:
-    """Write a state of `mode` to `data`: only qpos, qvel and the mocap pose of the robot. Raises `WrongData`."""
-    check(mode, data)
-    position, quaternion = state.base_pose[:3, 3], quaternion_of(state.base_pose[:3, :3])
+def write_state(mode: Mode, state: State, found: ModelMap, data: Any) -> None:
+    """Write a state of `mode` to `data`: only qpos, qvel and the mocap pose of the robot."""
+    position, quaternion = state.base[:3, 3], quaternion_of(state.base[:3, :3])
+    qpos, qvel = data.qpos, data.qvel
     if mode.base == "free":
-        free = _free_joint(mode, data)
-        free.qpos, free.qvel = np.concatenate([position, quaternion]), state.base_twist
+        qpos[found.base[0]], qvel[found.base[1]] = np.concatenate([position, quaternion]), state.twist
     elif mode.part is not None:
-        positions, speeds = mode.part.qpos(state.base_pose), mode.part.qvel(state.base_pose, state.base_twist)
-        for number, name in enumerate(mode.part.joints):
-            own = slice(None) if len(mode.part.joints) == 1 else slice(number, number + 1)
-            data.joint(name).qpos, data.joint(name).qvel = positions[own], speeds[own]
+        qpos[found.base[0]], qvel[found.base[1]] = mode.part.qpos(state.base), mode.part.qvel(state.base, state.twist)
     elif mode.base == "held":
-        number = data.model.body(mode.root_link).mocapid[0]
-        data.mocap_pos[number], data.mocap_quat[number] = position, quaternion
-    for joint in mode.joints:
-        if joint.ball is not None:
-            here = data.joint(joint.in_data)
-            here.qpos, here.qvel = joint.ball.qpos(state.q), joint.ball.qvel(state.q, state.v)
-            continue
-        for name, ratio in joint.in_model.items():
-            here = data.joint(name)
-            here.qpos, here.qvel = ratio * state.q[joint.name], ratio * state.v[joint.name]
+        data.mocap_pos[found.mocap], data.mocap_quat[found.mocap] = position, quaternion
+    found.addresses.write(state.q, state.v, qpos, qvel)
 
 
-def carry(modes: tuple[Mode, Mode], source: Any, target: Any) -> tuple[str, ...]:
+def carry(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any, target: Any) -> tuple[str, ...]:
     """Copy the values that a switch preserves besides the motion to `target`. Return the actuators that only `target` has.
 
     These values are the time, the controls and activations by actuator, and the joint accelerations for the solver's warm start. The
     controls of the returned actuators do not change.
     """
     target.time = source.time
-    _warm_start(modes, source, target)
-    here, there = _actuators(source.model), _actuators(target.model)
-    for name in here.keys() & there.keys():
-        target.ctrl[there[name]] = source.ctrl[here[name]]
-        old, new = source.act[_activation(source.model, here[name])], _activation(target.model, there[name])
-        if len(old) == new.stop - new.start:
-            target.act[new] = old
-    return tuple(name for name in there if name not in here)
+    old, new = maps
+    _warm_start(modes, maps, source, target)
+    common = [(old.actuators[name], own) for name, own in new.actuators.items() if name in old.actuators]
+    if common:
+        target.ctrl[[there[0] for _, there in common]] = source.ctrl[[here[0] for here, _ in common]]
+    for (_, here, size), (_, there, count) in common:
+        if size == count:
+            target.act[there : there + size] = source.act[here : here + size]
+    return tuple([name for name in new.actuators if name not in old.actuators])
 
 
-def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
-    old, new = modes
-    if new.base == "free":
-        _free_joint(new, target).qacc_warmstart = np.zeros(6)
-    for name in () if new.part is None else new.part.joints:
-        target.joint(name).qacc_warmstart = 0.0
+def _warm_start(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any, target: Any) -> None:
+    (old, new), (here, there) = modes, maps
+    accelerations, started = source.qacc_warmstart, target.qacc_warmstart
+    started[there.base[1]] = 0.0
     names = {joint.name for joint in old.joints}
     for joint in new.joints:
         for name in joint.in_model:
-            here = source.joint(name).qacc_warmstart if joint.name in names and joint.ball is None else 0.0
-            target.joint(name).qacc_warmstart = here
+            first = there.joints[name][1]
+            if joint.ball is not None:
+                started[first : first + 3] = 0.0
+            else:
+                started[first] = accelerations[here.joints[name][1]] if joint.name in names else 0.0
 
 
-def hold_here(mode: Mode, state: RobotState, data: Any) -> None:
-    """Move the anchors of a mode's other holds to the held links in `state`, or to the mount's origin if a hold allows rotation.
+def hold_here(mode: Mode, poses: Array, found: ModelMap, data: Any) -> None:
+    """Move the anchors of a mode's other holds to the held links at `poses`, or to the mount's origin if a hold allows rotation.
 
     If the base is fixed, the anchors do not move.
     """
     if mode.base == "fixed":
         return
-    poses = mode.poses(state)
-    for hold in mode.holds:
-        X = poses[mode.links[hold.link].name]
-        number = data.model.body(hold.anchor).mocapid[0]
+    for hold, number in zip(mode.holds, found.anchors, strict=True):
+        X = poses[hold.link]
         data.mocap_pos[number] = (X @ hold.X_LM)[:3, 3] if hold.turns else X[:3, 3]
         data.mocap_quat[number] = (1.0, 0.0, 0.0, 0.0) if hold.turns else quaternion_of(X[:3, :3])
 
@@ -183,17 +240,24 @@ def bolted(mode: Mode, data: Any) -> Array:
 def inertias(mode: Mode, data: Any) -> Inertias:
     """Return the current inertias in the model of `data`, which can belong to any mode, in the order of `mode`'s tree."""
     model = data.model
+    bodies, own, dofs = _cached(_weights, mode, model)
+    R = rotation_of(model.body_iquat[bodies])
+    return Inertias(
+        mass=model.body_mass[bodies] * own,
+        centre=model.body_ipos[bodies] * own[:, None],
+        inertia=(R * model.body_inertia[bodies][:, None]) @ R.swapaxes(1, 2) * own[:, None, None],
+        armature=model.dof_armature[dofs],
+    )
+
+
+def _weights(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
+    """Return the body of each link, whether it has the link's name (a massless intermediate link has no body), and the DOF of each
+    joint."""
     body_of = _bodies(mode, model)
     bodies = [body_of[link.name] for link in mode.links]
-    weigh = np.array([model.body(body).name == link.name for body, link in zip(bodies, mode.links, strict=True)])
-    turns = [rotation_of(model.body_iquat[body]) for body in bodies]
-    inertia = np.array([R @ np.diag(model.body_inertia[body]) @ R.T for R, body in zip(turns, bodies, strict=True)])
-    return Inertias(
-        mass=model.body_mass[bodies] * weigh,
-        centre=model.body_ipos[bodies] * weigh[:, None],
-        inertia=inertia * weigh[:, None, None],
-        armature=np.array([model.dof_armature[model.joint(joint.in_data).dofadr[0]] for joint in mode.joints]),
-    )
+    own = [model.body(body).name == link.name for body, link in zip(bodies, mode.links, strict=True)]
+    dofs = [int(model.joint(joint.in_data).dofadr[0]) for joint in mode.joints]
+    return np.array(bodies), np.array(own), np.array(dofs, dtype=int)
 
 
 def _bodies(mode: Mode, model: Any) -> dict[str, int]:
@@ -206,12 +270,7 @@ def _bodies(mode: Mode, model: Any) -> dict[str, int]:
     return body_of
 
 
-def _actuators(model: Any) -> dict[str, int]:
-    names = ((model.actuator(number).name, number) for number in range(model.nu))
-    return {name: number for name, number in names if name}
-
-
-def _activation(model: Any, actuator: int) -> slice:
-    """Return the slice of an actuator's activation in `act`, which is empty if it has none."""
+def _activation(model: Any, actuator: int) -> tuple[int, int]:
+    """Return the address and the size of an actuator's activation in `act`. The size is 0 if it has none."""
     first, count = int(model.actuator_actadr[actuator]), int(model.actuator_actnum[actuator])
-    return slice(first, first + count) if first >= 0 else slice(0, 0)
+    return (first, count) if first >= 0 else (0, 0)

@@ -34,7 +34,11 @@ def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
     """Parse the content of a `modes.json`. Error messages call the file `name`. Raises `ModesError`."""
     try:
         modes: Mapping[str, Any] = json.loads(text)
-        return {mode: _mode(mode, described) for mode, described in modes.items()}
+        for mode, described in modes.items():
+            if described.get("version") != VERSION:
+                raise ModesError(f"mode `{mode}` was written by another version of thingc: build the robot again")
+        order = _coordinates(next(iter(modes.values()), {}))
+        return {mode: _mode(mode, described, order) for mode, described in modes.items()}
     except (ValueError, AttributeError, TypeError, IndexError) as fault:
         if isinstance(fault, ModesError):
             raise
@@ -43,9 +47,13 @@ def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
         raise ModesError(f"`{name}` has no {fault}, which this version of thingc needs: build the robot again") from fault
 
 
-def _mode(name: str, described: Mapping[str, Any]) -> Mode:
-    if described.get("version") != VERSION:
-        raise ModesError(f"mode `{name}` was written by another version of thingc: build the robot again")
+def _coordinates(described: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the names of the coordinates of all joints of a mode, first those of the tree, then those that are cut."""
+    joints = [*described.get("joints", ()), *described.get("cuts", ())]
+    return tuple(str(one["name"]) for joint in joints for one in joint["coordinates"])
+
+
+def _mode(name: str, described: Mapping[str, Any], order: tuple[str, ...]) -> Mode:
     links = tuple(
         Link(
             name=str(link["name"]), X_root_link=_array(link["X_root_link"], 4, 4), mass=float(link["mass"]),
@@ -71,6 +79,7 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
         gravity=_array(described["gravity"], 3),
         X_world_root=X_world_root,
         links=links,
+        coordinates=order,
         joints=tuple(joint for one in described["joints"] for joint in _joints(one, index)),
         named=MappingProxyType({pose: MappingProxyType(dict(q)) for pose, q in described["poses"].items()}),
         holds=tuple(

@@ -7,13 +7,13 @@ X0_WR. MuJoCo represents M as two slides and a hinge about z (`planar`), or as a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from thingc.base.one_line_repr import OneLineRepr
-from thingc.modes.frames import Array, inverse, pose, quaternion_of, rotation_of, turned
+from thingc.modes.frames import Array, cross, inverse, pose, quaternion_of, rotation, rotation_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -33,44 +33,59 @@ class PartBase(OneLineRepr):
         """Return MuJoCo's `qpos` for the root link at X (4, 4), or at the nearest possible pose."""
         if self.kind == "ball":
             return quaternion_of(self.X0_WR[:3, :3].T @ X[:3, :3])
-        M = self._motion(X)
-        return np.array([M[0, 3], M[1, 3], np.arctan2(M[1, 0] - M[0, 1], M[0, 0] + M[1, 1])])
+        return self._planar(X, np)
 
     def pose(self, qpos: ArrayLike) -> Array:
         """Return the pose (4, 4) of the root link at MuJoCo's `qpos`."""
         values = np.asarray(qpos, dtype=float)
-        if self.kind == "ball":
-            turn = self.X0_WR[:3, :3] @ rotation_of(values) @ self.X0_WR[:3, :3].T
-            about = self.X_WA[:3, 3]
-            return pose(turn, about - turn @ about) @ self.X0_WR
-        M = pose(turned(np.array([0.0, 0.0, 1.0]), float(values[2])), np.array([values[0], values[1], 0.0]))
-        return self.X_WA @ M @ inverse(self.X_WA) @ self.X0_WR
+        return self._turned(self.X0_WR[:3, :3] @ rotation_of(values), np) if self.kind == "ball" else self._slid(values, np)
 
-    def qvel(self, X: Array, twist: Array) -> Array:
+    def nearest(self, X: Array, xp: Any = np) -> Array:
+        """Return the nearest possible pose (4, 4) of the root link to X (4, 4)."""
+        return self._turned(X[:3, :3], xp) if self.kind == "ball" else self._slid(self._planar(X, xp), xp)
+
+    def qvel(self, X: Array, twist: Array, xp: Any = np) -> Array:
         """Return MuJoCo's `qvel` (3,) for the root link at X with a twist (6,). Components in constrained directions are ignored."""
         if self.kind == "ball":
             return twist[3:]
         R, spin = self.X_WA[:3, :3], X[:3, :3] @ twist[3:]
-        x, y, _ = R.T @ (twist[:3] + np.cross(spin, self._carried(X) - X[:3, 3]))
-        return np.array([x, y, (R.T @ spin)[2]])
+        x, y, _ = R.T @ (twist[:3] + cross(spin, self._carried(X) - X[:3, 3]))
+        qvel: Array = xp.asarray([x, y, (R.T @ spin)[2]])
+        return qvel
 
-    def twist(self, X: Array, qvel: ArrayLike) -> Array:
+    def twist(self, X: Array, qvel: Array, xp: Any = np) -> Array:
         """Return the twist (6,) of the root link at X for MuJoCo's `qvel`."""
-        values = np.asarray(qvel, dtype=float)
         R = self.X_WA[:3, :3]
         if self.kind == "ball":
-            spin, linear = X[:3, :3] @ values, np.zeros(3)
+            spin, linear = X[:3, :3] @ qvel, np.zeros(3)
         else:
-            spin, linear = R[:, 2] * values[2], R[:, :2] @ values[:2]
-        return np.concatenate([linear + np.cross(spin, X[:3, 3] - self._carried(X)), X[:3, :3].T @ spin])
+            spin, linear = R[:, 2] * qvel[2], R[:, :2] @ qvel[:2]
+        twist: Array = xp.concatenate([linear + cross(spin, X[:3, 3] - self._carried(X)), X[:3, :3].T @ spin])
+        return twist
 
-    def motions(self, X: Array) -> Array:
+    def motions(self, X: Array, xp: Any = np) -> Array:
         """Return the possible twists (6, 3) at X per unit of each entry of `qvel`."""
-        return np.array([self.twist(X, unit) for unit in np.eye(3)]).T
+        motions: Array = xp.asarray([self.twist(X, unit, xp) for unit in np.eye(3)]).T
+        return motions
 
-    def _motion(self, X: Array) -> Array:
-        return inverse(self.X_WA) @ X @ inverse(self.X0_WR) @ self.X_WA
+    def _planar(self, X: Array, xp: Any) -> Array:
+        """Return the position and the angle (3,) of the motion in the plane."""
+        M = inverse(self.X_WA) @ X @ inverse(self.X0_WR) @ self.X_WA
+        moved: Array = xp.asarray([M[0, 3], M[1, 3], xp.arctan2(M[1, 0] - M[0, 1], M[0, 0] + M[1, 1])])
+        return moved
+
+    def _slid(self, moved: Array, xp: Any) -> Array:
+        """Return the pose (4, 4) of the root link after a motion in the plane."""
+        M = pose(rotation(moved[2] * np.eye(3)[2], xp), moved * np.array([1.0, 1.0, 0.0]), xp)
+        X: Array = self.X_WA @ M @ inverse(self.X_WA) @ self.X0_WR
+        return X
+
+    def _turned(self, R: Array, xp: Any) -> Array:
+        """Return the pose (4, 4) of the root link with the rotation R about the origin of A."""
+        about = self.X_WA[:3, 3]
+        return pose(R, about + R @ self.X0_WR[:3, :3].T @ (self.X0_WR[:3, 3] - about), xp)
 
     def _carried(self, X: Array) -> Array:
         """Return the current position (3,) of the point that was at the origin of A, for the root link at X."""
-        return (self.X_WA @ self._motion(X))[:3, 3]
+        carried: Array = (X @ inverse(self.X0_WR) @ self.X_WA)[:3, 3]
+        return carried

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from thingc.modes.frames import Array, angle_between, pose, rotation_of
+from thingc.modes.frames import Array, difference, pose, rotation_of
 from thingc.modes.tree import Mode
 
 CLOSE = 1e-6
@@ -18,17 +17,6 @@ SLIDE = 2
 """Type number of slides in MuJoCo's `mjtJoint`."""
 
 
-PLACES = ("names", "body_parentid", "body_pos", "body_quat", "jnt_type", "jnt_pos", "jnt_axis", "site_pos", "site_quat")
-"""Fields of a model that are compared."""
-
-
-@lru_cache(maxsize=64)
-def _accepted(mode: Mode) -> list[list[bytes]]:
-    """Return a cached list with the fields of the last accepted model, because most calls use the same model."""
-    return []
-
-
-@lru_cache(maxsize=64)
 def _motions(mode: Mode) -> Array:
     """Return the twist of each link per unit of each v at q = 0 in the axes of the root link, as an array (links, 6, joints)."""
     return np.array(mode.jacobians(mode.state(base_pose=np.eye(4))))[:, :, 6:]
@@ -39,12 +27,7 @@ def find_displaced(mode: Mode, model: Any, body_of: Mapping[str, int]) -> tuple[
 
     `model` must contain a body for each link of `mode`.
     """
-    places = [bytes(getattr(model, name)) for name in PLACES]
-    if places in _accepted(mode):
-        return None
-    displaced = next(((name, far) for name, far in _distances(mode, model, body_of) if far > CLOSE), None)
-    _accepted(mode)[:] = [places] if displaced is None else []
-    return displaced
+    return next(((name, far) for name, far in _distances(mode, model, body_of) if far > CLOSE), None)
 
 
 def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[tuple[str, float]]:
@@ -95,4 +78,4 @@ def _motion(model: Any, name: str, X: Mapping[int, Array], here: Array, joint: A
 
 def _apart(X: Array, other: Array) -> float:
     """Return the larger of the distance [m] and the angle [rad] between two poses."""
-    return max(float(np.linalg.norm(X[:3, 3] - other[:3, 3])), angle_between(X[:3, :3], other[:3, :3]))
+    return float(max(difference(X, other)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal, get_args
@@ -13,13 +13,13 @@ import numpy as np
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
 from thingc.modes import mjdata, modes_file
-from thingc.modes.cut_joints import coordinates, freedoms, usual
 from thingc.modes.errors import BaseElsewhere, BaseMoves, ModesError, UnknownMode
-from thingc.modes.frames import Array, angle_between, inverse, pose
-from thingc.modes.impact import Impact, at_point, caught
-from thingc.modes.partial_bases import PartBase
-from thingc.modes.state import RobotState
-from thingc.modes.tree import Cut, Inertias, Mode
+from thingc.modes.frames import Array, difference
+from thingc.modes.impact import Impact, at_point, stop
+from thingc.modes.kinematics import kinematics
+from thingc.modes.state import RobotState, State
+from thingc.modes.switching import change_root, kept, put_base
+from thingc.modes.tree import Inertias, Mode
 
 OnMotion = Literal["raise", "drop", "impact"]
 CHOICES: tuple[OnMotion, ...] = get_args(OnMotion)
@@ -80,7 +80,8 @@ class Modes(Mapping[str, Mode]):
 
     def read(self, mode: str, data: Any) -> RobotState:
         """Return the state in a `mujoco.MjData` of a mode's model. Raises `UnknownMode`, and `WrongData` for data of another model."""
-        return mjdata.read_state(self[mode], data)
+        own = self[mode]
+        return own.robot_state(mjdata.read_state(own, mjdata.map_model(own, data.model), data))
 
     def write(self, state: RobotState, data: Any) -> None:
         """Write a state to a `mujoco.MjData` of its mode's model. Only qpos, qvel and the mocap pose of the robot are changed.
@@ -88,7 +89,8 @@ class Modes(Mapping[str, Mode]):
         If the base is fixed, only the joints are written, because the model defines the pose of the base. Raises `WrongData` for data of
         another model.
         """
-        mjdata.write_state(self[state.mode], state, data)
+        mode = self[state.mode]
+        mjdata.write_state(mode, mode.arrays(state), mjdata.map_model(mode, data.model), data)
 
     def inertias(self, mode: str, data: Any) -> Inertias:
         """Return the current inertias in the model of `data`, which can belong to any mode, in the order of the tree of `mode`."""
@@ -123,47 +125,70 @@ class Modes(Mapping[str, Mode]):
         """
         if on_motion not in CHOICES:
             raise ModesError(f"expected on_motion \"raise\", \"drop\" or \"impact\", found `{on_motion}`")
-        state = source if isinstance(source, RobotState) else self.read(*source)
-        from_data = None if isinstance(source, RobotState) else source[1]
+        old = self[source.mode if isinstance(source, RobotState) else source[0]]
         name, into_data = (target, None) if isinstance(target, str) else target
-        old, new = self[state.mode], self[name]
-        if into_data is not None:
-            mjdata.check(new, into_data)
-        moving = _placed(_seen_from(state, old, new), new, into_data, tolerance)
-        known = partial(_known_inertias, new, inertias, into_data, from_data)
-        switched = _stopped(moving, new, on_motion, at_rest, known)
-        if into_data is None:
-            return switched
-        mjdata.write_state(new, switched.state, into_data)
-        mjdata.hold_here(new, switched.state, into_data)
-        return switched if from_data is None else replace(switched, uncommanded=mjdata.carry((old, new), from_data, into_data))
+        from_data = before = None
+        if isinstance(source, RobotState):
+            state = old.arrays(source)
+        else:
+            from_data = source[1]
+            before = mjdata.map_model(old, from_data.model)
+            state = mjdata.read_state(old, before, from_data)
+        new = self[name]
+        after = None if into_data is None else mjdata.map_model(new, into_data.model)
+        moving = _placed(change_root(state, old, new, np), new, into_data, tolerance)
+        stopped, poses, result = _stopped(moving, new, on_motion, at_rest, partial(_known_inertias, new, inertias, into_data, from_data))
+        if after is None:
+            return result
+        mjdata.write_state(new, stopped, after, into_data)
+        mjdata.hold_here(new, poses, after, into_data)
+        if before is None:
+            return result
+        return replace(result, uncommanded=mjdata.carry((old, new), (before, after), from_data, into_data))
 
 
-def _placed(state: RobotState, mode: Mode, data: Any, tolerance: float) -> RobotState:
+def _placed(state: State, mode: Mode, data: Any, tolerance: float) -> State:
     """Return the state with a base pose that `mode` allows.
 
-    The pose of a fixed base is read from the model of `data` if given, else from the build.
+    The pose of a fixed base is read from the model of `data` if given, else from the build. Raises `BaseElsewhere` if the base, or another
+    hold of a fixed base, is too far from a pose that the mode allows.
     """
-    if mode.base == "fixed":
-        return _bolted(state, mode, mode.X_world_root if data is None else mjdata.bolted(mode, data), tolerance)
-    return state if mode.part is None else _in_part(state, mode, mode.part, tolerance)
+    place = mjdata.bolted(mode, data) if mode.base == "fixed" and data is not None else None
+    state, placed = put_base(state, mode, place, np)
+    for link, X, there in placed:
+        distance, angle = map(float, difference(X, there))
+        if max(distance, angle) > tolerance:
+            raise BaseElsewhere(mode.name, mode.links[link].name, distance, angle, tolerance)
+    return state
 
 
-def _stopped(state: RobotState, mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias]) -> SwitchResult:
-    """Return the state with the held links of `mode` at rest. Raises `BaseMoves` if one moves and `on_motion` is `"raise"`."""
-    removed = _removed(state, mode)
+def _stopped(
+    state: State, mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias],
+) -> tuple[State, Array, SwitchResult]:
+    """Return the state with the held links of `mode` at rest, the poses of links if the mode has holds, and the result of the switch.
+
+    Raises `BaseMoves` if a held link moves and `on_motion` is `"raise"`.
+    """
+    removed, poses = [state.twist - kept(mode, state.base, state.twist, np)], np.zeros((0, 4, 4))
+    if mode.holds:
+        kin = kinematics(mode)
+        frames = kin.frames(state.base, state.q[kin.rows], np)
+        poses, twists = frames[kin.of_link], kin.twists(frames, np.concatenate([state.twist, state.v[kin.rows]]), np)
+        for hold in mode.holds:
+            twist = twists[hold.link]
+            removed.append(at_point(hold, poses[hold.link], twist) if hold.turns else twist)
     impulse: Array = np.zeros(6)
-    impulses: Mapping[str, Array] = {hold.path: np.zeros(6) for hold in mode.holds}
-    moving = next(((link, twist) for link, twist in removed.values() if _speed(twist) > at_rest), None)
+    impulses: Sequence[Array] = [np.zeros(6) for _ in mode.holds]
+    moving = next((k for k, twist in enumerate(removed) if _speed(twist) > at_rest), None)
     if moving is not None and on_motion == "raise":
-        raise BaseMoves(mode.name, *moving)
+        raise BaseMoves(mode.name, mode.links[mode.holds[moving - 1].link if moving else 0].name, removed[moving])
     if moving is not None and on_motion == "impact":
-        state, impulse, impulses = caught(mode, state, inertias())
-    return SwitchResult(
-        state=state if mode.base == "free" else replace(state, base_twist=_kept(state, mode)),
-        removed=np.zeros(6) if mode.base == "free" else removed[mode.root][1],
-        impulse=impulse,
-        holds={hold.path: Impact(removed=removed[hold.path][1], impulse=impulses[hold.path]) for hold in mode.holds},
+        state, impulse, impulses = stop(mode, state, inertias(), np)
+    state = state._replace(twist=kept(mode, state.base, state.twist, np))
+    holds = zip(mode.holds, removed[1:], impulses, strict=True)
+    return state, poses, SwitchResult(
+        state=mode.robot_state(state), removed=removed[0], impulse=impulse,
+        holds={hold.path: Impact(removed=own, impulse=given) for hold, own, given in holds},
     )
 
 
@@ -175,84 +200,6 @@ def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inerti
     return mode.inertias if data is None else mjdata.inertias(mode, data)
 
 
-def _seen_from(state: RobotState, old: Mode, new: Mode) -> RobotState:
-    """Return the same motion relative to another root.
-
-    Coordinates of joints that are cut in `old` are computed from the motion of their ends.
-    """
-    poses, twists = old.poses(state), old.twists(state)
-    q, v = dict(state.q), dict(state.v)
-    for cut in old.cuts:
-        for name, *values in zip(cut.coordinates, *_across(old, cut, poses, twists), strict=True):
-            q[name], v[name] = map(float, values)
-    return RobotState(
-        mode=new.name, base_pose=poses[new.root_link], base_twist=twists[new.root_link],
-        q={joint.name: q[joint.name] for joint in new.joints}, v={joint.name: v[joint.name] for joint in new.joints},
-    )
-
-
-def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Return (q, v) of a cut joint from the motion of its ends. Angles differ from the mode's first pose by at most half a turn."""
-    parent, child = mode.links[cut.parent].name, mode.links[cut.child].name
-    X_WA, X_WB = poses[parent] @ cut.X_PA, poses[child] @ cut.X_CB
-    q = coordinates(cut, inverse(X_WA) @ X_WB, usual(mode, cut))
-    spins = [poses[link][:3, :3] @ twists[link][3:] for link in (parent, child)]
-    ends = [twists[link][:3] + np.cross(spin, X_WB[:3, 3] - poses[link][:3, 3]) for link, spin in zip((parent, child), spins, strict=True)]
-    relative = np.concatenate([ends[1] - ends[0], spins[1] - spins[0]])
-    return q, np.linalg.lstsq(freedoms(cut, q, X_WB).T, relative, rcond=None)[0]
-
-
-def _removed(state: RobotState, mode: Mode) -> dict[str, tuple[str, Array]]:
-    """Return the motions that `mode` stops by mount path, starting with the root.
-
-    Each value is the name of the link and its twist. If a hold allows rotation, the twist is replaced by the velocity of the mount's
-    origin, followed by zeros.
-    """
-    twists = mode.twists(state)
-    poses = mode.poses(state)
-    removed = {} if mode.base == "free" else {mode.root: (mode.root_link, twists[mode.root_link] - _kept(state, mode))}
-    for hold in mode.holds:
-        link = mode.links[hold.link].name
-        removed[hold.path] = (link, at_point(hold, poses[link], twists[link]) if hold.turns else twists[link])
-    return removed
-
-
-def _kept(state: RobotState, mode: Mode) -> Array:
-    """Return the part (6,) of the root link's twist that the base of `mode` allows. The base must not be free."""
-    if mode.part is None:
-        return np.zeros(6)
-    return mode.part.twist(state.base_pose, mode.part.qvel(state.base_pose, state.base_twist))
-
-
-def _in_part(state: RobotState, mode: Mode, part: PartBase, tolerance: float) -> RobotState:
-    """Return the state with the base exactly at a pose that its partial mobility allows. Raises `BaseElsewhere` if it is too far from one.
-    """
-    place = part.pose(part.qpos(state.base_pose))
-    _compare(mode, mode.root_link, state.base_pose, place, tolerance)
-    return replace(state, base_pose=place)
-
-
 def _speed(twist: Array) -> float:
     """Return the larger of the linear [m/s] and the angular speed [rad/s]."""
     return max(float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:])))
-
-
-def _bolted(state: RobotState, mode: Mode, place: Array, tolerance: float) -> RobotState:
-    """Return the state with the base exactly at `place`.
-
-    Raises `BaseElsewhere` if the distance of the base or of another hold from its specified pose is larger than `tolerance`.
-    """
-    _compare(mode, mode.root_link, state.base_pose, place, tolerance)
-    poses = mode.poses(state)
-    for hold in mode.holds:
-        link = mode.links[hold.link].name
-        there = pose(poses[link][:3, :3] @ hold.X_LM[:3, :3], hold.X_WM[:3, 3]) if hold.turns else hold.X_WM
-        _compare(mode, link, poses[link], there @ inverse(hold.X_LM), tolerance)
-    return replace(state, base_pose=place)
-
-
-def _compare(mode: Mode, link: str, X: Array, place: Array, tolerance: float) -> None:
-    distance = float(np.linalg.norm(X[:3, 3] - place[:3, 3]))
-    angle = angle_between(place[:3, :3], X[:3, :3])
-    if max(distance, angle) > tolerance:
-        raise BaseElsewhere(mode.name, link, distance, angle, tolerance)

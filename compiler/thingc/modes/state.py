@@ -1,10 +1,11 @@
-"""The state of a robot in one mode, independent of simulators."""
+"""The state of a robot in one mode, independent of simulators: by joint path, and in arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,22 @@ from numpy.typing import ArrayLike
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.modes.errors import ModesError
 from thingc.modes.frames import Array
+
+
+class State(NamedTuple):
+    """A state in arrays of numpy or JAX, with the same shapes in every mode.
+
+    Attributes:
+        base: The pose (4, 4) of the root link in the world.
+        twist: The velocity [m/s] of the root frame's origin in world axes, then the angular velocity [rad/s] in its own axes (6,).
+        q: The coordinates [rad or m] in the order of `Mode.coordinates`. Joints that the mode cuts are ignored.
+        v: The velocities [rad/s or m/s] in the same order.
+    """
+
+    base: Array
+    twist: Array
+    q: Array
+    v: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -1,4 +1,4 @@
-"""The tree of links and joints of one mode, as in `modes.json`, with kinematics and the mass matrix in numpy."""
+"""The tree of links and joints of one mode, as in `modes.json`."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike
 from thingc.base.numeric import sum_of
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
+from thingc.modes.addresses import Addresses
 from thingc.modes.errors import ModesError
-from thingc.modes.frames import Array, cross_matrix, exponential, pose, quaternion_of, rotation_of, rotation_vector, turned
+from thingc.modes.frames import Array, quaternion_of, rotation, rotation_of, rotation_vector
+from thingc.modes.kinematics import Kinematics, kinematics
 from thingc.modes.partial_bases import PartBase
-from thingc.modes.state import RobotState
+from thingc.modes.state import RobotState, State
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -30,41 +32,20 @@ class Ball(OneLineRepr):
     reversed: bool
     R: Array
 
-    def vector(self, values: Mapping[str, float]) -> Array:
-        """Return the entries (3,) of the joint from the values of all coordinates."""
-        return np.array([values[name] for name in self.coordinates])
+    def qpos(self, q: Array) -> Array:
+        """Return MuJoCo's quaternion (4,) for q (3,)."""
+        return quaternion_of(rotation(self.R @ q))
 
-    def step(self, coordinate: str, q: Mapping[str, float]) -> Array:
-        """Return the rotation (3, 3) of the joint for its first coordinate in the tree, and the identity for its other coordinates."""
-        if coordinate != self.coordinates[0]:
-            return np.eye(3)
-        turn = rotation(self.vector(q))
-        return turn.T if self.reversed else turn
-
-    def qpos(self, q: Mapping[str, float]) -> Array:
-        """Return MuJoCo's quaternion (4,)."""
-        return quaternion_of(rotation(self.R @ self.vector(q)))
-
-    def qvel(self, q: Mapping[str, float], v: Mapping[str, float]) -> Array:
-        """Return MuJoCo's velocity (3,)."""
-        spin = self.vector(v)
-        qvel: Array = self.R @ (rotation(self.vector(q)) @ spin if self.reversed else spin)
+    def qvel(self, q: Array, v: Array) -> Array:
+        """Return MuJoCo's velocity (3,) for q and v (3,)."""
+        qvel: Array = self.R @ (rotation(q) @ v if self.reversed else v)
         return qvel
 
-    def read(self, qpos: Array, qvel: Array) -> tuple[dict[str, float], dict[str, float]]:
-        """Convert MuJoCo's values to (q, v) by coordinate. The norm of q is at most pi."""
-        r = self.R.T @ rotation_vector(rotation_of(qpos))
-        spin = self.R.T @ np.asarray(qvel)
-        if self.reversed:
-            spin = rotation(r).T @ spin
-        q, v = (dict(zip(self.coordinates, map(float, one), strict=True)) for one in (r, spin))
-        return q, v
-
-
-def rotation(vector: Array) -> Array:
-    """Return the matrix (3, 3) of a rotation vector (3,)."""
-    angle = float(np.linalg.norm(vector))
-    return np.eye(3) if angle == 0.0 else turned(vector / angle, angle)
+    def read(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
+        """Convert MuJoCo's values to (q, v), each (3,). The norm of q is at most pi."""
+        q = self.R.T @ rotation_vector(rotation_of(qpos))
+        v = self.R.T @ qvel
+        return q, rotation(q).T @ v if self.reversed else v
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -144,24 +125,6 @@ class Joint(OneLineRepr):
         """The MuJoCo joint that provides the values of this coordinate."""
         return next(iter(self.in_model))
 
-    def step(self, q: Mapping[str, float]) -> Array:
-        """Return the motion (4, 4) of this coordinate in its frame. `q` contains all joints."""
-        if self.ball is not None:
-            return pose(self.ball.step(self.name, q), np.zeros(3))
-        return exponential(self.twist, q[self.name] + self.offset)
-
-    def in_qpos(self, q: Mapping[str, float]) -> Array:
-        """Return the entries in `MjData.qpos`. The entries of a ball joint belong to its first coordinate in the tree."""
-        if self.ball is None:
-            return np.array([ratio * q[self.name] for ratio in self.in_model.values()])
-        return self.ball.qpos(q) if self.first else np.zeros(0)
-
-    def in_qvel(self, q: Mapping[str, float], v: Mapping[str, float]) -> Array:
-        """Return the entries in `MjData.qvel`. The entries of a ball joint belong to its first coordinate in the tree."""
-        if self.ball is None:
-            return np.array([ratio * v[self.name] for ratio in self.in_model.values()])
-        return self.ball.qvel(q, v) if self.first else np.zeros(0)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Hold(OneLineRepr):
@@ -209,6 +172,7 @@ class Mode(OneLineRepr):
         X_world_root: The initial pose (4, 4) of the root link.
         links: The links, the root first and parents before children.
         joints: The joints in the order of the model.
+        coordinates: The coordinates of all joints, also of those that are cut, in the same order in every mode: that of the first mode.
         named: The poses of the mode by name, starting with the initial pose. Each pose contains q by joint path.
         holds: Other mounts that are held in the world.
         cuts: The joints that close loops.
@@ -223,6 +187,7 @@ class Mode(OneLineRepr):
     X_world_root: Array
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
+    coordinates: tuple[str, ...]
     named: Mapping[str, Mapping[str, float]]
     holds: tuple[Hold, ...] = ()
     cuts: tuple[Cut, ...] = ()
@@ -274,7 +239,8 @@ class Mode(OneLineRepr):
 
     def poses(self, state: RobotState) -> dict[str, Array]:
         """Return the pose (4, 4) of every link's frame in the world by name, the root first."""
-        return dict(zip((link.name for link in self.links), self._placed(state), strict=True))
+        kin, frames, _ = self._moving(state)
+        return dict(zip(kin.number, frames[kin.of_link], strict=True))
 
     def twists(self, state: RobotState) -> dict[str, Array]:
         """Return the twist (6,) of every link by name.
@@ -282,74 +248,56 @@ class Mode(OneLineRepr):
         A twist is the velocity [m/s] of the origin of the link's frame in world axes, followed by the angular velocity [rad/s] in the
         link's axes.
         """
-        placed = self._placed(state)
-        u = self.velocity(state)
-        twists = {}
-        for link, X, J in zip(self.links, placed, self._jacobians(state, placed), strict=True):
-            twist = J @ u
-            twists[link.name] = np.concatenate([twist[:3], X[:3, :3].T @ twist[3:]])
-        return twists
+        kin, frames, u = self._moving(state)
+        return dict(zip(kin.number, kin.twists(frames, u, np), strict=True))
 
     def velocity(self, state: RobotState) -> Array:
         """Return the generalized velocity (6 + m,) of the robot with a free base: `base_twist`, then v in the order of the joints."""
-        self._check(state)
-        return np.concatenate([state.base_twist, [state.v[joint.name] for joint in self.joints]])
+        return self._moving(state)[2]
 
     def jacobians(self, state: RobotState) -> tuple[Array, ...]:
         """Return the Jacobian (6, 6 + m) of every link.
 
         The Jacobian maps `velocity` to the velocity of the origin of the link's frame and to the angular velocity, both in world axes.
         """
-        return tuple(self._jacobians(state, self._placed(state)))
+        kin, frames, _ = self._moving(state)
+        return tuple(kin.jacobians(frames, np))
 
     def mass_matrix(self, state: RobotState, inertias: Inertias | None = None) -> Array:
         """Return the mass matrix (6 + m, 6 + m) of the robot with a free base, for velocities as in `velocity`. The base of the mode is
         ignored.
 
-        The matrix is `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, where J is the Jacobian of a link's centre.
         `inertias` must be in the order of this mode's tree. The default is the inertias at the time of the build.
         """
-        known = self.inertias if inertias is None else inertias
-        placed = self._placed(state)
-        matrix = np.diag(np.concatenate([np.zeros(6), known.armature]))
-        for index, (X, J) in enumerate(zip(placed, self._jacobians(state, placed), strict=True)):
-            angular = J[3:]
-            linear = J[:3] - cross_matrix(X[:3, :3] @ known.centre[index]) @ angular
-            spin = X[:3, :3] @ known.inertia[index] @ X[:3, :3].T
-            matrix += known.mass[index] * linear.T @ linear + angular.T @ spin @ angular
-        return matrix
+        kin, frames, _ = self._moving(state)
+        return kin.mass_matrix(frames, kin.jacobians(frames, np), self.inertias if inertias is None else inertias, np)
 
     def qpos(self, state: RobotState) -> Array:
         """Return `MjData.qpos` of the mode's own model: the coordinates of a free, planar or ball base, then q."""
-        self._check(state)
-        X = state.base_pose
-        base = [*X[:3, 3], *quaternion_of(X[:3, :3])] if self.base == "free" else []
-        if self.part is not None:
-            base = [*self.part.qpos(X)]
-        return np.concatenate([base, *(joint.in_qpos(state.q) for joint in self.joints)])
+        return self._values(state)[0]
 
     def qvel(self, state: RobotState) -> Array:
         """Return `MjData.qvel` of the mode's own model: the velocity of a free, planar or ball base, then v."""
-        self._check(state)
-        base = [*state.base_twist] if self.base == "free" else []
-        if self.part is not None:
-            base = [*self.part.qvel(state.base_pose, state.base_twist)]
-        return np.concatenate([base, *(joint.in_qvel(state.q, state.v) for joint in self.joints)])
+        return self._values(state)[1]
 
-    def coupling(self, q: Mapping[str, float]) -> Array:
-        """Return the matrix (m, k) at `q` (by joint) that maps v of the k independent joints to v of all m joints.
+    def arrays(self, state: RobotState) -> State:
+        """Return a state of this mode in arrays, with joints that the mode cuts at 0."""
+        if state.mode != self.name:
+            raise ModesError(f"expected a state of mode `{self.name}`, found one of mode `{state.mode}`: `switch` it first")
+        for what, values in (("q", state.q), ("v", state.v)):
+            missing = next((joint.name for joint in self.joints if joint.name not in values), None)
+            if missing is not None:
+                raise ModesError(f"the state has no `{what}` of joint `{missing}`")
+        q, v = (np.array([values.get(name, 0.0) for name in self.coordinates]) for values in (state.q, state.v))
+        return State(state.base_pose, state.base_twist, q, v)
 
-        A joint is independent if it does not mimic another joint of this tree. Rows and columns are in the order of the model.
-        """
-        by_name = {joint.name: joint for joint in self.joints}
-        free = [joint.name for joint in self.joints if joint.mimic is None or joint.mimic.joint not in by_name]
-        matrix = np.zeros((len(self.joints), len(free)))
-        for row, joint in enumerate(self.joints):
-            ratio, leader = 1.0, joint
-            while leader.mimic is not None and leader.name not in free:
-                ratio, leader = ratio * leader.mimic.rate(q[leader.mimic.joint]), by_name[leader.mimic.joint]
-            matrix[row, free.index(leader.name)] = ratio
-        return matrix
+    def robot_state(self, state: State) -> RobotState:
+        """Return a state in arrays as a state of this mode."""
+        q, v = (dict(zip(self.coordinates, np.asarray(values).tolist(), strict=True)) for values in (state.q, state.v))
+        return RobotState(
+            mode=self.name, base_pose=np.asarray(state.base), base_twist=np.asarray(state.twist),
+            q={joint.name: q[joint.name] for joint in self.joints}, v={joint.name: v[joint.name] for joint in self.joints},
+        )
 
     def _index(self, path: str) -> int:
         for index, joint in enumerate(self.joints):
@@ -358,40 +306,23 @@ class Mode(OneLineRepr):
         names = [joint.name for joint in self.joints]
         raise ModesError(f"the robot has no joint `{path}`: {did_you_mean(path, names, what='joints')}")
 
-    def _check(self, state: RobotState) -> None:
-        if state.mode != self.name:
-            raise ModesError(f"expected a state of mode `{self.name}`, found one of mode `{state.mode}`: `switch` it first")
-        for what, values in (("q", state.q), ("v", state.v)):
-            missing = next((joint.name for joint in self.joints if joint.name not in values), None)
-            if missing is not None:
-                raise ModesError(f"the state has no `{what}` of joint `{missing}`")
+    def _moving(self, state: RobotState) -> tuple[Kinematics, Array, Array]:
+        """Return the kinematics, all frames, and the generalized velocity."""
+        kin, own = kinematics(self), self.arrays(state)
+        return kin, kin.frames(own.base, own.q[kin.rows], np), np.concatenate([own.twist, own.v[kin.rows]])
 
-    def _placed(self, state: RobotState) -> list[Array]:
-        """Return the poses of links in the world: `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL` for each coordinate in sequence."""
-        self._check(state)
-        poses = [state.base_pose] * len(self.links)
-        for joint in self.joints:
-            start = poses[joint.parent if joint.first else joint.child]
-            poses[joint.child] = start @ joint.X_PJ @ joint.step(state.q) @ joint.X_JL
-        return poses
-
-    def _jacobians(self, state: RobotState, placed: list[Array]) -> list[Array]:
-        """Return the result of `jacobians` for given poses of the links."""
-        count = 6 + len(self.joints)
-        root, here = np.zeros((6, count)), np.zeros(3)
-        root[:3, :3], root[3:, 3:6] = np.eye(3), state.base_pose[:3, :3]
-        jacobians, J = [root] * len(self.links), root
-        frame = state.base_pose
-        for column, joint in enumerate(self.joints, start=6):
-            if joint.first:
-                frame, J = placed[joint.parent], jacobians[joint.parent].copy()
-                here = placed[joint.child][:3, 3]
-                J[:3] -= cross_matrix(here - frame[:3, 3]) @ J[3:]
-                jacobians[joint.child] = J
-            X_WJ, step = frame @ joint.X_PJ, joint.step(state.q)
-            if joint.ball is not None and not joint.reversed:  # about axes of the document's child, which rotate with it
-                X_WJ, step = X_WJ @ step, np.eye(4)
-            angular, linear = X_WJ[:3, :3] @ joint.twist[:3], X_WJ[:3, :3] @ joint.twist[3:]
-            J[:3, column], J[3:, column] = linear + np.cross(angular, here - X_WJ[:3, 3]), angular
-            frame = X_WJ @ step @ joint.X_JL
-        return jacobians
+    def _values(self, state: RobotState) -> tuple[Array, Array]:
+        """Return `qpos` and `qvel` of the mode's own model."""
+        own = self.arrays(state)
+        qpos, qvel = np.zeros(0), np.zeros(0)
+        if self.base == "free":
+            qpos, qvel = np.concatenate([own.base[:3, 3], quaternion_of(own.base[:3, :3])]), own.twist
+        elif self.part is not None:
+            qpos, qvel = self.part.qpos(own.base), self.part.qvel(own.base, own.twist)
+        qpos, qvel = (
+            np.concatenate([base, np.zeros(len({one for joint in self.joints for one in getattr(joint, field)}))])
+            for base, field in ((qpos, "qpos"), (qvel, "dof"))
+        )
+        addresses = {name: one for joint in self.joints for name, *one in zip(joint.in_model, joint.qpos, joint.dof)}
+        Addresses(self, addresses).write(own.q, own.v, qpos, qvel)
+        return qpos, qvel

@@ -1,0 +1,102 @@
+"""Time mode switches of MInchW and the arm: part of `make gradients`.
+
+For pairs of modes, with the motion of the new root link dropped or caught:
+
+- `steps`: time of `Modes.switch` from one `MjData` to another, in simulation steps of the old mode;
+- `jax`: switches per second by `thingc.modes.jax` for many worlds at once, in those by `Modes.switch` of states, one after the other;
+- `error`: greatest difference between both, relative to the greatest number of the result, or to 1.
+
+Times are of the processor. Exits with 1 if a figure of a switch without other holds misses its bound: the inverse of a nearly singular
+posture of both feet has more rounding errors, and takes longer.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+import mujoco
+import numpy as np
+
+import thingc
+from thingc.modes import Mode, Modes
+from thingc.modes.frames import pose, rotation_of
+from thingc.modes.jax import State, switch
+
+ROOT = Path(__file__).resolve().parents[2]
+PAIRS = {
+    "assemblies/arm.yaml": [("drawing", "adrift"), ("adrift", "drawing")],
+    "assemblies/minchw/minchw.yaml": [("front_foot", "rear_foot"), ("front_foot", "crawl"), ("crawl", "rear_foot"), ("rear_foot", "bridge")],
+}
+ERROR, RATIO = 1e-13, 50.0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=4096, help="worlds (default: %(default)s)")
+    count = parser.parse_args().count
+    jax.config.update("jax_enable_x64", True)
+    missed = []
+    print(f"{'':36} {'us':>6} {'steps':>6} {'jax us':>7} {'jax':>6} {'error':>8}")
+    for document, pairs in PAIRS.items():
+        built = thingc.compile(str(ROOT / document), modes=sorted({mode for pair in pairs for mode in pair})).modes
+        robot = Modes.parse(next(iter(built.values())).files["modes.json"])
+        for old, new in pairs:
+            for on_motion in ("drop", "impact"):
+                one, other = (mujoco.MjData(built[name].model()) for name in (old, new))
+                mujoco.mj_resetDataKeyframe(one.model, one, 0)
+                one.qvel[:] = 0.1
+                job = lambda: robot.switch((old, one), (new, other), on_motion=on_motion)  # noqa: B023, E731
+                alone = seconds_of(job, 200)
+                steps = alone / seconds_of(lambda: mujoco.mj_step(one.model, one), 1000)  # noqa: B023
+                together, ratio, error = in_jax(robot, robot[old], robot[new], on_motion, count if not robot[new].holds else count // 16)
+                name = f"{old} -> {new}, {on_motion}"
+                print(f"{name:36} {1e6 * alone:6.0f} {steps:6.1f} {1e6 * together:7.2f} {ratio:5.0f}x {error:8.1e}", flush=True)
+                if not robot[new].holds and (ratio < RATIO or error > ERROR):
+                    missed.append(name)
+    print(f"must {'':31} {'':6} {'':6} {'':7} {RATIO:5.0f}x {ERROR:8.0e}")
+    for one in missed:
+        print(f"MISSED {one}")
+    return bool(missed)
+
+
+def seconds_of(job: Callable[[], Any], times: int) -> float:
+    """Return the least time of a job in seven series."""
+    found = []
+    job()
+    for _ in range(7):
+        before = time.process_time()
+        for _ in range(times):
+            job()
+        found.append((time.process_time() - before) / times)
+    return min(found)
+
+
+def in_jax(robot: Modes, old: Mode, new: Mode, on_motion: Any, count: int) -> tuple[float, float, float]:
+    """Return seconds per world in JAX, the ratio to numpy, and the greatest difference."""
+    rng, joints = np.random.default_rng(1), len(old.coordinates)
+    poses = np.array([pose(rotation_of(rng.normal(size=4)), rng.normal(size=3)) for _ in range(count)])
+    twists = rng.normal(size=(count, 6)) * (old.base == "free")
+    given = State(poses, twists, rng.uniform(-1, 1, (count, joints)), rng.normal(size=(count, joints)))
+    worlds = jax.device_put(given)
+    run = jax.jit(jax.vmap(lambda state: switch(state, old, new, on_motion)))
+    together = seconds_of(lambda: jax.block_until_ready(run(worlds)), 1) / count
+    found, removed, impulses = run(worlds)
+    states = [old.robot_state(State(*(values[k] for values in given))) for k in range(50)]
+    alone = seconds_of(lambda: [robot.switch(state, new.name, on_motion=on_motion) for state in states], 1) / len(states)
+    error = 0.0
+    for k, state in enumerate(states):
+        result = robot.switch(state, new.name, on_motion=on_motion)
+        expected = (*new.arrays(result.state), result.removed, result.impulse)
+        for value, exact in zip((*(values[k] for values in found), removed[k], impulses[k]), expected, strict=True):
+            error = max(error, float(np.abs(value - exact).max() / max(1.0, np.abs(exact).max())))
+    return together, alone / together, error
+
+
+if __name__ == "__main__":
+    sys.exit(main())

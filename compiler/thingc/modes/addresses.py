@@ -1,0 +1,51 @@
+"""Addresses of a mode's coordinates in the arrays of a MuJoCo model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thingc.modes.frames import Array
+from thingc.modes.kinematics import kinematics
+
+if TYPE_CHECKING:
+    from thingc.modes.tree import Ball, Mode
+
+
+class Addresses:
+    """The addresses of all coordinates of a mode's tree. `joints` are the first addresses in `qpos` and `qvel` of joints of the model."""
+
+    def __init__(self, mode: Mode, joints: Mapping[str, Sequence[int]]) -> None:
+        rows = kinematics(mode).rows.tolist()
+        plain = [(row, joint) for row, joint in zip(rows, mode.joints, strict=True) if joint.ball is None]
+        self._read = _indices([(row, *joints[joint.in_data]) for row, joint in plain])
+        self._write = _indices([(row, *joints[name]) for row, joint in plain for name in joint.in_model])
+        self._ratio = np.array([ratio for _, joint in plain for ratio in joint.in_model.values()])
+        self._balls: list[tuple[Ball, list[int], slice, slice]] = []
+        for joint in mode.joints:
+            if joint.ball is not None and joint.first:
+                (at, moving), own = joints[joint.in_data], [mode.coordinates.index(name) for name in joint.ball.coordinates]
+                self._balls.append((joint.ball, own, slice(at, at + 4), slice(moving, moving + 3)))
+        self._count = len(mode.coordinates)
+
+    def read(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
+        """Return q and v of all coordinates. Those that are not in the tree are 0."""
+        q, v = np.zeros(self._count), np.zeros(self._count)
+        rows, positions, speeds = self._read
+        q[rows], v[rows] = qpos[positions], qvel[speeds]
+        for ball, own, at, moving in self._balls:
+            q[own], v[own] = ball.read(qpos[at], qvel[moving])
+        return q, v
+
+    def write(self, q: Array, v: Array, qpos: Any, qvel: Any) -> None:
+        """Write q and v to `qpos` and `qvel`."""
+        rows, positions, speeds = self._write
+        qpos[positions], qvel[speeds] = self._ratio * q[rows], self._ratio * v[rows]
+        for ball, own, at, moving in self._balls:
+            qpos[at], qvel[moving] = ball.qpos(q[own]), ball.qvel(q[own], v[own])
+
+
+def _indices(rows: Sequence[Sequence[int]]) -> Any:
+    return np.array(rows, dtype=int).reshape(-1, 3).T

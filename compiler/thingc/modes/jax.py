@@ -1,0 +1,53 @@
+"""Mode switches in JAX, fit for `jit`, `vmap` and `grad` (`pip install thingc[jax]`).
+
+    from thingc.modes.jax import State, switch
+
+    front, rear = robot["front_foot"], robot["rear_foot"]
+    switches = jax.jit(jax.vmap(lambda state: switch(state, front, rear, "impact")))
+
+`Mode.arrays` converts a `RobotState` to a `State`, and `Mode.robot_state` converts it back.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+try:
+    import jax.numpy as jnp
+except ImportError as fault:  # pragma: no cover - reported with a help text
+    raise ImportError("mode switches in JAX need JAX: `pip install thingc[jax]`") from fault
+
+from thingc.modes.errors import ModesError
+from thingc.modes.frames import difference
+from thingc.modes.impact import stop
+from thingc.modes.state import State
+from thingc.modes.switching import change_root, kept, put_base
+from thingc.modes.tree import Inertias, Mode
+
+__all__ = ["State", "switch"]
+
+STEPS = 8
+"""Number of iterations for the coordinates of a joint that the old mode cuts."""
+
+
+def switch(
+    state: State, old: Mode, new: Mode, on_motion: Literal["drop", "impact"] = "drop", *, inertias: Inertias | None = None,
+    tolerance: float = 1e-6,
+) -> tuple[State, Any, Any]:
+    """Convert a state of the mode `old` to a state of the mode `new`, as `Modes.switch` does.
+
+    Returns the state, the removed part (6,) of the twist of the new root link, and the impulse (6,) on it. If a base that is fixed, planar
+    or a ball, or a hold of a fixed base, is farther than `tolerance` [m and rad] from where the mode has it, the state is NaN. `inertias`
+    are in the order of the tree of `new` (default: those of the build). The numbers have the precision of `state`.
+    """
+    if on_motion not in ("drop", "impact"):
+        raise ModesError(f"expected on_motion \"drop\" or \"impact\", found `{on_motion}`")
+    moved, placed = put_base(change_root(state, old, new, jnp, steps=STEPS), new, None, jnp)
+    removed = moved.twist - kept(new, moved.base, moved.twist, jnp)
+    impulse: Any = jnp.zeros(6)
+    if on_motion == "impact" and (new.base != "free" or new.holds):
+        moved, impulse, _ = stop(new, moved, new.inertias if inertias is None else inertias, jnp, steps=STEPS)
+    far: Any = jnp.asarray([difference(X, there, jnp) for _, X, there in placed]) > tolerance
+    values = (jnp.asarray(moved.base), kept(new, moved.base, moved.twist, jnp), moved.q, moved.v)
+    base, twist, q, v = (jnp.where(far.any(), jnp.nan, one) for one in values)
+    return State(base, twist, q, v), removed, impulse  # type: ignore[arg-type]

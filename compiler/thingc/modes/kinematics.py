@@ -1,0 +1,161 @@
+"""Kinematics and mass matrix of a mode's tree in arrays, with numpy or JAX.
+
+A *frame* is the pose of a link, or the frame between two coordinates of one joint: frame 0 is the root link, and coordinate k moves frame
+k + 1. The argument `xp` of methods is `numpy` or `jax.numpy`.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thingc.modes.frames import Array, cross, cross_matrix, generators, inverse, moved_twist, rotation
+
+if TYPE_CHECKING:
+    from thingc.modes.tree import Inertias, Mode
+
+
+class Kinematics:
+    """The constants of a mode's tree of n links and m coordinates of joints.
+
+    Attributes:
+        rows: The index of each coordinate of the tree in `Mode.coordinates` (m,).
+        gathered: The index of each of `Mode.coordinates` in the values of the tree's coordinates, followed by values of all coordinates.
+        of_link: The frame of each link (n,).
+        number: The index of each link by name.
+    """
+
+    def __init__(self, mode: Mode) -> None:
+        joints, links, count = mode.joints, mode.links, len(mode.joints)
+        place = {name: row for row, name in enumerate(mode.coordinates)}
+        column = {joint.name: k for k, joint in enumerate(joints)}
+        self.rows = np.array([place[joint.name] for joint in joints], dtype=int)
+        self.gathered = np.array([column.get(name, count + row) for name, row in place.items()], dtype=int)
+        self.number = {link.name: number for number, link in enumerate(links)}
+        self.of_link = np.zeros(len(links), dtype=int)
+        self._before: list[int] = []
+        self._mask = np.zeros((len(links), 6 + count))
+        self._mask[:, :6] = 1.0
+        for k, joint in enumerate(joints):
+            self._before.append(int(self.of_link[joint.parent]) if joint.first else k)
+            self.of_link[joint.child] = k + 1
+            if joint.first:
+                self._mask[joint.child] = self._mask[joint.parent]
+            self._mask[joint.child, 6 + k] = 1.0
+        moves = [np.zeros((3, 4, 4)) if joint.ball else generators(joint.twist) for joint in joints]
+        X_PJ, X_JL = (np.array([getattr(joint, name) for joint in joints]).reshape(-1, 1, 4, 4) for name in ("X_PJ", "X_JL"))
+        self._motion = np.moveaxis(X_PJ @ np.array([[np.eye(4), *own] for own in moves]).reshape(-1, 4, 4, 4) @ X_JL, 0, 1)
+        self._offset = np.array([joint.offset for joint in joints])
+        self._balls = [
+            (np.arange(count).reshape(-1, 1, 1) == k, [column[name] for name in joint.ball.coordinates], joint)
+            for k, joint in enumerate(joints) if joint.ball is not None and joint.name == joint.ball.coordinates[0]
+        ]
+        # The axes of a reversed ball are fixed in the frame before it. Of other joints, they are fixed in the frame after the coordinate.
+        self._carrier = np.array([self._before[k] if joint.reversed else k + 1 for k, joint in enumerate(joints)], dtype=int)
+        axes = [moved_twist(joint.X_PJ if joint.reversed else inverse(joint.X_JL), joint.twist) for joint in joints]
+        self._axes = np.array(axes).reshape(-1, 2, 3)
+        self._leaders(mode, column)
+
+    def _leaders(self, mode: Mode, column: dict[str, int]) -> None:
+        """Set the column of `coupling` for each coordinate, and the chain of mimics to it."""
+        chains: list[list[Any]] = []
+        last = []
+        for joint in mode.joints:
+            chain = []
+            while joint.mimic is not None and joint.mimic.joint in column:
+                chain.append((joint.mimic, column[joint.mimic.joint]))
+                joint = mode.joints[column[joint.mimic.joint]]
+            chains.append(chain)
+            last.append(column[joint.name])
+        free = [k for k, chain in enumerate(chains) if not chain]
+        self._chains = chains
+        self._pattern = np.array([[float(k == one) for one in free] for k in last]).reshape(len(last), len(free))
+
+    def frames(self, base: Array, q: Array, xp: Any) -> Array:
+        """Return all frames (m + 1, 4, 4) in the world, for the root link at `base` and q (m,) of the tree's coordinates.
+
+        They are `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL` for each coordinate in sequence.
+        """
+        still, turn, versine, slide = self._motion
+        angle = (q + self._offset)[:, None, None]
+        motions = still + xp.sin(angle) * turn + xp.sin(angle / 2.0) ** 2 * versine + angle * slide
+        for here, rows, joint in self._balls:
+            vector = xp.stack([q[row] for row in rows])
+            turned = rotation(-vector if joint.reversed else vector, xp)
+            whole = xp.concatenate([xp.concatenate([turned, np.zeros((3, 1))], axis=1), np.eye(4)[3:]])
+            motions = xp.where(here, joint.X_PJ @ whole @ joint.X_JL, motions)
+        found = [base]
+        for k, before in enumerate(self._before):
+            found.append(found[before] @ motions[k])
+        frames: Array = xp.asarray(found)
+        return frames
+
+    def axes(self, frames: Array) -> tuple[Array, Array]:
+        """Return the angular velocity (m, 3) and the velocity (m, 3) at the origin of the root link per unit of each coordinate, in world
+        axes."""
+        carrier = frames[self._carrier]
+        both = self._axes @ carrier[:, :3, :3].swapaxes(1, 2)
+        spin = both[:, 0]
+        return spin, both[:, 1] + cross(carrier[:, :3, 3] - frames[0, :3, 3], spin)
+
+    def twists(self, frames: Array, u: Array, xp: Any) -> Array:
+        """Return the twists (n, 6) of all links for the velocity u (6 + m,), which is the base's twist, then v of the coordinates.
+
+        A twist is the velocity of the origin of the link in world axes, then the angular velocity in the link's axes.
+        """
+        X, spins = frames[self.of_link], self.axes(frames)
+        root, path = frames[0], self._mask[:, 6:]
+        spin = root[:3, :3] @ u[3:6] + path @ (spins[0] * u[6:, None])
+        linear = u[:3] + path @ (spins[1] * u[6:, None]) + cross(spin, X[:, :3, 3] - root[:3, 3])
+        twists: Array = xp.concatenate([linear, (spin[:, None] @ X[:, :3, :3])[:, 0]], axis=1)
+        return twists
+
+    def jacobians(self, frames: Array, xp: Any) -> Array:
+        """Return the Jacobians (n, 6, 6 + m) of all links, which map u to the velocity of the link's origin and to its angular velocity,
+        both in world axes."""
+        spin, linear = self.axes(frames)
+        moved = [
+            xp.concatenate([np.eye(3), np.zeros((3, 3)), linear.T], axis=1),
+            xp.concatenate([np.zeros((3, 3)), frames[0, :3, :3], spin.T], axis=1),
+        ]
+        at_root, angular = (one * self._mask[:, None] for one in moved)
+        away = frames[self.of_link, :3, 3] - frames[0, :3, 3]
+        jacobians: Array = xp.concatenate([at_root - cross_matrix(away) @ angular, angular], axis=1)
+        return jacobians
+
+    def mass_matrix(self, frames: Array, jacobians: Array, inertias: Inertias, xp: Any) -> Array:
+        """Return the mass matrix (6 + m, 6 + m) of the robot with a free base.
+
+        The matrix is `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, where J is the Jacobian of a link's centre.
+        """
+        R, angular = frames[self.of_link, :3, :3], jacobians[:, 3:]
+        linear = jacobians[:, :3] - cross_matrix((R @ inertias.centre[:, :, None])[:, :, 0]) @ angular
+        forces = [inertias.mass[:, None, None] * linear, R @ inertias.inertia @ R.swapaxes(1, 2) @ angular]
+        size = jacobians.shape[2]
+        moved, by = (xp.concatenate(pair, axis=1).reshape(-1, size) for pair in ([linear, angular], forces))
+        matrix: Array = moved.T @ by + xp.diag(xp.concatenate([np.zeros(6), inertias.armature]))
+        return matrix
+
+    def coupling(self, q: Array, xp: Any) -> Array:
+        """Return the matrix (m, k) that maps v of the k independent coordinates to v of all m coordinates.
+
+        A coordinate is independent if it does not mimic another coordinate of this tree.
+        """
+        if not any(self._chains):
+            return self._pattern
+        rates = []
+        for chain in self._chains:
+            rate: Any = 1.0
+            for mimic, leader in chain:
+                rate = rate * mimic.rate(q[leader])
+            rates.append(rate)
+        matrix: Array = xp.asarray(rates)[:, None] * self._pattern
+        return matrix
+
+
+@lru_cache(maxsize=256)
+def kinematics(mode: Mode) -> Kinematics:
+    """Return the kinematics of a mode, which is cached."""
+    return Kinematics(mode)

@@ -1,0 +1,139 @@
+"""Mode switches in JAX are those of numpy, which MuJoCo is asked about elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import thingc
+from loops.robots import compiled
+from modes.switching_robots import random_robot
+from modes.test_held_twice import chain, four_bar
+from modes.test_part_bases import PUCK
+from modes.test_random_trees import random_tree
+from thingc.modes import Mode, Modes, ModesError
+from thingc.modes.frames import pose, rotation_of
+from thingc.modes.jax import State, switch
+
+pytestmark = pytest.mark.slow
+WORLDS = 6
+
+
+@pytest.fixture(autouse=True)
+def in_double_precision() -> Iterator[None]:
+    jax.config.update("jax_enable_x64", True)
+    yield
+    jax.config.update("jax_enable_x64", False)
+
+
+@pytest.fixture(scope="module")
+def robots(root: Path, shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Modes]:
+    def made(name: str) -> Modes:
+        if name == "minchw":
+            minchw = str(root / "assemblies/minchw/minchw.yaml")
+            compiled_modes = thingc.compile(minchw, store=shared_store, modes=["front_foot", "rear_foot", "bridge"]).modes
+            return Modes.parse(next(iter(compiled_modes.values())).files["modes.json"])
+        if name in DOCUMENTS:
+            return Modes.parse(compiled(tmp_path_factory.mktemp(name), DOCUMENTS[name]).text("modes.json"))
+        return {"mimics": lambda: random_robot(5, mimics=True), "chain": chain, "bars": lambda: four_bar("revolute")}[name]().modes
+
+    return lru_cache(made)
+
+
+DOCUMENTS = {"balls": random_tree(1)[0], "puck": PUCK}
+
+
+def states(mode: Mode, seed: int = 1) -> State:
+    """Worlds in the mode, moving anyhow; the base moves only if it can. Where loops are cut, they are nearly closed."""
+    rng, count = np.random.default_rng(seed), len(mode.coordinates)
+    start = mode.arrays(mode.state(next(iter(mode.named), None)))
+    poses = np.array([pose(rotation_of(rng.normal(size=4)), rng.normal(size=3)) for _ in range(WORLDS)])
+    if mode.part is not None:
+        poses = np.array([mode.part.nearest(X) for X in poses])
+    twists = np.array([
+        mode.part.twist(X, rng.normal(size=3)) if mode.part else rng.normal(size=6) * (mode.base == "free") for X in poses
+    ])
+    q = start.q + rng.uniform(-1, 1, (WORLDS, count)) * (1e-3 if mode.cuts else 0.7)
+    return State(poses, twists, q, rng.normal(size=(WORLDS, count)))
+
+
+CASES = [
+    ("minchw", "front_foot", "rear_foot", "drop"), ("minchw", "front_foot", "rear_foot", "impact"), ("minchw", "rear_foot", "bridge", "drop"),
+    ("mimics", "free_0", "held_5", "impact"), ("chain", "float", "bridge", "impact"), ("chain", "near", "pinned", "impact"),
+    ("bars", "ground_free", "crank_held", "impact"), ("balls", "loose", "last", "impact"), ("balls", "first", "loose", "drop"),
+    ("puck", "loose", "sled", "impact"), ("puck", "loose", "gimbal", "impact"), ("puck", "gimbal", "loose", "drop"),
+]
+
+
+@pytest.mark.parametrize(("robot", "old", "new", "on_motion"), CASES)
+def test_worlds_switch_as_one_by_one(
+    robots: Callable[[str], Modes], robot: str, old: str, new: str, on_motion: str,
+) -> None:
+    modes = robots(robot)
+    one, other, given = modes[old], modes[new], states(modes[old])
+    found, removed, impulses = jax.jit(jax.vmap(lambda state: switch(state, one, other, on_motion, tolerance=9.0)))(given)  # type: ignore[arg-type]
+    rows = np.array([other.coordinates.index(joint.name) for joint in other.joints])
+    for world in range(WORLDS):
+        state = one.robot_state(State(*(values[world] for values in given)))
+        expected = modes.switch(state, new, on_motion=on_motion, tolerance=9.0)  # type: ignore[arg-type]
+        own = other.arrays(expected.state)
+        scale = np.linalg.cond(other.mass_matrix(expected.state)) if on_motion == "impact" else 1.0
+        np.testing.assert_allclose(found.base[world], own.base, rtol=0, atol=1e-13 * 10)
+        np.testing.assert_allclose(found.q[world][rows], own.q[rows], rtol=0, atol=1e-13)
+        np.testing.assert_allclose(found.twist[world], own.twist, rtol=0, atol=1e-13 * scale)
+        np.testing.assert_allclose(found.v[world][rows], own.v[rows], rtol=0, atol=1e-13 * scale)
+        np.testing.assert_allclose(removed[world], expected.removed, rtol=0, atol=1e-13 * 10)
+        np.testing.assert_allclose(impulses[world], expected.impulse, rtol=0, atol=1e-13 * scale)
+    moved = impulses if on_motion == "impact" else removed if modes[new].base != "free" else found.twist
+    assert np.abs(moved).max() > 1e-3
+
+
+def test_a_switch_has_derivatives() -> None:
+    """Of the velocity after an impact by a joint, against a difference, also where the joints are at 0."""
+    modes = random_robot(3, mimics=True).modes
+    one, other = modes["free_0"], modes["held_0"]
+    state = one.arrays(one.state(base_twist=[0.3, -0.2, 0.5, 0.4, 0.1, -0.7]))
+
+    def speed(x: object) -> object:
+        return switch(state._replace(q=jnp.asarray(state.q).at[0].add(x)), one, other, "impact")[0].v
+
+    slope = jax.jit(jax.jacfwd(speed))(0.0)
+    compiled_speed = jax.jit(speed)
+    assert slope == pytest.approx((compiled_speed(1e-5) - compiled_speed(-1e-5)) / 2e-5, abs=1e-7) and np.abs(slope).max() > 1e-3
+
+
+def test_a_base_that_is_elsewhere_is_nan() -> None:
+    modes = chain().modes
+    near, bolted = modes["near"], modes["bolted"]
+    bent = modes.switch(modes["bolted"].state("bent"), "near").state
+    switched = jax.jit(lambda state: switch(state, near, bolted)[0])
+    there = switched(near.arrays(bent))
+    assert not np.isnan(np.concatenate([np.ravel(one) for one in there])).any()
+    assert there.q == pytest.approx(near.arrays(bent).q)
+    away = near.arrays(bent)
+    for elsewhere in (away._replace(base=away.base + 1e-3 * np.eye(4)[:, [1, 1, 1, 3]] * (np.arange(4) == 3)), away._replace(q=away.q + 0.01)):
+        assert all(np.isnan(one).all() for one in switched(elsewhere))
+
+
+def test_numbers_in_single_precision_stay_so() -> None:
+    jax.config.update("jax_enable_x64", False)
+    modes = random_robot(3).modes
+    free, held = modes["free_0"], modes["held_0"]
+    state = free.arrays(free.state(base_twist=[0.3, -0.2, 0.5, 0.4, 0.1, -0.7]))
+    found = jax.jit(lambda given: switch(given, free, held, "impact")[0])(state)
+    assert {str(one.dtype) for one in found} == {"float32"}
+    expected = held.arrays(modes.switch(free.robot_state(state), "held_0", on_motion="impact").state)
+    assert found.v == pytest.approx(expected.v, abs=1e-4)
+
+
+def test_an_unknown_choice() -> None:
+    modes = random_robot(3).modes
+    free = modes["free_0"]
+    with pytest.raises(ModesError, match='expected on_motion "drop" or "impact", found `raise`'):
+        switch(free.arrays(free.state()), free, free, "raise")  # type: ignore[arg-type]
