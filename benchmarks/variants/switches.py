@@ -31,7 +31,9 @@ from thingc.modes.jax import State, switch
 ROOT = Path(__file__).resolve().parents[2]
 PAIRS = {
     "assemblies/arm.yaml": [("drawing", "adrift"), ("adrift", "drawing")],
-    "assemblies/minchw/minchw.yaml": [("front_foot", "rear_foot"), ("front_foot", "crawl"), ("crawl", "rear_foot"), ("rear_foot", "bridge")],
+    "assemblies/minchw/minchw.yaml": [
+        ("front_foot", "rear_foot"), ("front_foot", "crawl"), ("crawl", "rear_foot"), ("rear_foot", "bridge"),
+    ],
 }
 ERROR, RATIO = 1e-13, 50.0
 
