@@ -1,8 +1,8 @@
-# `make demo` and `make test` need Python 3.11+ and make, nothing else: they set up .venv themselves.
+# `make demo` and `make test` only need Python 3.11+ and make. They create .venv.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-# Of two cores: many tests wait for processes that they have started.
+# For two cores. Many tests wait for processes.
 JOBS ?= 3
 
 .PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb bridge-search codesign mutants mutation slips fuzz kills schemas docs site pictures viewer constraints release freeze frozen structure clean
@@ -18,7 +18,7 @@ demo: $(VENV)/.thingc
 	@echo "  build/arm/bom.csv                 what to buy and print"
 	@echo "  build/arm/hag.svg                 its assembly graph"
 
-# While types are checked on one processor, pytest rewrites the assertions of all tests on the other: each of its workers would do so.
+# During the type check, pytest compiles all tests once on the other core; otherwise, each worker would compile them.
 test: $(VENV)/.thingc-dev
 	$(BIN)/ruff check .
 	$(BIN)/pytest --collect-only -qq > /dev/null & $(BIN)/mypy; types=$$?; wait; exit $$types
@@ -96,7 +96,7 @@ freeze: $(VENV)/.thingc-dev
 frozen: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/corpus.py compare build/corpus.json --only $(patsubst %,'%',$(ONLY))
 
-# `SINCE=REVISION` puts another state of it beside.
+# `SINCE=REVISION` adds the figures of another revision.
 structure: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/structure/figures.py $(SINCE)
 
@@ -132,22 +132,22 @@ docs: $(VENV)/.thingc-dev
 	$(BIN)/python docs/mate_picture.py
 	$(BIN)/python docs/concept_pictures.py
 
-# The documentation as a site, build/site/index.html, with the robots in it.
+# The documentation as a website with viewers: build/site/index.html
 site: $(VENV)/.thingc-dev
 	$(BIN)/python docs/website.py
 
 pictures: $(VENV)/.thingc-dev
 	$(BIN)/python docs/pictures.py
 
-# Needs Node.js and npm: what it makes is committed, so that nobody else does.
+# Requires Node.js and npm. The result is committed, so only changes of the viewer require them.
 viewer:
 	cd viewer && npm ci --no-audit --no-fund && npm run build
 
-# The versions that the GitHub Action installs. Needs uv.
+# The versions that the GitHub Action installs. Requires uv.
 constraints:
 	uv pip compile pyproject.toml --universal --python-version 3.11 --no-annotate --upgrade --quiet --custom-compile-command "make constraints" -o gate/constraints.txt
 
-# The files of a release, in dist/: sdist, wheel, and the CycloneDX bills of materials of Python and of the viewer's JavaScript. Needs npm.
+# The files of a release, in dist/: sdist, wheel, and the CycloneDX bills of materials of Python and of the viewer's JavaScript. Requires npm.
 release: $(VENV)/.thingc-dev
 	rm -rf dist
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check build cyclonedx-bom

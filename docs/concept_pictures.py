@@ -172,7 +172,7 @@ def roots() -> str:
     lengths, names = (90.0, 130.0, 120.0), ("base", "arm", "hand")
     turns = (-0.75, -1.15)
     standing = chain((130.0, 310.0), math.pi / 2, lengths, turns)
-    # The same chain, told from its other end: laid so that the hand is upright on the ground.
+    # The same chain from its other end, with the hand upright on the ground.
     backward = chain((640.0, 310.0), math.pi / 2, lengths[::-1], tuple(-turn for turn in turns[::-1]))
     parts = [*ground(standing[0]), *robot(standing, names, 0), *ground(backward[0]), *robot(backward[::-1], names, 2)]
     for points, side, anchor in ((standing, -10.0, "end"), (backward[::-1], 10.0, "start")):

@@ -99,7 +99,7 @@ def made(text: str, folder: Path) -> Iterator[tuple[str, Path]]:
                 folder = folder / words[1]
             elif words[0] == "file":
                 (folder / words[1]).write_text(words[2], encoding="utf-8")
-            else:  # one that shows what is said of a slip ends with another code than 0
+            else:  # a command that shows an error has another exit code than 0
                 subprocess.run([sys.executable, "-m", *words], cwd=folder, check=False, capture_output=True)
         yield name, folder / document
 
@@ -272,7 +272,7 @@ def _plain(text: str) -> str:
     return re.sub(r"<iframe.*?</iframe>\n|</?div[^>]*>\n+", "", text, flags=re.DOTALL).strip() + "\n"
 
 
-# --- what is built -------------------------------------------------------------------------------------------------
+# --- the built site -------------------------------------------------------------------------------------------------
 
 
 class _References(HTMLParser):

@@ -49,7 +49,7 @@ def rebuilt(one: Tried) -> Rebuilt:
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("stretched").id)
     mujoco.mj_forward(model, data)
-    torques = np.array(data.qfrc_bias)  # at rest: what the joints must give
+    torques = np.array(data.qfrc_bias)  # at rest: the required joint torques
     margins = {}
     for k in range(model.njnt):
         joint = model.joint(k)

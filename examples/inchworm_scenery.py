@@ -104,7 +104,7 @@ def save(films: list[Film], path: Path, milliseconds: int) -> None:
             ImageDraw.Draw(frame).text((x + 8, 6), film.where, fill=(60, 60, 66))
             x += WIDTHS[film.where]
         whole.append(frame)
-    strip = Image.new("RGB", (width, 4 * HEIGHT + 40), tuple(round(255 * c) for c in HOLDING[:3]))  # a rare colour, to be kept
+    strip = Image.new("RGB", (width, 4 * HEIGHT + 40), tuple(round(255 * c) for c in HOLDING[:3]))  # a rare colour to preserve
     for k in range(4):
         strip.paste(whole[k * (len(whole) - 1) // 3], (0, k * HEIGHT))
     palette = strip.quantize(COLORS, method=Image.Quantize.MEDIANCUT)

@@ -15,7 +15,7 @@ def answer(asked):
     data = model.createData()
     ids = [model.getJointId(name) for name in asked["joints"]]
     dofs = [model.joints[k].idx_v for k in ids]
-    mass = sum(inertia.mass for inertia in model.inertias)  # its own sum leaves out what is fixed to the world
+    mass = sum(inertia.mass for inertia in model.inertias)  # its own sum omits links that are fixed to the world
     poses, matrices, torques, centres = [], [], [], []
     for values in asked["q"]:
         q = pinocchio.neutral(model)

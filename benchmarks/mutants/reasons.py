@@ -15,7 +15,7 @@ FLOOR = "The mode specifies neither `at` nor feet, so nothing shows where the fl
 HELD = "The base is held, so the robot need not be above the floor."
 
 REASONS: dict[str, str] = {
-    # --- what is meant: the arm
+    # --- intended values: the arm
     "arm poses/home/wrist: 30 deg": POSE,
     "arm poses/writing/wrist: 58.8 deg": HELD,
     "arm components/bus_board/at/xyz: 0 0 -4 mm": FRAME,

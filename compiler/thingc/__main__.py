@@ -22,7 +22,7 @@ def _run() -> int:
     import io
     import sys
 
-    gc.set_threshold(100_000, 20, 20)  # what a command makes it keeps to its end: looking for garbage costs a tenth of a check
+    gc.set_threshold(100_000, 20, 20)  # objects are needed until the end, and garbage collection takes a tenth of a check
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal may know fewer letters than documents hold

@@ -84,7 +84,7 @@ def _builder(value: Any, numbers: list[Traced]) -> Callable[[Numbers], Any] | No
     if isinstance(value, Loops):
         parts = _builder((value.bodies, value.closures, tuple(value.joints.values()), value.base), numbers)
         return None if parts is None else lambda values: Loops(*parts(values))
-    if isinstance(value, JointEdge):  # without what does not affect loops, so that a search is not repeated for it
+    if isinstance(value, JointEdge):  # only values that affect loops, so that other values do not repeat the search
         value = replace(value, dynamics=Dynamics(), actuator=None, limit=replace(value.limit, effort=None, velocity=None))
     if isinstance(value, FrozenStruct):
         fields = _builder({name: getattr(value, name) for name in value.__struct_fields__}, numbers)

@@ -114,7 +114,7 @@ def _check(path: Any, *, follow: bool = True, itself: bool = False) -> None:
         raise ForbiddenWrite(real)
 
 
-# --- what the system refuses ------------------------------------------------------------------------------------------
+# --- operations that the system refuses ------------------------------------------------------------------------------------------
 # https://docs.kernel.org/userspace-api/landlock.html
 
 _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
