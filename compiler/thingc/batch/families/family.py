@@ -50,7 +50,7 @@ class ModeNames(tuple[str, ...]):
     """The names of the modes of a family.
 
     A call with settings returns a `thingc.modes.Modes` object, which switches between these modes (default: all) at run time. If the
-    settings are refused, the call returns `NoModel`, which is false. Raises `UnknownChoice` for an unknown mode.
+    settings are refused, the call returns `NoModel`, whose truth value is False. Raises `UnknownChoice` for an unknown mode.
     """
 
     of: Callable[[Mapping[str, Any] | Variant, Sequence[str]], Modes | NoModel]
@@ -151,7 +151,7 @@ class RobotFamily:
     def model(
         self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True, floor: bool = False,
     ) -> mujoco.MjModel | NoModel:
-        """Return a new compiled model of settings in a mode. If the settings are refused, return `NoModel`, which is false.
+        """Return a new compiled model of settings in a mode. If the settings are refused, return `NoModel` (its truth value is False).
 
         Without `visual`, visual geometry is omitted. With `floor`, the model includes the floor of its scene. Raises `UnknownChoice` for an
         unknown mode.
