@@ -17,6 +17,7 @@ import mujoco
 import pytest
 
 from thingc.batch import BatchResults, BuiltVariant, FamilyError, UnknownVariant, load
+from thingc.batch.mesh_files import MeshFiles
 from thingc.batch.mujoco_arrays.equality import different_fields
 from thingc.modes import Modes
 from variants.families import arrays, built
@@ -117,9 +118,7 @@ def test_meshes_with_links_are_read_once_and_the_right_ones_are_used(boards: Pat
 
 
 def test_meshes_in_memory_are_bounded(boards: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thingc.batch import results
-
-    monkeypatch.setattr(results._Meshes.__init__, "__defaults__", (1,))
+    monkeypatch.setattr(MeshFiles.__init__, "__defaults__", (1,))
     family = load(boards)
     for variant in family:
         assert variant.model().nmesh > 0
@@ -261,9 +260,7 @@ def test_where_an_array_is_written_wrongly_models_are_compiled(sliders: Path, mo
 
 def test_variants_with_the_same_meshes_share_what_mujoco_was_given(tmp_path: Path) -> None:
     """Each has links to them in a folder of its own."""
-    from thingc.batch.results import _Meshes
-
-    meshes, seen = _Meshes(), []
+    meshes, seen = MeshFiles(), []
     (tmp_path / "mesh.obj").write_bytes(b"v 0 0 0")
     for name in ("one", "other"):
         (tmp_path / name).mkdir()

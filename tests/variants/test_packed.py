@@ -18,11 +18,10 @@ import pytest
 
 from thingc.base.diagnostics import Code
 from thingc.batch import BatchFault, FamilyError, UnknownVariant, build_records, load, packed_layout, page, plan, run
-from thingc.batch.build_records import in_order
+from thingc.batch.build_records import find_variant, in_order
 from thingc.batch.folder_layout import Journal
 from thingc.batch.packed_layout import Chunk, PackedWriter, seal
 from thingc.batch.page import show_again
-from thingc.batch.results import find_variant
 from thingc.driver.environment import Options
 from thingc.tools.cli.main import main
 from variants.families import BOARDS, SOME, arrays

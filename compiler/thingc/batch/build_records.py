@@ -12,10 +12,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+from thingc.base.diagnostics import Code, shown_path
 from thingc.base.filesystem import hash_name, listing
 from thingc.batch import folder_layout
+from thingc.batch.folder import BatchFault, in_words, read_batch, whole
 from thingc.batch.folder_layout import Line
 from thingc.batch.packed_layout import Chunk, Chunks, numbers, packed
+from thingc.batch.planning import Plan, Variant
 from thingc.targets.artifact import Content, StoredArtifact
 
 MESHES = "mjcf/assets/"
@@ -206,3 +209,38 @@ def _holds(done: Sequence[int], index: int) -> bool:
     """Return whether a sequence of ascending numbers contains a number."""
     at = bisect_left(done, index)
     return at < len(done) and done[at] == index
+
+
+def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | None] | None:
+    """Return the variant with this id or name, and the rule that it violates or None. Return None if the variant does not exist.
+
+    Ids are computed from differences to the assembly document, and names are numbered. If a document has changed since the batch was built,
+    for example after adopting a variant, an id or name can belong to another variant. Therefore, the variant of the batch in `folder` is
+    matched by its settings. Raises `BatchFault` if no current variant has these settings.
+    """
+    line = _told(plan, wanted, folder)
+    if line is None:
+        variant = next((one for one in plan if wanted in (one.id, one.name)), None)
+        return None if variant is None else (variant, variant.failed)
+    for variant in plan:
+        if (dict(variant.values), plan.chosen(variant)) == (line["parameters"], line["choices"]):
+            return variant, variant.failed or line.get("rule")
+    raise BatchFault(
+        Code.BATCH_CHANGED,
+        f"no variant of `{plan.relative}` has the settings of `{wanted}` in `{shown_path(folder)}` any more",
+        "the documents have changed since that batch was built: build it again, and use an id from its table",
+    )
+
+
+def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
+    """Return the journal line for this id or name if the batch in `folder` belongs to this document, else None."""
+    described = read_batch(folder)
+    if described is None or described.get("document") != plan.relative:
+        return None
+    try:
+        whole(folder, described)
+        done = BuildRecords(folder)
+        index = done.find(wanted)
+        return None if index is None else done.line(index)
+    except OSError as fault:
+        raise in_words(folder, fault) from fault

@@ -7,10 +7,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
-import threading
 import xml.etree.ElementTree as ElementTree
 from bisect import bisect_left
 from collections import OrderedDict
@@ -22,18 +20,18 @@ from itertools import islice
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, overload
 
-from thingc.base.diagnostics import Code, shown_path
+from thingc.base.diagnostics import shown_path
 from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr, counted
 from thingc.base.suggestions import did_you_mean
 from thingc.batch import folder_layout
 from thingc.batch.build_records import BuildRecords, File, VariantFiles, unpack
-from thingc.batch.folder import BatchFault, in_words, read_batch, whole
+from thingc.batch.folder import read_batch, whole
 from thingc.batch.folder_layout import Line
+from thingc.batch.mesh_files import MeshFiles
 from thingc.batch.mujoco_arrays.text_models import ModelText, TextModels
 from thingc.batch.packed_layout import packed
-from thingc.batch.planning import Plan, Variant
 from thingc.batch.rules import PARAMETERS
 from thingc.batch.tables import flat
 from thingc.targets.artifact import MANIFEST
@@ -45,8 +43,6 @@ if TYPE_CHECKING:
 
 VARIANTS, NAMES = 4096, 10_000
 """Maximum number of cached variants, and of names that are searched for suggestions."""
-MESH_BYTES = 256 * 2**20
-"""Maximum size [bytes] of cached meshes."""
 
 _WITHIN, _INCLUDE = re.compile("<mujoco[^>]*>(.*)</mujoco>", re.DOTALL), re.compile("<include [^>]*/>")
 """Regular expressions for the content of a model file, and for the include element in its scene."""
@@ -186,7 +182,7 @@ class BatchResults(Sequence[BuiltVariant]):
     """
 
     def __init__(
-        self, folder: str, described: Mapping[str, Any], mode: str | None, robot: str, records: BuildRecords, meshes: _Meshes,
+        self, folder: str, described: Mapping[str, Any], mode: str | None, robot: str, records: BuildRecords, meshes: MeshFiles,
         indices: Sequence[int] | None = None,
     ) -> None:
         """Initialise the results. `described` is the content of `batch.json`, `mode` the default mode, `robot` the name of the assembly.
@@ -350,56 +346,6 @@ class _Rows(Sequence[Mapping[str, Any]]):
         return _row(self._records.line(self._records.done[key]))
 
 
-class _Meshes:
-    """Cached files by identity, so that variants share meshes.
-
-    Above `most` bytes, the least recently used files are removed. The last virtual file system is also cached. This class is thread-safe. A
-    copy in another process starts empty.
-    """
-
-    def __init__(self, most: int = MESH_BYTES) -> None:
-        self._most = most
-        self._size = 0
-        self._kept: OrderedDict[File, bytes] = OrderedDict()
-        self._lock = threading.Lock()
-        self._last: tuple[Mapping[str, File], mujoco.MjVfs] | None = None
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Support pickling, which workers of environments and process pools require."""
-        return _Meshes, (self._most,)
-
-    def of(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
-        with self._lock:
-            return self._read(files)
-
-    def _read(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
-        contents: dict[str, bytes] = {}
-        for name, (file, path) in files.items():
-            data = self._kept.get(file)
-            if data is None:
-                with open(path, "rb") as stream:
-                    data = self._kept[file] = stream.read()
-                self._size += len(data)
-            self._kept.move_to_end(file)
-            contents[name] = data
-        while self._size > self._most and len(self._kept) > len(contents):
-            self._size -= len(self._kept.popitem(last=False)[1])
-        return contents
-
-    @contextlib.contextmanager
-    def mounted(self, wanted: Mapping[str, tuple[File, str]]) -> Iterator[mujoco.MjVfs]:
-        import mujoco
-
-        own = {name: file for name, (file, _) in wanted.items()}  # by identity: each variant has links to the same files in its own folder
-        with self._lock:
-            if self._last is None or self._last[0] != own:
-                files = mujoco.MjVfs()
-                for name, data in self._read(wanted).items():
-                    files[name] = data
-                self._last = own, files
-            yield self._last[1]
-
-
 def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where | None = None) -> BatchResults:
     """Load the built variants of the batch in `folder` (`build/leg_sweep`).
 
@@ -418,7 +364,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
     whole(place, described)
     records = BuildRecords(place)
     robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
-    family = BatchResults(place, described, mode, robot, records, _Meshes())
+    family = BatchResults(place, described, mode, robot, records, MeshFiles())
     if mode is not None:
         family.chosen(mode)
     return family if where is None else family.filter(where)
@@ -463,38 +409,3 @@ def _because(row: Mapping[str, Any]) -> str:
     if "rule" in row:
         return f" by the rule `{row['rule']}`"
     return f" ({row['code']}: {row['message']})" if "code" in row else ""
-
-
-def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | None] | None:
-    """Return the variant with this id or name, and the rule that it violates or None. Return None if the variant does not exist.
-
-    Ids are computed from differences to the assembly document, and names are numbered. If a document has changed since the batch was built,
-    for example after adopting a variant, an id or name can belong to another variant. Therefore, the variant of the batch in `folder` is
-    matched by its settings. Raises `BatchFault` if no current variant has these settings.
-    """
-    line = _told(plan, wanted, folder)
-    if line is None:
-        variant = next((one for one in plan if wanted in (one.id, one.name)), None)
-        return None if variant is None else (variant, variant.failed)
-    for variant in plan:
-        if (dict(variant.values), plan.chosen(variant)) == (line["parameters"], line["choices"]):
-            return variant, variant.failed or line.get("rule")
-    raise BatchFault(
-        Code.BATCH_CHANGED,
-        f"no variant of `{plan.relative}` has the settings of `{wanted}` in `{shown_path(folder)}` any more",
-        "the documents have changed since that batch was built: build it again, and use an id from its table",
-    )
-
-
-def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
-    """Return the journal line for this id or name if the batch in `folder` belongs to this document, else None."""
-    described = read_batch(folder)
-    if described is None or described.get("document") != plan.relative:
-        return None
-    try:
-        whole(folder, described)
-        done = BuildRecords(folder)
-        index = done.find(wanted)
-        return None if index is None else done.line(index)
-    except OSError as fault:
-        raise in_words(folder, fault) from fault

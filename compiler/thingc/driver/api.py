@@ -14,11 +14,9 @@ from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options, Printed, attempted
-from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.types import Robot
-from thingc.targets.html.emit import Page
-from thingc.targets.request import EmitRequest
+from thingc.targets.html.emit import Page, page_of
 
 
 class CompileError(Exception):
@@ -168,26 +166,16 @@ def _compiled(environment: Environment, others: Mapping[str, float], modes: Sequ
     _stop_on_errors(compilation.report, strict)
     assembly = compilation.assembly
     assert assembly is not None
-    files = {path: _file_bytes(environment.store, content) for path, content in artifacts.files.items()}
+    files = artifacts.contents(environment.store)
     return Compiled(
         name=assembly.name, assembly=assembly,
         modes={robot.mode.name: CompiledMode(robot=robot, files=files) for robot in compilation.robots},
         diagnostics=tuple(compilation.report.ordered()), modelled=tuple(compilation.modelled), reused=tuple(compilation.reused),
-        _page=partial(_page, pipeline.request_of(environment, compilation)),
+        _page=partial(page_of, pipeline.request_of(environment, compilation)),
     )
-
-
-def _page(request: EmitRequest) -> Page:
-    from thingc.targets.html.emit import page_of
-
-    return page_of(request)
 
 
 def _stop_on_errors(report: Report, strict: bool) -> None:
     judged = report.judged(strict=strict)
     if judged.failed:
         raise CompileError(judged.ordered())
-
-
-def _file_bytes(store: Store, content: object) -> bytes:
-    return content if isinstance(content, bytes) else store.read(content.sha256)  # type: ignore[attr-defined]

@@ -8,6 +8,7 @@ from typing import Final, Literal, get_args
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Origin, Span
+from thingc.geometry.store.local import Store
 
 MANIFEST = "manifest.json"
 """The path of the manifest in a build folder. It is the only file that the manifest does not list."""
@@ -69,3 +70,7 @@ class Artifacts(FrozenStruct):
 
     files: dict[str, Content]
     losses: tuple[Loss, ...] = ()
+
+    def contents(self, store: Store) -> dict[str, bytes]:
+        """Return the bytes of all files. Files of the store are read."""
+        return {path: one if isinstance(one, bytes) else store.read(one.sha256) for path, one in self.files.items()}

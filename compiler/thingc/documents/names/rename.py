@@ -17,8 +17,8 @@ from thingc.base.safe_text import escape_control
 from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, entries_of, node_at
 from thingc.base.units import shortened
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
-from thingc.documents.names.index import Name, NamePlace
 from thingc.documents.names.part_names import PartName
+from thingc.documents.names.references import Name, NamePlace
 from thingc.documents.names.workspace_index import WorkspaceIndex, mentioned
 from thingc.documents.spec.name_types import RESERVED
 

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import shown_path
 from thingc.base.one_line_repr import counted
-from thingc.batch.build_records import in_order
+from thingc.batch.build_records import find_variant, in_order
 from thingc.batch.dry_run import DryRun, forecast
 from thingc.batch.folder import FOLDERS, PACKED, BatchFault, begun, in_words, locked
 from thingc.batch.packed_layout import CHUNK
@@ -23,7 +23,7 @@ from thingc.batch.page import show_again
 from thingc.batch.pictures import ALL, MANY, MOST
 from thingc.batch.planning import Plan, PlanError
 from thingc.batch.progress import Interrupted, Progress, Summary
-from thingc.batch.results import FamilyError, find_variant, load
+from thingc.batch.results import FamilyError, load
 from thingc.batch.variants_document import plan
 from thingc.driver.environment import Options
 from thingc.targets.registry import chosen, unknown

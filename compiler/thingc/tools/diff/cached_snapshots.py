@@ -72,8 +72,7 @@ class Subject:
     def model(self) -> tuple[str, dict[str, bytes]]:
         """Return the MuJoCo model of the first mode as XML, and its meshes by file name."""
         compilation = replace(self._compilation, robots=self._compilation.robots[:1])
-        files = pipeline.emit(self._environment, compilation, ["mjcf"], verify=0)["mjcf"].files
-        read = {path: one if isinstance(one, bytes) else self.store.read(one.sha256) for path, one in files.items()}
+        read = pipeline.emit(self._environment, compilation, ["mjcf"], verify=0)["mjcf"].contents(self.store)
         robot = compilation.robots[0]
         xml = read[f"mjcf/{robot.name}_{robot.mode.name}.xml"].decode()
         return xml, {path.removeprefix(ASSETS): data for path, data in read.items() if path.startswith(ASSETS)}

@@ -23,8 +23,7 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
             case.request.report.say(diagnostic)
         failure = Failure(code=SettleCode.TEST_SETTLES, key="", message="MuJoCo rejects the model")
         return Outcome(measured={}, expected={}, said="no model", failure=failure)
-    store = case.request.store
-    files = {path: content if isinstance(content, bytes) else store.read(content.sha256) for path, content in artifacts.files.items()}
+    files = artifacts.contents(case.request.store)
     scene = f"mjcf/scene_{case.robot.mode.name}.xml"
     motion = simulated(
         case.robot, case.frames[0], scene, files, seconds=check.within + check.hold, resting=check.within, floor=check.floor,

@@ -1,0 +1,69 @@
+"""The meshes of the variants of a batch. Each file is read once, and variants share it."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from thingc.batch.build_records import File
+
+if TYPE_CHECKING:
+    import mujoco
+
+MESH_BYTES = 256 * 2**20
+"""Maximum size [bytes] of cached meshes."""
+
+
+class MeshFiles:
+    """Cached files by identity, so that variants share meshes.
+
+    Above `most` bytes, the least recently used files are removed. The last virtual file system is also cached. This class is thread-safe. A
+    copy in another process starts empty.
+    """
+
+    def __init__(self, most: int = MESH_BYTES) -> None:
+        self._most = most
+        self._size = 0
+        self._kept: OrderedDict[File, bytes] = OrderedDict()
+        self._lock = threading.Lock()
+        self._last: tuple[Mapping[str, File], mujoco.MjVfs] | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Support pickling, which workers of environments and process pools require."""
+        return MeshFiles, (self._most,)
+
+    def of(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
+        """Return the contents of files by name, given the identity and path of each file."""
+        with self._lock:
+            return self._read(files)
+
+    def _read(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
+        contents: dict[str, bytes] = {}
+        for name, (file, path) in files.items():
+            data = self._kept.get(file)
+            if data is None:
+                with open(path, "rb") as stream:
+                    data = self._kept[file] = stream.read()
+                self._size += len(data)
+            self._kept.move_to_end(file)
+            contents[name] = data
+        while self._size > self._most and len(self._kept) > len(contents):
+            self._size -= len(self._kept.popitem(last=False)[1])
+        return contents
+
+    @contextlib.contextmanager
+    def mounted(self, wanted: Mapping[str, tuple[File, str]]) -> Iterator[mujoco.MjVfs]:
+        """Yield a MuJoCo file system with the files, for one thread at a time."""
+        import mujoco
+
+        own = {name: file for name, (file, _) in wanted.items()}  # by identity: each variant has links to the same files in its own folder
+        with self._lock:
+            if self._last is None or self._last[0] != own:
+                files = mujoco.MjVfs()
+                for name, data in self._read(wanted).items():
+                    files[name] = data
+                self._last = own, files
+            yield self._last[1]
