@@ -122,7 +122,7 @@ def test_meshes_in_memory_are_bounded(boards: Path, monkeypatch: pytest.MonkeyPa
     family = load(boards)
     for variant in family:
         assert variant.model().nmesh > 0
-        assert len(family._meshes._kept) == len(list(Path(variant.folder, "mjcf", "assets").iterdir()))
+        assert len(family.meshes._kept) == len(list(Path(variant.folder, "mjcf", "assets").iterdir()))
 
 
 def test_threads_share_a_family(boards: Path) -> None:

@@ -13,7 +13,6 @@ import xml.etree.ElementTree as ElementTree
 from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
@@ -107,7 +106,7 @@ class BuiltVariant(OneLineRepr):
         """Return the XML that `model` compiles. Raises the same errors as `model`."""
         text, meshes = self._text(mode, scene, visual), self._files.meshes()
         return ModelText(
-            text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes(meshes),
+            text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes.of(meshes),
             compiled=lambda: self._compiled(text, meshes),
         )
 
@@ -128,7 +127,7 @@ class BuiltVariant(OneLineRepr):
         # MuJoCo has cached most meshes, so starting threads would take longer
         text = text.replace("<compiler ", '<compiler usethread="false" ', 1)
         try:
-            with self.family.mounted(meshes) as files:
+            with self.family.meshes.mounted(meshes) as files:
                 return mujoco.MjModel.from_xml_string(text, vfs=files)
         except ValueError as fault:
             raise FamilyError(f"MuJoCo rejects the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
@@ -138,7 +137,7 @@ class BuiltVariant(OneLineRepr):
         mode = self.family.chosen(mode)
         robot = f"{self.family.robot}_{mode}.xml"
         text = self._read(robot)
-        files = self.family.meshes(self._files.meshes())
+        files = self.family.meshes.of(self._files.meshes())
         return (self._read(f"scene_{mode}.xml"), {**files, robot: text}) if scene else (text, files)
 
     def sizes(self, mode: str | None = None) -> Sizes:
@@ -198,7 +197,7 @@ class BatchResults(Sequence[BuiltVariant]):
         self.finished: bool = described["finished"]
         self.records = records
         self._batch = folder, described, mode, robot, records, meshes
-        self._meshes = meshes
+        self.meshes = meshes
         self._indices = records.built if indices is None else indices
         self._made: OrderedDict[int, BuiltVariant] = OrderedDict()
         self._models: dict[tuple[str, bool, bool], TextModels] = {}
@@ -317,14 +316,6 @@ class BatchResults(Sequence[BuiltVariant]):
         models = self._models.setdefault(key, TextModels())
         many = self if variants is None else variants if isinstance(variants, Iterable) else [variants]
         return models.each((_variant(one).model_text(*key) for one in many), share=share)
-
-    def meshes(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
-        """Read files by name, given the identity and path of each file. Shared files are read once."""
-        return self._meshes.of(files)
-
-    def mounted(self, files: Mapping[str, tuple[File, str]]) -> AbstractContextManager[mujoco.MjVfs]:
-        """Return a MuJoCo file system with the files, for one thread at a time. Variants with the same files share a file system."""
-        return self._meshes.mounted(files)
 
 
 class _Rows(Sequence[Mapping[str, Any]]):
