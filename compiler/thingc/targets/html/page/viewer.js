@@ -1,4 +1,4 @@
-// thingc viewer, with three.js (MIT, https://threejs.org). Made from viewer/ by `make viewer`; sources 2ec315fd96ada612179faa076ee6a16d5b13e6e4955c261ed4cba06f611e7fdf
+// thingc viewer, with three.js (MIT, https://threejs.org). Made from viewer/ by `make viewer`; sources b239860cd4d019492590e93ceb17f379666cd83d7712bba62eeff94362858cc8
 /*!
 This file contains the following packages.
 
