@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 import subprocess
@@ -26,7 +25,6 @@ from thingc.targets.render import studio
 from thingc.targets.render.frames import BLUE, GREEN, JOINT, RED, Frame, JointAxis, placed
 from thingc.targets.render.frames import drawn as painted
 from thingc.targets.render.picture import Shot, camera_of, points_of, posed
-from thingc.targets.render.studio import directions, fitted, upright
 from thingc.tools.cli import render_overlay
 from thingc.tools.cli.main import main
 
@@ -260,46 +258,6 @@ def test_a_wrong_document_is_said_as_by_build(
     (tmp_path / "r.yaml").write_text("thingc: assembly/1\nname: r\ncomponents: {a: {frame: true}, b: {frame: true}}\n")
     assert main(["render", "r.yaml"]) == 1
     assert "error[TC322]" in capsys.readouterr().err and list(tmp_path.glob("*.png")) == []
-
-
-# --- the camera ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_the_nearest_camera_that_sees_all(seed: int) -> None:
-    """Projected by hand, every point is within the margin; it is touched on both sides in one direction."""
-    rng = np.random.default_rng(seed)
-    points = rng.normal(size=(30, 3)) * rng.uniform(0.01, 2, 3) + rng.normal(size=3)
-    azimuth, elevation, aspect = rng.uniform(-7, 7), rng.uniform(-1.5, 1.5), rng.uniform(0.3, 3)
-    axes = directions(azimuth, elevation, np.eye(3))
-    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(np.cross(axes[0], axes[1]), axes[2], atol=1e-12)
-    look = [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
-    np.testing.assert_allclose(-axes[2], look, atol=1e-12)
-    assert abs(axes[0][2]) < 1e-12, "the horizon is level"
-    camera = fitted(points, axes, 0.4, aspect, 0.1)
-    seen = []
-    for point in points:
-        x, y, back = axes @ (point - camera.position)
-        seen.append((x / -back / (math.tan(0.2) * aspect), y / -back / math.tan(0.2)))
-        assert -back > camera.near > 0
-    low, high = np.min(seen, axis=0), np.max(seen, axis=0)
-    assert (low >= -0.9 - 1e-9).all() and (high <= 0.9 + 1e-9).all()
-    touched = [k for k in range(2) if abs(low[k] + 0.9) < 1e-9 and abs(high[k] - 0.9) < 1e-9]
-    assert touched
-    np.testing.assert_allclose(camera.project(points), seen, atol=1e-12)
-
-
-@pytest.mark.parametrize(("gravity", "down"), [(FLOOR, (0, 0, -1)), (WALL, (-1, 0, 0)), (CEILING, (0, 0, 1)), ((0, 0, 0), (0, 0, -1)), (
-    (3.0, -4.0, 0.0), (0.6, -0.8, 0.0))])
-def test_gravity_points_down_in_the_picture(gravity: tuple[float, ...], down: tuple[float, ...]) -> None:
-    frame = upright(np.array(gravity))
-    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
-    assert np.linalg.det(frame) == pytest.approx(1.0)
-    axes = directions(0.7, -0.3, frame)
-    assert axes[0] @ down == pytest.approx(0.0, abs=1e-12) and axes[1] @ down == pytest.approx(-math.cos(0.3))
-    if down[2] == 0:
-        assert frame[0] @ [0, 0, -1] > 0.99, "azimuth 0 looks at the wall z = 0, from above it"
 
 
 # --- frames and axes -------------------------------------------------------------------------------------------------

@@ -1,6 +1,8 @@
-"""Frames and names drawn over a picture, measured in pixels, and the corner points of a model."""
+"""The camera of a picture, and frames and names drawn over it, measured in pixels."""
 
 from __future__ import annotations
+
+import math
 
 import mujoco
 import numpy as np
@@ -10,11 +12,11 @@ from msgspec.structs import replace
 from thingc.base.pose import NO_POSE
 from thingc.targets.render.frames import Frame, JointAxis, drawn, placed
 from thingc.targets.render.picture import MARGIN, Shot, camera_of, extent
-from thingc.targets.render.studio import Array, Camera
+from thingc.targets.render.studio import Array, Camera, directions, fitted, upright
 
 SIZE = (640, 480)
 PAPER = (128, 128, 128)
-FLOOR = (0.0, 0.0, -9.81)
+FLOOR, WALL, CEILING = (0.0, 0.0, -9.81), (-9.81, 0.0, 0.0), (0.0, 0.0, 9.81)
 
 MODEL = """\
 <mujoco>
@@ -79,3 +81,40 @@ def test_a_name_is_beside_its_frame() -> None:
     assert len(axis) > 100 and all((image[row, column] == axes[row, column]).all() for row, column in axis)
     name = np.argwhere((image != axes).any(axis=2))[:, ::-1]
     assert len(name) > 100 and np.linalg.norm(name - origin, axis=1).max() < 60.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_nearest_camera_that_sees_all(seed: int) -> None:
+    """Projected by hand, every point is within the margin; it is touched on both sides in one direction."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(30, 3)) * rng.uniform(0.01, 2, 3) + rng.normal(size=3)
+    azimuth, elevation, aspect = rng.uniform(-7, 7), rng.uniform(-1.5, 1.5), rng.uniform(0.3, 3)
+    axes = directions(azimuth, elevation, np.eye(3))
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(np.cross(axes[0], axes[1]), axes[2], atol=1e-12)
+    look = [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
+    np.testing.assert_allclose(-axes[2], look, atol=1e-12)
+    assert abs(axes[0][2]) < 1e-12, "the horizon is level"
+    camera = fitted(points, axes, 0.4, aspect, 0.1)
+    seen = []
+    for point in points:
+        x, y, back = axes @ (point - camera.position)
+        seen.append((x / -back / (math.tan(0.2) * aspect), y / -back / math.tan(0.2)))
+        assert -back > camera.near > 0
+    low, high = np.min(seen, axis=0), np.max(seen, axis=0)
+    assert (low >= -0.9 - 1e-9).all() and (high <= 0.9 + 1e-9).all()
+    touched = [k for k in range(2) if abs(low[k] + 0.9) < 1e-9 and abs(high[k] - 0.9) < 1e-9]
+    assert touched
+    np.testing.assert_allclose(camera.project(points), seen, atol=1e-12)
+
+
+@pytest.mark.parametrize(("gravity", "down"), [(FLOOR, (0, 0, -1)), (WALL, (-1, 0, 0)), (CEILING, (0, 0, 1)), ((0, 0, 0), (0, 0, -1)), (
+    (3.0, -4.0, 0.0), (0.6, -0.8, 0.0))])
+def test_gravity_points_down_in_the_picture(gravity: tuple[float, ...], down: tuple[float, ...]) -> None:
+    frame = upright(np.array(gravity))
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(frame) == pytest.approx(1.0)
+    axes = directions(0.7, -0.3, frame)
+    assert axes[0] @ down == pytest.approx(0.0, abs=1e-12) and axes[1] @ down == pytest.approx(-math.cos(0.3))
+    if down[2] == 0:
+        assert frame[0] @ [0, 0, -1] > 0.99, "azimuth 0 looks at the wall z = 0, from above it"

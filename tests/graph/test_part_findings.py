@@ -26,8 +26,11 @@ from graph.builder import (
     said,
     t,
     warnings,
+    where,
 )
+from thingc.base.diagnostics import Code, Report
 from thingc.geometry.record import Mesh, PartRecord
+from thingc.model.assembly.report import LinkReport
 from thingc.model.resolve.types import AssemblyDefinition, BomEntry, Component, Process
 
 
@@ -126,6 +129,14 @@ def test_warnings_of_a_part_are_said_once() -> None:
     report = warnings(model, odd)
     assert said(report) == [("PART_WARNING", "`p:Plate`: a fillet failed", None, 3)]
     assert notes(report) == [("in the part file, here", "/robots/parts/p.py", 9)]
+
+
+def test_a_repeated_warning_is_not_suppressed() -> None:
+    """The second is a duplicate of the first."""
+    report = Report()
+    findings = LinkReport(report)
+    assert [findings.warn(Code.APART, "two solids", where(3)) for _ in range(2)] == [True, True]
+    assert [one.message for one in report.diagnostics] == ["two solids"]
 
 
 @pytest.mark.parametrize(("choice", "why"), [
