@@ -1,9 +1,10 @@
-"""An episode of a robot: initial state, actions and rewards."""
+"""An episode of a robot: initial state, actions, switches between modes, and rewards."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,12 +18,17 @@ from thingc.batch.run_options import at_least, is_number
 if TYPE_CHECKING:
     import mujoco
 
+    from thingc.modes import Modes
+
+MaySwitch = Callable[["mujoco.MjData", str, str], bool]
+
 
 class EpisodeRules(FrozenStruct):
     """The rules of all episodes.
 
     An action lasts `frame_skip` simulation steps, and an episode lasts `max_steps` actions. An episode starts in the keyframe `pose` (None:
-    the first keyframe), with a random change of each degree of freedom by at most `noise` [rad or m].
+    the first keyframe), with a random change of each degree of freedom by at most `noise` [rad or m]. The other fields are the arguments
+    of `thingc.batch.gym.family_env.make_vec_env` with these names.
     """
 
     reward: Reward
@@ -31,24 +37,31 @@ class EpisodeRules(FrozenStruct):
     max_steps: int
     pose: str | None
     noise: float
+    on_motion: str = "impact"
+    may_switch: MaySwitch | None = None
+    action_scale: float | Sequence[float] | None = None
+    action_offset: Sequence[float] | None = None
+    action_delay: tuple[int, int] = (0, 0)
+    push: tuple[int, float] | None = None
 
 
 class SimulationStep(FrozenStruct):
     """The models to simulate: the models of a `mode`, with or without floor (`floor`) and visual geometry (`visual`).
 
-    `cache` is the number of models to cache.
+    `cache` is the number of models to cache. If there are `modes`, robots switch between them, and start in the first.
     """
 
     mode: str
     floor: bool
     visual: bool
     cache: int
+    modes: Sequence[str] = ()
 
 
 def rules(
-    reward: Reward | str, terminated: Terminated | None, frame_skip: int, max_steps: int, pose: str | None, noise: float,
+    reward: Reward | str, terminated: Terminated | None, frame_skip: int, max_steps: int, pose: str | None, noise: float, **more: Any,
 ) -> EpisodeRules:
-    """Return the rules. `reward` can be the name of a task.
+    """Return the rules. `reward` can be the name of a task. `more` are other fields of `EpisodeRules`.
 
     Raises `UnknownVariant` for an unknown task, and `FamilyError` for invalid values.
     """
@@ -62,7 +75,9 @@ def rules(
     at_least(1, frame_skip=frame_skip, max_steps=max_steps)
     if not is_number(noise) or not 0.0 <= noise < math.inf:
         raise FamilyError(f"expected `noise` to be a number of at least 0, found {noise}")
-    return EpisodeRules(reward=reward, terminated=terminated, frame_skip=frame_skip, max_steps=max_steps, pose=pose, noise=noise)
+    return EpisodeRules(
+        reward=reward, terminated=terminated, frame_skip=frame_skip, max_steps=max_steps, pose=pose, noise=noise, **more,
+    )
 
 
 def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
@@ -87,64 +102,152 @@ def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
     return numbers
 
 
+class ModeSimulation:
+    """The simulation of a robot in the mode `name`.
+
+    `spans` are the lower and upper bounds of its controls, and `controls` the index of each control in an action.
+    """
+
+    __slots__ = ("controls", "data", "model", "name", "spans")
+
+    def __init__(self, name: str, model: mujoco.MjModel, data: mujoco.MjData, spans: tuple[Array, Array], controls: Any = None) -> None:
+        self.name = name
+        self.model = model
+        self.data = data
+        self.spans = spans
+        self.controls = np.arange(model.nu) if controls is None else controls
+
+
 class Episode:
-    """An episode of a robot: its `model`, `data` and `variant`, and the `spans` of its controls (lower and upper bounds).
+    """An episode of a robot: its `simulations` (one for each mode, which `robot` switches), and its `variant`.
 
     Call `begin` first, and then `ask`, `run` and `judge` for each action. `run` executes the simulation. It can be called for several
     episodes in parallel threads.
     """
 
-    __slots__ = ("_action", "_before", "_high", "_low", "_rules", "_started", "data", "model", "start", "steps", "unstable", "variant")
+    __slots__ = (
+        "_before", "_delayed", "_rules", "_source", "_started", "action", "mode", "refused", "robot", "simulations", "start", "steps",
+        "unstable", "variant",
+    )
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, variant: Any, rules: EpisodeRules, spans: tuple[Array, Array]) -> None:
-        self.model = model
-        self.data = data
+    def __init__(
+        self, simulations: Sequence[ModeSimulation], variant: Any, rules: EpisodeRules, robot: Modes | None = None,
+    ) -> None:
+        self.simulations = simulations
+        self.robot = robot
         self.variant = variant
+        self.mode = 0
         self.steps = 0
         self.unstable = False
+        self.refused: str | None = None
         self.start: Array = np.zeros(0)
+        self.action: Array = np.zeros(0)
         self._rules = rules
-        self._low, self._high = spans
-        self._action: Array = np.zeros(0)
+        self._delayed: deque[Array] = deque(maxlen=1)
+        self._source = np.random.default_rng(0)
         self._before: Array = np.zeros(0)
         self._started = 0.0
 
-    def begin(self, source: np.random.Generator, name: str) -> None:
-        """Set the initial state. `name` is the name of the variant in error messages. Raises `UnknownVariant` for an unknown pose."""
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The model of the current mode."""
+        return self.simulations[self.mode].model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The state of the current mode."""
+        return self.simulations[self.mode].data
+
+    def begin(self, source: np.random.Generator, name: str, size: int = 0) -> None:
+        """Set the initial state in the first mode. `name` is the name of the variant in error messages. `size` is that of actions.
+
+        Raises `UnknownVariant` for an unknown pose.
+        """
         import mujoco
 
-        model, data, pose = self.model, self.data, self._rules.pose
-        if pose is None and not model.nkey:
-            mujoco.mj_resetData(model, data)
-        else:
-            mujoco.mj_resetDataKeyframe(model, data, 0 if pose is None else _keyframe(model, pose, name))
+        for number, simulation in enumerate(self.simulations):
+            _reset(simulation, self._rules.pose if number == 0 else None, name)
+        self.mode = self.steps = 0
+        self.refused, self._source, self.action = None, source, np.zeros(size)
         if self._rules.noise:
-            away = source.uniform(-self._rules.noise, self._rules.noise, model.nv)
-            mujoco.mj_integratePos(model, data.qpos, away, 1.0)
-        mujoco.mj_forward(model, data)
-        self.steps = 0
-        self.start = np.array(data.qpos)
+            away = source.uniform(-self._rules.noise, self._rules.noise, self.model.nv)
+            mujoco.mj_integratePos(self.model, self.data.qpos, away, 1.0)
+        mujoco.mj_forward(self.model, self.data)
+        self.start = np.array(self.data.qpos)
+        first, last = self._rules.action_delay
+        self._delayed = deque(maxlen=1 + (first if first == last else int(source.integers(first, last + 1))))
 
-    def ask(self, action: Array) -> None:
-        """Set the action, with shape (nu,) or longer. The interval [-1, 1] is mapped to the range of each control.
+    def ask(self, action: Array, mode: int = 0) -> None:
+        """Set the action, with shape (nu,) or longer, in the mode with this number. A switch can be `refused`.
 
-        Raises `FamilyError` for NaN, which MuJoCo would replace by 0.
+        The interval [-1, 1] is mapped to the range of each control, or to `action_offset` plus or minus `action_scale`. Raises
+        `FamilyError` for NaN, which MuJoCo would replace by 0.
         """
         if np.isnan(action).any():
             raise FamilyError(f"expected an action of numbers, found {action}")
-        self._action = np.clip(np.asarray(action, np.float64)[: self.model.nu], -1.0, 1.0)
-        self.data.ctrl[:] = self._low + (self._action + 1.0) / 2.0 * (self._high - self._low)
+        self.refused = self._switch(mode) if mode != self.mode else None
+        self.action = np.clip(np.asarray(action, np.float64), -1.0, 1.0)
+        self._delayed.append(self.action)
+        if len(self._delayed) == self._delayed.maxlen:
+            self._control(self._delayed[0])
+        self._push()
         self._before, self._started = np.array(self.data.subtree_com[0]), self.data.time
+
+    def _control(self, action: Array) -> None:
+        """Set the controls for an action."""
+        own, rules = self.simulations[self.mode], self._rules
+        low, high = own.spans
+        if rules.action_scale is None:
+            own.data.ctrl[:] = low + (action[own.controls] + 1.0) / 2.0 * (high - low)
+            return
+        scaled = action * np.asarray(rules.action_scale)
+        offset = own.model.key_ctrl[0] if rules.action_offset is None and own.model.nkey else np.zeros(own.model.nu)
+        if rules.action_offset is not None:
+            offset = np.broadcast_to(np.asarray(rules.action_offset, np.float64), action.shape)[own.controls]
+        own.data.ctrl[:] = np.clip(offset + scaled[own.controls], low, high)
+
+    def _switch(self, mode: int) -> str | None:
+        """Switch to a mode, or return why it is refused."""
+        import mujoco
+
+        from thingc.modes import ModesError
+
+        old, new, rules = self.simulations[self.mode], self.simulations[mode], self._rules
+        if rules.may_switch is not None and not rules.may_switch(old.data, old.name, new.name):
+            return f"`may_switch` does not allow a switch from `{old.name}` to `{new.name}`"
+        assert self.robot is not None
+        try:
+            self.robot.switch((old.name, old.data), (new.name, new.data), on_motion=rules.on_motion)  # type: ignore[arg-type]
+        except ModesError as fault:
+            return str(fault)
+        mujoco.mj_forward(new.model, new.data)
+        self.mode = mode
+        self.start = np.array(new.model.key_qpos[0] if new.model.nkey else new.model.qpos0)
+        return None
+
+    def _push(self) -> None:
+        """Push a random body of the robot during this action, if it is the turn of one."""
+        if self._rules.push is None:
+            return
+        every, impulse = self._rules.push
+        model, forces = self.model, self.data.xfrc_applied
+        forces[:] = 0.0
+        if self.steps % every == every - 1:
+            angle = self._source.uniform(0.0, 2.0 * np.pi)
+            body = self._source.choice(np.flatnonzero((model.body_mass > 0.0) & (model.body_mocapid < 0)))
+            seconds = self._rules.frame_skip * model.opt.timestep
+            forces[body, :3] = np.array([np.cos(angle), np.sin(angle), 0.0]) * impulse / seconds
 
     def run(self) -> None:
         """Simulate the action."""
         import mujoco
 
-        mujoco.mj_step(self.model, self.data, self._rules.frame_skip)
+        model, data = self.model, self.data
+        mujoco.mj_step(model, data, self._rules.frame_skip)
         self.steps += 1
-        self.unstable = _unstable(self.data)
+        self.unstable = _unstable(data)
         if not self.unstable:
-            mujoco.mj_forward(self.model, self.data)
+            mujoco.mj_forward(model, data)
 
     def judge(self) -> tuple[float, bool, bool, Mapping[str, Any]]:
         """Return the reward, whether the episode is terminated, whether it is truncated, and further infos.
@@ -152,14 +255,19 @@ class Episode:
         The episode is terminated if `terminated` returns true or if the simulation is unstable (reward 0). Raises `FamilyError` for an
         invalid reward.
         """
+        infos: dict[str, Any] = {} if self.refused is None else {"refused": self.refused}
+        if self.robot is not None:
+            infos["mode"] = self.simulations[self.mode].name
         if self.unstable:
-            return 0.0, True, False, {"unstable": True}
+            return 0.0, True, False, {**infos, "unstable": True}
         done = StepInfo(
-            model=self.model, data=self.data, variant=self.variant, action=self._action, before=self._before,
+            model=self.model, data=self.data, variant=self.variant,
+            action=self.action[: self.model.nu] if self.robot is None else self.action, before=self._before,
             after=np.array(self.data.subtree_com[0]), seconds=self.data.time - self._started, start=self.start,
+            mode=self.simulations[self.mode].name, refused=self.refused,
         )
         ended = self._rules.terminated is not None and bool(self._rules.terminated(done))
-        return _number(self._rules.reward(done)), ended, self.steps >= self._rules.max_steps, {}
+        return _number(self._rules.reward(done)), ended, self.steps >= self._rules.max_steps, infos
 
 
 def _number(reward: Any) -> float:
@@ -171,6 +279,16 @@ def _number(reward: Any) -> float:
     if math.isnan(number):
         raise FamilyError(f"expected `reward` to return a number, found `{reward}`")
     return number
+
+
+def _reset(simulation: ModeSimulation, pose: str | None, name: str) -> None:
+    import mujoco
+
+    model, data = simulation.model, simulation.data
+    if pose is None and not model.nkey:
+        mujoco.mj_resetData(model, data)
+    else:
+        mujoco.mj_resetDataKeyframe(model, data, 0 if pose is None else _keyframe(model, pose, name))
 
 
 def _keyframe(model: mujoco.MjModel, pose: str, name: str) -> int:

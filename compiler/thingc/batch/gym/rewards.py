@@ -33,7 +33,11 @@ class StepInfo(FrozenStruct):
     after: Array
     seconds: float
     start: Array
-    """The coordinates (nq,) at the start of the episode."""
+    """The coordinates (nq,) at the start of the episode, or in the first keyframe of the mode after a switch."""
+    mode: str = ""
+    """The name of the mode."""
+    refused: str | None = None
+    """Why the switch of this action was refused, if it was."""
 
 
 Reward = Callable[[StepInfo], float]

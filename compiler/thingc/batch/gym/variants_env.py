@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.batch.gym.episode import Episode, EpisodeRules, SimulationStep, as_actions, known_options, rules, spans_of
+from thingc.batch.gym.episode import Episode, EpisodeRules, ModeSimulation, SimulationStep, as_actions, known_options, rules, spans_of
 from thingc.batch.gym.rewards import TASKS, Array, Reward, StepInfo, Terminated
 from thingc.batch.results import BatchResults, BuiltVariant, FamilyError, Sizes, load
 from thingc.batch.run_options import as_names, at_least
@@ -121,7 +121,8 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         if episode is None:
             one = self._simulated
             (model,) = self.family.models([variant], one.mode, scene=one.floor, visual=one.visual)
-            episode = self._episodes[variant.id] = Episode(model, mujoco.MjData(model), variant, self._rules, spans_of(model))
+            simulation = ModeSimulation(one.mode, model, mujoco.MjData(model), spans_of(model))
+            episode = self._episodes[variant.id] = Episode([simulation], variant, self._rules)
             while len(self._episodes) > self._simulated.cache:
                 self._episodes.popitem(last=False)
         self._episodes.move_to_end(variant.id)

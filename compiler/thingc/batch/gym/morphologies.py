@@ -1,0 +1,199 @@
+"""The robots of a family's environments: their distribution over episodes, and their cached models."""
+
+from __future__ import annotations
+
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Integral
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.suggestions import did_you_mean
+from thingc.batch.families.family import RobotFamily, as_many
+from thingc.batch.families.results import NoModel
+from thingc.batch.gym.episode import Episode, EpisodeRules, ModeSimulation, SimulationStep, spans_of
+from thingc.batch.gym.rewards import Array, Descriptor
+from thingc.batch.results import FamilyError, UnknownVariant
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from thingc.modes import Modes
+
+Settings = Mapping[str, Any]
+Draw = Callable[[np.random.Generator], Settings]
+
+
+class MorphologyDistribution(FrozenStruct):
+    """The distribution of robots over episodes: uniform over `many` settings, or the function `draw` of a random generator.
+
+    `ids` are the values of `infos["variant"]` (empty: indices), and `names` are the names of the settings.
+    """
+
+    many: Sequence[Settings] = ()
+    ids: Sequence[str] = ()
+    names: Sequence[str] = ()
+    draw: Draw | None = None
+
+
+class Morphology:
+    """A robot: its model in each mode, its descriptor, and the `spans` of its controls.
+
+    `robot` switches between the modes, if there are several. Robots with equal `layout` (sizes and names) can share an `MjData`.
+    """
+
+    __slots__ = ("described", "layout", "models", "robot", "settings", "spans")
+
+    def __init__(self, models: Sequence[mujoco.MjModel], robot: Modes | None, settings: Settings, described: Array) -> None:
+        self.models = models
+        self.robot = robot
+        self.settings = settings
+        self.described = described
+        self.spans = [spans_of(model) for model in models]
+        names = [name for name in dir(models[0]) if name.startswith("n")]
+        sizes = [[getattr(model, name) for name in names] for model in models]
+        self.layout = [(model.names, *(size for size in own if isinstance(size, int))) for model, own in zip(models, sizes, strict=True)]
+
+    @property
+    def sizes(self) -> list[tuple[int, int, int]]:
+        """nq, nv and nu of each mode."""
+        return [(model.nq, model.nv, model.nu) for model in self.models]
+
+
+class Morphologies:
+    """The robots of a family, drawn from `choices` and simulated in `modes`. `refused` counts the refused settings by message."""
+
+    def __init__(self, family: RobotFamily, choices: MorphologyDistribution, simulated: SimulationStep, descriptor: Descriptor) -> None:
+        self.choices = choices
+        self.refused: Counter[str] = Counter()
+        self._family = family
+        self._simulated = simulated
+        self._modes = simulated.modes or (simulated.mode,)
+        self._descriptor = descriptor
+        self._kept: OrderedDict[Any, Morphology | NoModel] = OrderedDict()
+        if choices.many:
+            self._likely = np.full(len(choices.many), 1.0 / len(choices.many)).cumsum()  # as in `choice` of numpy
+            self._likely /= self._likely[-1]
+        self._first: Morphology | None = None
+        for key, settings in enumerate(choices.many or ({},)):
+            first = self.made([key if choices.many else ()], [settings])[0]
+            if isinstance(first, Morphology):
+                break
+        if isinstance(first, NoModel):
+            raise refusal(first)
+        self._first = self.first = first
+        self.actuators: Sequence[str] = list(dict.fromkeys(
+            model.actuator(number).name for model in first.models for number in range(model.nu)
+        ))
+
+    def drawn(self, source: np.random.Generator, wanted: Any) -> tuple[Any, Settings]:
+        """Return the key of settings in the cache, and the settings."""
+        if self.choices.draw is not None:
+            if wanted is not None:
+                raise UnknownVariant(f"there is no variant `{wanted}`: a function draws the settings")
+            settings = self.choices.draw(source)
+            return settings_key(settings), settings
+        place = int(self._likely.searchsorted(source.random(), side="right"))  # always draw, so that options do not change later draws
+        if wanted is not None:
+            place = self._place(wanted)
+        return place, self.choices.many[place]
+
+    def _place(self, wanted: Any) -> int:
+        ids, names, count = self.choices.ids, self.choices.names, len(self.choices.many)
+        if isinstance(wanted, str) and wanted in ids:
+            return list(ids).index(wanted)
+        if isinstance(wanted, str) and wanted in names:
+            return list(names).index(wanted)
+        if isinstance(wanted, bool) or not isinstance(wanted, Integral) or not -count <= int(wanted) < count:
+            known = did_you_mean(wanted, names, what="variants") if isinstance(wanted, str) and names else f"there are {count}"
+            raise UnknownVariant(f"there is no variant `{wanted}`: {known}")
+        return int(wanted) % count
+
+    def made(self, keys: Sequence[Any], many: Sequence[Settings]) -> list[Morphology | NoModel]:
+        """Return the morphologies, or `NoModel` for refused settings.
+
+        Raises `FamilyError` if the sizes of a model differ from those of the first morphology.
+        """
+        new = {key: settings for key, settings in zip(keys, many) if key not in self._kept}
+        one = self._simulated
+        models = [self._family.models(new.values(), mode=mode, visual=one.visual, floor=one.floor) for mode in self._modes]
+        for (key, settings), *own in zip(new.items(), *models):
+            self._kept[key] = self._morphology(settings, own)
+        morphologies = [self._kept[key] for key in keys]
+        for key in keys:
+            self._kept.move_to_end(key)
+        while len(self._kept) > one.cache:
+            self._kept.popitem(last=False)
+        return morphologies
+
+    def _morphology(self, settings: Settings, models: Sequence[mujoco.MjModel | NoModel]) -> Morphology | NoModel:
+        robot = self._family.modes(settings, *self._modes) if self._simulated.modes else None
+        built = [one for one in models if not isinstance(one, NoModel)]
+        for one in (*models, robot):
+            if isinstance(one, NoModel):
+                return one
+        made = Morphology(built, None if isinstance(robot, NoModel) else robot, settings, self._descriptor(settings))
+        for mode, mine, others in zip(self._modes, made.sizes, made.sizes if self._first is None else self._first.sizes):
+            if mine != others:
+                sizes = [f"nq, nv, nu = {', '.join(map(str, one))}" for one in (mine, others)]
+                raise FamilyError(f"in mode `{mode}` the settings {dict(settings)} have {sizes[0]}, but others {sizes[1]}")
+        return made
+
+    def episode(self, morphology: Morphology, rules: EpisodeRules, before: tuple[Any, Morphology, Episode] | None) -> Episode:
+        """Return an episode of a morphology. Its states are those of the episode `before`, if the models have the same layout."""
+        import mujoco
+
+        if before is not None and before[1].layout == morphology.layout:
+            states = [one.data for one in before[2].simulations]
+        else:
+            states = [mujoco.MjData(model) for model in morphology.models]
+        simulations = [
+            ModeSimulation(mode, model, data, spans, self._controls(model) if morphology.robot is not None else None)
+            for mode, model, data, spans in zip(self._modes, morphology.models, states, morphology.spans, strict=True)
+        ]
+        return Episode(simulations, morphology.settings, rules, morphology.robot)
+
+    def _controls(self, model: mujoco.MjModel) -> Any:
+        """Return the index of each control of a model in actions, which have one number for each actuator of any mode."""
+        return np.array([self.actuators.index(model.actuator(number).name) for number in range(model.nu)], dtype=int)
+
+
+def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None) -> MorphologyDistribution:
+    """Return the distribution of settings.
+
+    By default, these are the valid variants of the document that satisfy its rules, or the settings of an assembly itself.
+    """
+    if callable(settings):
+        return MorphologyDistribution(draw=settings)
+    if settings is not None:
+        many = list(as_many(settings))
+        if not many:
+            raise FamilyError("expected at least one item in `settings`")
+        return MorphologyDistribution(many=[dict(settings_key(one)) for one in many])
+    variants = list(family.variants)
+    if not variants:
+        return MorphologyDistribution(many=[{}])
+    planned = [variant for variant in variants if variant.failed is None]
+    kept = [variant for variant, evaluated in zip(planned, family.evaluate(planned)) if evaluated.kept]
+    if not kept:
+        raise FamilyError(f"`{family.name}` has no valid variants that satisfy the rules: use `settings` to specify what may be set")
+    return MorphologyDistribution(
+        many=[{**one.parameters, **one.choices} for one in kept], ids=[one.id for one in kept], names=[one.name for one in kept],
+    )
+
+
+def settings_key(settings: Settings) -> tuple[tuple[str, Any], ...]:
+    """Return the cache key of settings. Raises `FamilyError` for settings that are not a mapping from names to numbers or strings."""
+    try:
+        key = tuple(sorted(settings.items()))
+        hash(key)
+    except (AttributeError, TypeError):
+        raise FamilyError(f"expected settings as a mapping from names to numbers or strings, found `{settings!r}`") from None
+    return key
+
+
+def refusal(refused: NoModel) -> FamilyError:
+    """Return the error of refused settings."""
+    return FamilyError(f"the settings {dict(refused.settings)} are rejected: {refused.reason}")

@@ -1,0 +1,83 @@
+"""Observations of episodes: named terms in one array."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from thingc.base.suggestions import did_you_mean
+from thingc.batch.gym.episode import Episode
+from thingc.batch.gym.rewards import Array
+from thingc.batch.results import FamilyError, UnknownVariant
+from thingc.batch.run_options import as_names, is_number
+
+Term = Callable[[Episode], Array]
+ALONE = ("qpos", "qvel")
+"""Default terms in one mode."""
+SWITCHED = ("joints", "gravity", "mode")
+"""Default terms in several modes, whose `qpos` and `qvel` differ."""
+EXACT = ("action", "mode")
+"""Terms without noise."""
+
+
+def _joints(episode: Episode) -> Array:
+    """Return q and v of all joints, in the same order in every mode. Joints that a mode cuts are 0."""
+    from thingc.modes.mjdata import map_model
+
+    if episode.robot is None:
+        raise FamilyError("expected `modes` for the observation `joints`: use `qpos` and `qvel` in one mode")
+    own = episode.simulations[episode.mode]
+    return np.concatenate(map_model(episode.robot[own.name], own.model).addresses.read(own.data.qpos, own.data.qvel))
+
+
+def _gravity(episode: Episode) -> Array:
+    """Return the direction of gravity in the axes of the root link of the first mode."""
+    model, data = episode.model, episode.data
+    root = 1 if episode.robot is None else model.body(episode.robot[episode.simulations[0].name].root_link).id
+    size = float(np.linalg.norm(model.opt.gravity))
+    down: Array = data.xmat[root].reshape(3, 3).T @ model.opt.gravity / (size or 1.0)
+    return down
+
+
+TERMS: Mapping[str, Term] = {
+    "qpos": lambda episode: episode.data.qpos,
+    "qvel": lambda episode: episode.data.qvel,
+    "joints": _joints,
+    "sensors": lambda episode: episode.data.sensordata,
+    "gravity": _gravity,
+    "action": lambda episode: episode.action,
+    "mode": lambda episode: np.eye(len(episode.simulations))[episode.mode],
+}
+"""Terms by name."""
+
+
+class Observer:
+    """Observations with the given `terms`, each with random noise of up to `noise` (a number, or numbers by term).
+
+    `example` is an episode with the sizes of all episodes. Raises `UnknownVariant` for an unknown term, and `FamilyError` for invalid
+    noise.
+    """
+
+    def __init__(self, terms: Sequence[str] | str | None, noise: float | Mapping[str, float], example: Episode) -> None:
+        names = (ALONE if example.robot is None else SWITCHED) if terms is None else as_names(observation=terms)
+        given = noise if isinstance(noise, Mapping) else {name: noise for name in names if name not in EXACT}
+        for name in (*names, *given):
+            if name not in TERMS:
+                raise UnknownVariant(f"there is no observation `{name}`: {did_you_mean(str(name), TERMS, what='observations')}")
+        for name, value in given.items():
+            if not is_number(value) or not 0.0 <= value < np.inf:
+                raise FamilyError(f"expected `observation_noise` to be numbers of at least 0, found {value} for `{name}`")
+        self._names = names
+        lengths = [len(TERMS[name](example)) for name in names]
+        self.length = sum(lengths)
+        self._noise: Any = np.repeat([float(given.get(name, 0.0)) for name in names], lengths)
+
+    def __call__(self, episode: Episode, source: np.random.Generator, row: Array) -> None:
+        """Write the observation of an episode to `row`. Raises `FamilyError` if its size differs."""
+        seen = np.concatenate([TERMS[name](episode) for name in self._names])
+        if len(seen) != self.length:
+            mode = episode.simulations[episode.mode].name
+            raise FamilyError(f"the observation has {len(seen)} numbers in mode `{mode}`, but {self.length} in the first")
+        row[: self.length] = seen + source.uniform(-self._noise, self._noise) if self._noise.any() else seen
