@@ -277,6 +277,15 @@ def test_two_axes_that_need_not_be_square(kind: str, tmp_path: Path) -> None:
     assert [one.follows.joint for hanging in found.robot.hangings for one in hanging.joints if one.follows is not None] == ["j_1"]
 
 
+def test_the_reference_of_a_mimic(tmp_path: Path) -> None:
+    """q(k) = 2 (q(j) - 0.5) + 0.1 is 2 q(j) - 0.9."""
+    mimic = "<mimic joint='j'><multiplier>2</multiplier><offset>0.1</offset><reference>0.5</reference></mimic>"
+    found, report = read(tmp_path, sdf(joint("j", "a", "b") + joint("k", "b", "c", axis=f"<xyz>0 0 1</xyz>{mimic}") + joint("l", "c", "d")))
+    assert found is not None and not report.failed
+    model = compiled(found, tmp_path)
+    assert model.neq == 1 and model.eq_data[0, :5] == pytest.approx([-0.9, 2.0, 0.0, 0.0, 0.0])
+
+
 def test_a_screw_closes_no_loop_that_another_joint_can(tmp_path: Path) -> None:
     screws = {name: joint(name, *ends, "screw").replace("</joint>", "<screw_thread_pitch>1</screw_thread_pitch></joint>")
               for name, ends in {"j": "ab", "k": "bc", "l": "cd", "m": "ad"}.items()}

@@ -99,7 +99,6 @@ def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tup
             continue
         if one.child in below and one.parent not in below:
             one = one.turned()
-            first, second = second, first
         below.add(one.child)
         whole[second] = first
         tree.append(one)
