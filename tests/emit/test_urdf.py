@@ -314,6 +314,13 @@ def said(made: Artifacts) -> Iterator[tuple[str, str, str]]:
     return ((loss.path, loss.what, loss.how) for loss in made.losses)
 
 
+@pytest.mark.parametrize("dynamics", [{"damping": 0.3}, {"friction": 0.2}, {"damping": 0.3, "friction": 0.2}, {"stiffness": 1.0}])
+def test_damping_and_friction_are_written_where_there_are_any(dynamics: dict[str, float]) -> None:
+    found = element(emit(robot_of(coordinates_of("j1", "c0.a", "c1.b", "revolute", **dynamics))), "j1").find("dynamics")
+    expected = {name: f"{value:g}" for name, value in dynamics.items() if name != "stiffness"}
+    assert (found.attrib if found is not None else {}) == expected and (found is None) == (not expected)
+
+
 def test_followers_stand_behind_the_one_that_moves_by_itself_and_follow_it() -> None:
     """pinocchio refuses a mimic of a mimic: j1 = 2 j2 + 0.1 and j2 = 3 j3 - 0.5 are said of j3."""
     joints = [
