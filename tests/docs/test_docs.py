@@ -225,7 +225,8 @@ def test_functions_of_expressions() -> None:
 
 
 def test_what_is_said_of_expressions_and_quantities() -> None:
-    from thingc.base.units import ANGLE, ANGULAR_VELOCITY, FREQUENCY, LENGTH, NUMBER, Quantity, fits, parse_quantity, parse_vector
+    from thingc.base.units import ANGLE, ANGULAR_VELOCITY, FREQUENCY, LENGTH, NUMBER, Quantity, fits, parse_quantity
+    from thingc.base.vector_text import parse_vector
     from thingc.documents.expressions.evaluation import evaluate
     from thingc.documents.expressions.parsing import parse_expression
     from thingc.documents.expressions.terms import ExpressionError

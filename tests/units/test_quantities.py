@@ -40,8 +40,8 @@ from thingc.base.units import (
     checked,
     fits,
     parse_quantity,
-    parse_vector,
 )
+from thingc.base.vector_text import parse_vector
 
 PINT = pint.LazyRegistry((), {"non_int_type": Fraction})
 """Reads its table of units when it is first asked."""

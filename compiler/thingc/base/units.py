@@ -212,7 +212,8 @@ UNITS: dict[str, Unit] = {
 
 _DEGREE = UNITS["deg"]
 
-_NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+NUMBER_TEXT = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+"""A number in a text."""
 _UNIT_WORD = re.compile(r"[^\W\d_²³]+|%|°")
 _POWER = re.compile(r"(?:\^|\*\*)\s*([-+]?\d{1,2})(?!\d)", re.ASCII)
 _SUPERSCRIPT = {"²": 2, "³": 3}
@@ -258,7 +259,7 @@ def converted(number: str, unit: Unit) -> float:
 
 def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
     """Return the signed number that begins at `at`, and its end. Return None if there is no number at `at`."""
-    match = _NUMBER.match(text, at)
+    match = NUMBER_TEXT.match(text, at)
     return (match.group(), match.end()) if match else None
 
 
@@ -393,52 +394,6 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
     return Quantity(converted(number, unit), unit[2])
 
 
-def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
-    """Parse three numbers with a common unit: `0 120 30 mm`. `0 0 0` does not need a unit.
-
-    Raises UnitError. Its offsets count characters of `text`.
-    """
-    if len(text) > MAX_TEXT:
-        raise UnitError(f"a vector of {len(text)} characters is too long (at most {MAX_TEXT})")
-    numbers: list[str] = []
-    at = 0
-    while True:
-        while at < len(text) and text[at].isspace():
-            at += 1
-        scanned = scan_number(text, at)
-        if scanned is None:
-            break
-        number, at = scanned
-        numbers.append(number)
-    count = {1: "one number", 2: "two numbers"}.get(len(numbers), f"{len(numbers)} numbers")
-    how = "write for example `0 120 30 mm` or `[0, 120 mm, 30 mm]`"
-    if not numbers:
-        raise UnitError(f"expected three numbers and a unit, found `{shortened(text.strip())}`", help=how)
-    if len(numbers) != 3:
-        how = _separated(text) or how
-        raise UnitError(f"expected three numbers and a unit, found {count} (`{shortened(text.strip())}`)", help=how)
-    unit: Unit = (1, 1, NUMBER)
-    if at < len(text):
-        unit, end = scan_unit(text, at, wanted=wanted)
-        if text[end:].strip():
-            raise UnitError(
-                f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`",
-                offset=end, end=len(text), help=how,
-            )
-    x, y, z = (Quantity(converted(number, unit), unit[2]) for number in numbers)
-    return x, y, z
-
-
-def _separated(text: str) -> str | None:
-    """Return a hint for three values with separators or units between them, or None."""
-    pieces = [piece.strip() for piece in re.split("[,x×]", text)]
-    if len(pieces) == 3 and all(scan_number(piece) for piece in pieces):
-        shared = all(map(_NUMBER.fullmatch, pieces[:2]))
-        return f"write `{shortened(' '.join(pieces))}`" if shared else f"write `[{shortened(', '.join(pieces))}]`"
-    values = re.fullmatch(rf"\s*({_NUMBER.pattern})\s*([^\W\d]+)\s+({_NUMBER.pattern})\s*\2\s+({_NUMBER.pattern})\s*\2\s*", text)
-    return f"write `{values.group(1)} {values.group(3)} {values.group(4)} {values.group(2)}`" if values is not None else None
-
-
 def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Quantity:
     """Return the quantity if it has one of the expected physical dimensions. A bare 0 has all physical dimensions.
 
@@ -477,7 +432,7 @@ def suggested_units(dimension: Dimension, numbers: str) -> tuple[str, ...]:
     drawn, si, most = _SUGGESTED.get(dimension, (dimension.example.partition(" ")[2], "", 0.0))
     if not si:
         return (drawn,)
-    values = [float(number) for number in _NUMBER.findall(numbers)]
+    values = [float(number) for number in NUMBER_TEXT.findall(numbers)]
     small = any(value != int(value) for value in values if abs(value) < most) and all(abs(value) < most for value in values)
     return (si, drawn) if small else (drawn, si)
 

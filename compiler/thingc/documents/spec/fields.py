@@ -40,11 +40,11 @@ from thingc.base.units import (
     UnitError,
     checked,
     parse_quantity,
-    parse_vector,
     scan_number,
     shortened,
     suggested_units,
 )
+from thingc.base.vector_text import parse_vector
 from thingc.documents.expressions.parsing import expression_hint, parse_expression
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.patterns import ANY_VALUE, EXPRESSION, quantity_pattern, vector_pattern

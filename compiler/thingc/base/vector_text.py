@@ -1,0 +1,66 @@
+"""Vectors: three quantities with a common unit, parsed from strings such as `0 120 30 mm`."""
+
+from __future__ import annotations
+
+import re
+
+from thingc.base.units import (
+    MAX_TEXT,
+    NUMBER,
+    NUMBER_TEXT,
+    Dimension,
+    Quantity,
+    Unit,
+    UnitError,
+    converted,
+    scan_number,
+    scan_unit,
+    shortened,
+)
+
+
+def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
+    """Parse three numbers with a common unit: `0 120 30 mm`. `0 0 0` does not need a unit.
+
+    Raises UnitError. Its offsets count characters of `text`.
+    """
+    if len(text) > MAX_TEXT:
+        raise UnitError(f"a vector of {len(text)} characters is too long (at most {MAX_TEXT})")
+    numbers: list[str] = []
+    at = 0
+    while True:
+        while at < len(text) and text[at].isspace():
+            at += 1
+        scanned = scan_number(text, at)
+        if scanned is None:
+            break
+        number, at = scanned
+        numbers.append(number)
+    count = {1: "one number", 2: "two numbers"}.get(len(numbers), f"{len(numbers)} numbers")
+    how = "write for example `0 120 30 mm` or `[0, 120 mm, 30 mm]`"
+    if not numbers:
+        raise UnitError(f"expected three numbers and a unit, found `{shortened(text.strip())}`", help=how)
+    if len(numbers) != 3:
+        how = _separated(text) or how
+        raise UnitError(f"expected three numbers and a unit, found {count} (`{shortened(text.strip())}`)", help=how)
+    unit: Unit = (1, 1, NUMBER)
+    if at < len(text):
+        unit, end = scan_unit(text, at, wanted=wanted)
+        if text[end:].strip():
+            raise UnitError(
+                f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`",
+                offset=end, end=len(text), help=how,
+            )
+    x, y, z = (Quantity(converted(number, unit), unit[2]) for number in numbers)
+    return x, y, z
+
+
+def _separated(text: str) -> str | None:
+    """Return a hint for three values with separators or units between them, or None."""
+    pieces = [piece.strip() for piece in re.split("[,x×]", text)]
+    if len(pieces) == 3 and all(scan_number(piece) for piece in pieces):
+        shared = all(map(NUMBER_TEXT.fullmatch, pieces[:2]))
+        return f"write `{shortened(' '.join(pieces))}`" if shared else f"write `[{shortened(', '.join(pieces))}]`"
+    number = NUMBER_TEXT.pattern
+    values = re.fullmatch(rf"\s*({number})\s*([^\W\d]+)\s+({number})\s*\2\s+({number})\s*\2\s*", text)
+    return f"write `{values.group(1)} {values.group(3)} {values.group(4)} {values.group(2)}`" if values is not None else None
