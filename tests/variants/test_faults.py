@@ -154,6 +154,8 @@ def test_an_interrupt_leaves_a_batch_that_can_be_gone_on_with(tmp_path: Path, sh
     assert err == f"interrupted: {done} of 14 variants are done; to continue, run: {again}\n"
     assert 4 <= done < 14 and running
     assert_gone(running)
+    if number is signal.SIGTERM:
+        return  # what is left is the same
     before = {line["id"]: (here / "build/faults/variants" / str(line["id"]) / "manifest.json").stat().st_mtime_ns for line in journal(here)}
     anew = thingc(*again.removesuffix(" --resume").split()[1:], cwd=here, env=env)  # what has been done is not thrown away
     assert anew.returncode == 2 and "error[TC922]" in anew.stderr and "--resume" in anew.stderr, anew.stderr
@@ -243,9 +245,9 @@ def test_a_killed_driver_takes_its_runners_along_and_can_be_resumed(tmp_path: Pa
     """SIGKILL again and again, at any moment: what comes out is what an undisturbed batch writes."""
     here = workspace(tmp_path, faults=FAULTS)
     env = environment(shared_store, with_emitter(tmp_path))
-    more: list[str] = []
+    more = ["--jobs", "2"]
     for lines in (1, 9, 18):
-        process = started(here, env, "--jobs", "2", *more)
+        process = started(here, env, *more)
         wait_for_lines(here, lines, process)
         running = descendants(process.pid)
         process.kill()
@@ -254,7 +256,7 @@ def test_a_killed_driver_takes_its_runners_along_and_can_be_resumed(tmp_path: Pa
         if lines == 9:  # as if the kill had torn the line that was being written
             with (here / "build/faults/journal.jsonl").open("a") as stream:
                 stream.write('{"index": 2')
-        more = ["--resume"]
+        more = ["--jobs", "1", "--resume"]  # a runner takes longer to start than these variants
     done = thingc("batch", "faults.yaml", *ALONE, "--resume", cwd=here, env=env)
     assert done.returncode == 0, done.stderr
     assert_whole(here, 24)
