@@ -109,6 +109,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """What has been imported and collected stays to the end: it is not looked through for garbage again and again."""
     gc.freeze()
+    gc.set_threshold(100_000, 20, 20)  # as in a command
     gc.enable()
 
 

@@ -20,14 +20,14 @@ SCRIPT = ROOT / "benchmarks" / "variants" / "throughput.py"
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it reads /proc")
 def test_the_benchmark_says_what_it_measures(shared_store: str) -> None:
-    command = [sys.executable, str(SCRIPT), "--count", "2", "--models", "2", "--rounds", "2", "--scale", "100", "--store", shared_store]
+    command = [sys.executable, str(SCRIPT), "--count", "1", "--models", "1", "--rounds", "1", "--scale", "100", "--store", shared_store]
     out = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
     labels = [line.split()[0] for line in out.splitlines()]
     assert labels == ["plain", "passed", "loaded", "compiled", "unseen", "by", "modelled", "loaded,", "compiled,", "10", "100", "time"], out
 
 
 def test_the_benchmark_in_memory_says_what_it_measures(shared_store: str) -> None:
-    command = [sys.executable, str(SCRIPT.with_name("memory.py")), "--count", "2", "--rounds", "1", "--pens", "2", "--store", shared_store]
+    command = [sys.executable, str(SCRIPT.with_name("memory.py")), "--count", "1", "--rounds", "1", "--pens", "1", "--store", shared_store]
     out = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
     labels = [line[:9].strip() for line in out.splitlines()]
     by_hand = ["template", "edited", "exchanged", "patched", "copied", "kernel"]

@@ -19,7 +19,7 @@ from viewer.test_page import element
 pytestmark = [needed, pytest.mark.slow]
 
 VISIBLE = """() => { const { stage, robot } = thingc.viewer, box = stage.canvas.getBoundingClientRect(), found = new Set();
-  for (let x = 5; x < box.width; x += 9) for (let y = 5; y < box.height; y += 9) {
+  for (let x = 5; x < box.width; x += 12) for (let y = 5; y < box.height; y += 12) {
     const hit = thingc.viewer.hit(box.left + x, box.top + y);
     if (hit !== null) found.add(robot.occurrences[hit.occurrence].path);
   }
