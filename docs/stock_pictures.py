@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 import json
 import math
-import os
 import subprocess
 import sys
 import tempfile
@@ -18,17 +17,15 @@ from typing import NamedTuple
 
 from PIL import Image
 
-os.environ.setdefault("MUJOCO_GL", "egl")  # before mujoco is imported, which selects its backend on import
-
 from thingc.base.pose import Pose
 from thingc.targets.render.frames import Frame
-from thingc.targets.render.picture import Shot, picture
+from thingc.targets.render.picture import Shot, picture, ready
 
 WIDTH, HEIGHT = 560, 440
 
 
 class Item(NamedTuple):
-    """A named solid: a Python expression of `part`, drawn at an offset [mm] from its place. Without `color`, only its name is drawn."""
+    """A named solid: a Python expression of `part`, drawn at an offset [mm] from its place."""
 
     name: str
     solids: str
@@ -98,6 +95,7 @@ materials:
 
 def write(folder: Path) -> None:
     """Write all pictures to a folder."""
+    ready()
     for name, (reference, views) in PICTURES.items():
         whole = Image.new("RGB", (WIDTH * len(views), HEIGHT))
         for index, view in enumerate(views):

@@ -7,16 +7,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import sum_of
 from thingc.base.pose import Pose
-from thingc.targets.render.studio import Array, Camera
 
+if TYPE_CHECKING:
+    from thingc.targets.render.studio import Camera  # which imports MuJoCo: `picture.ready` must be called first
+
+Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 
 RED, GREEN, BLUE = (206, 32, 41), (22, 138, 52), (28, 84, 214)

@@ -94,8 +94,8 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
     robot = compilation.robots[0]
     assembly = robot.assembly
     pose = _pose(robot, arguments.pose, environment.document)
-    ready()  # before `_marks`, which imports MuJoCo
     marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
+    ready()
     artifacts = pipeline.build(environment, replace(compilation, robots=(robot,)), ["mjcf"])["mjcf"]
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     if console.exit_code(diagnostics):
