@@ -55,7 +55,7 @@ DRAWS = 100
 """Maximum number of successive refused settings when an episode starts."""
 
 RENDERERS = 8
-"""Number of models for which renderers are kept open."""
+"""Maximum number of open renderers, one per model."""
 
 
 class WorldPool(FrozenStruct):
