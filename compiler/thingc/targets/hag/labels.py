@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from graphlib import TopologicalSorter
 from typing import get_args
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -34,19 +35,13 @@ def quantities(hag: Hag) -> dict[str, int]:
 
     The quantity is the number of paths from the root to the definition.
     """
-    waiting = {definition.text: 0 for definition in hag.definitions}
+    above: dict[str, list[str]] = {definition.text: [] for definition in hag.definitions}
     for edge in hag.edges:
-        waiting[edge.child] += 1
-    below = children(hag)
-    counted = dict.fromkeys(waiting, 0)
+        above[edge.child].append(edge.parent)
+    counted = dict.fromkeys(above, 0)
     counted[hag.root] = 1
-    ready = [text for text, number in waiting.items() if number == 0]
-    for text in ready:
-        for edge in below.get(text, ()):
-            counted[edge.child] += counted[text]
-            waiting[edge.child] -= 1
-            if waiting[edge.child] == 0:
-                ready.append(edge.child)
+    for text in TopologicalSorter(above).static_order():
+        counted[text] += sum(counted[parent] for parent in above[text])
     return counted
 
 def how(edge: DefinitionEdge) -> str:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from bisect import bisect_left, insort
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from graphlib import TopologicalSorter
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import sum_of
@@ -87,7 +88,7 @@ class _Item:
 
 
 def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
-    """Return the layout of an acyclic graph. The layout is deterministic. Raises `ValueError` if the graph has a cycle."""
+    """Return the layout of an acyclic graph. The layout is deterministic. Raises `CycleError` if the graph has a cycle."""
     ranks = _ranks(len(boxes), lines)
     items = [_Item(column=2 * ranks[k], size=size, box=k) for k, size in enumerate(boxes)]
     chains = [_chain(items, line, ranks) for line in lines]
@@ -99,20 +100,12 @@ def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
 
 def _ranks(count: int, lines: Sequence[Line]) -> list[int]:
     """Return the length of the longest path to each box."""
-    ranks, waiting = [0] * count, [0] * count
-    followers: list[list[int]] = [[] for _ in range(count)]
+    before: dict[int, list[int]] = {k: [] for k in range(count)}
     for line in lines:
-        waiting[line.target] += 1
-        followers[line.source].append(line.target)
-    ready = [k for k in range(count) if waiting[k] == 0]
-    for k in ready:
-        for follower in followers[k]:
-            ranks[follower] = max(ranks[follower], ranks[k] + 1)
-            waiting[follower] -= 1
-            if waiting[follower] == 0:
-                ready.append(follower)
-    if len(ready) != count:
-        raise ValueError("the graph must be acyclic")
+        before[line.target].append(line.source)
+    ranks = [0] * count
+    for k in TopologicalSorter(before).static_order():
+        ranks[k] = max((ranks[source] + 1 for source in before[k]), default=0)
     return ranks
 
 
