@@ -101,10 +101,6 @@ class TestCase(FrozenStruct):
         return sorted({index for reference in references for index in self.linked.components[reference]})
 
 
-def _one_pose(stated: object, pose: NamedPose) -> Sequence[NamedPose]:
-    return [pose]
-
-
 Stated = TypeVar("Stated", bound=OneLineRepr)
 
 
@@ -117,5 +113,5 @@ class TestMeasurement(FrozenStruct, Generic[Stated]):
 
     kind: CheckKind[Any, Stated]
     measure: Callable[[TestCase, Stated], Outcome]
-    poses: Callable[[Stated, NamedPose], Sequence[NamedPose]] = _one_pose
+    poses: Callable[[Stated, NamedPose], Sequence[NamedPose]] = lambda stated, pose: [pose]
     finish: Callable[[LinkedTest, Sequence[Outcome], Report], None] | None = None
