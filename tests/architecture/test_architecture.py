@@ -31,7 +31,10 @@ ENTRIES = {"__init__.py", "__main__.py", "py.typed", *(room for room in ORDER if
 TYPES_ONLY = {("documents/checks", "thingc.model.resolve"), ("documents/checks", "thingc.model.assembly")}
 ALONE = ("geometry/things", "tools/templates")
 """Folders that import nothing else of thingc: part authors read the first, the second holds the files of new workspaces."""
-OF_EXTRAS = {"batch.gym.family_env", "batch.cluster.dask_plugin", "batch.families.jax_function", "batch.gym.variants_env", "modes.jax"}
+OF_EXTRAS = {
+    "batch.gym.family_env", "batch.cluster.dask_plugin", "batch.families.jax_function", "batch.families.mjx_constants",
+    "batch.families.mjx_family", "batch.gym.variants_env", "modes.jax",
+}
 KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
 KERNEL_MODULES = ("geometry/things/", "geometry/worker/server.py", "geometry/worker/file_reads.py", "geometry/worker/kernel/")
 # What each folder of `geometry`, and each module of plain data there, may import of it. The rest is the service: it sees them all.

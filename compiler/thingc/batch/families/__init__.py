@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from thingc.batch.families.batching import Batched, Batches
     from thingc.batch.families.family import RobotFamily
     from thingc.batch.families.function import FamilyFunction, FamilyJacobian, FamilyValues, NotDifferentiable
+    from thingc.batch.families.mjx_family import FamilyMjx
     from thingc.batch.families.results import Evaluated, Explanation, NoModel
     from thingc.batch.families.search_space import SearchSpace, SpaceDimension
 
@@ -25,6 +26,7 @@ __all__ = [
     "Explanation",
     "FamilyFunction",
     "FamilyJacobian",
+    "FamilyMjx",
     "FamilyValues",
     "NoModel",
     "NotDifferentiable",
@@ -36,6 +38,7 @@ __all__ = [
 __getattr__ = exported(__name__, {
     "Batched": "batching", "Batches": "batching",
     "FamilyFunction": "function", "FamilyJacobian": "function", "NotDifferentiable": "function", "FamilyValues": "function",
+    "FamilyMjx": "mjx_family",
     "Evaluated": "results", "Explanation": "results", "NoModel": "results", "RobotFamily": "family", "SearchSpace": "search_space",
     "SpaceDimension": "search_space",
 })

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     import mujoco
 
     from thingc.batch.families.function import FamilyFunction
+    from thingc.batch.families.mjx_family import FamilyMjx
     from thingc.batch.families.sensitivity import Sensitivity
     from thingc.batch.planning import Plan
     from thingc.model.resolve.resolver import Sources
@@ -296,6 +297,20 @@ class RobotFamily:
             x.update(zip(read.names, read.values, strict=True))
             found += sensitivities(function, x, kinds, self._written(by), alone)
         return found
+
+    def mjx(
+        self, names: Sequence[str] | str, *, mode: str | None = None, at: Mapping[str, Any] | None = None, floor: bool = False,
+        dtype: str = "float64",
+    ) -> FamilyMjx:
+        """Return the family as models of MJX (MuJoCo in JAX), a pure function of numbers by parameter or path.
+
+        `at` are additional fixed settings. With `floor`, models include the floor of their scenes. Raises `FamilyError` for a name that is
+        not a number, if JAX has no 64-bit numbers (with `dtype="float64"`), and for what MJX does not support; `UnknownChoice` for an
+        unknown mode.
+        """
+        from thingc.batch.families.mjx_family import FamilyMjx
+
+        return FamilyMjx(self._of(mode, False, floor), self.function(names, (), mode=mode, at=at), dtype)
 
     @cached_property
     def space(self) -> SearchSpace:

@@ -23,21 +23,22 @@ LONGEST = 10_000
 """Maximum number of statements, since the time to compile them grows faster than their number."""
 
 
-def jax_function(program: Program, by: Sequence[int], values: Sequence[float], dtype: str) -> JaxFunction:
+def jax_function(program: Program, by: Sequence[int], values: Sequence[float], dtype: str, instead: str = "value") -> JaxFunction:
     """Return a program as a function of the variables at the indices `by`; the others have `values`.
 
     Decisions are made for the values of the program: for others that decide otherwise, the boolean is False. Raises `FamilyError` for a
-    program with operations that JAX does not have, for one that is too long, and for `float64` without 64-bit numbers in JAX.
+    program with operations that JAX does not have, for one that is too long, and for `float64` without 64-bit numbers in JAX; its help is
+    to use the method `instead`.
     """
     if dtype not in ("float64", "float32"):
         raise FamilyError(f"expected `dtype` to be \"float64\" or \"float32\", found `{dtype}`")
     if dtype == "float64" and not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
         raise FamilyError("JAX has no 64-bit numbers: call `jax.config.update(\"jax_enable_x64\", True)` first, or use `dtype=\"float32\"`")
     if len(program.statements) > LONGEST:
-        raise FamilyError(f"the function has {len(program.statements)} operations, and JAX can compile {LONGEST}: use `value` instead")
+        raise FamilyError(f"the function has {len(program.statements)} operations, and JAX can compile {LONGEST}: use `{instead}` instead")
     unknown = {one.operation for one in program.statements} - FUNCTIONS.keys() - {"item"}
     if unknown:
-        raise FamilyError(f"JAX does not have the operation `{sorted(unknown)[0]}`: use `value` instead")
+        raise FamilyError(f"JAX does not have the operation `{sorted(unknown)[0]}`: use `{instead}` instead")
 
     def run(x: Any) -> tuple[Any, Any]:
         given = [jnp.asarray(value, dtype=dtype) for value in values]

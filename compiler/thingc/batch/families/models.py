@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections import OrderedDict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from weakref import WeakKeyDictionary
 
 from thingc.base.diagnostics import Diagnostic, Report
@@ -89,8 +89,19 @@ class ModelsOfMode:
         """Return whether the compiled model is cached and writing arrays would not be faster."""
         return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
-    def plan(self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate]) -> NumericPlan[Arrays | ModelTemplate] | None:
-        """Return a plan that results in the same models as compilations.
+    def template_at(self, read: ParsedSettings) -> tuple[NumericPlan[ModelTemplate] | None, str]:
+        """Return a plan for the XML that applies to settings and no modelled part depends on; None with the reason if there is none."""
+        form: PlanCache[Arrays | ModelTemplate] = PlanCache()
+        for nearby in (True, False):
+            plan = self.plan(read, form, text=True, nearby=nearby)
+            if plan is not None and plan.outputs(read.values) is not None:
+                return cast(NumericPlan[ModelTemplate], plan), "; ".join(f"`{name}`: {why}" for name, why in form.why.items())
+        return None, form.refused or "thingc decides differently there"
+
+    def plan(
+        self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate], *, text: bool = False, nearby: bool = True,
+    ) -> NumericPlan[Arrays | ModelTemplate] | None:
+        """Return a plan that results in the same models as compilations; with `text`, by the XML only.
 
         If no such plan exists, set the reason in `form` and return None.
         """
@@ -114,7 +125,7 @@ class ModelsOfMode:
                 return template.outputs, template
             template = ModelTemplate(rehearsal)
             assets = self.source(read).assets
-            if not slower:
+            if not slower and not text:
                 try:
                     arrays = Arrays(template.slotted, template.places, template.plain, assets, self._load)
                     return [template.outputs[place] for place in arrays.lines], arrays
@@ -124,7 +135,7 @@ class ModelsOfMode:
             return template.outputs, template
 
         while True:
-            plan = numeric_plan.make(read, self.reader, attempt, finish, form, exchanged)
+            plan = numeric_plan.make(read, self.reader, attempt, finish, form, None if text else exchanged, nearby=nearby)
             if plan is None:
                 return None
             wrong = self._compared(plan, numeric_plan.samples(read, self.reader, form), first)

@@ -50,6 +50,11 @@ _PLAIN = {
     ("key", "qpos"): "key_qpos", ("key", "ctrl"): "key_ctrl", ("key", "mpos"): "key_mpos", ("key", "mquat"): "key_mquat",
     ("geom", "friction"): "geom_friction",
 }
+_GEOMETRY = {
+    ("geom", "pos"): "geom_pos", ("geom", "quat"): "geom_quat", ("geom", "size"): "geom_size", ("camera", "pos"): "cam_pos",
+    ("camera", "quat"): "cam_quat",
+}
+"""Fields of numbers from which MuJoCo's compiler also computes other fields."""
 _TENDON = {
     "range": "tendon_range", "stiffness": "tendon_stiffness", "damping": "tendon_damping", "frictionloss": "tendon_frictionloss",
     "armature": "tendon_armature", "springlength": "tendon_lengthspring",
@@ -67,11 +72,13 @@ _KINDS = {**dict.fromkeys(_DRIVES, "actuator"), **dict.fromkeys(_TENDONS, "tendo
 """Names of the accessors of the model for tags with another name."""
 
 
-def places(root: Element, tokens: Mapping[str, int], model: mujoco.MjModel) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
+def places(
+    root: Element, tokens: Mapping[str, int], model: mujoco.MjModel, *, geometry: bool = False,
+) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
     """Return the entries of every number, by the index of its token, and the strings of the mass properties by body.
 
-    These strings are mass, centre of mass and inertia of each `inertial` with tokens. `model` is the compiled XML. Raises
-    `NotAnArrayEntry`.
+    These strings are mass, centre of mass and inertia of each `inertial` with tokens. `model` is the compiled XML. `geometry` includes
+    numbers of geoms, cameras and free bodies from which MuJoCo computes other fields. Raises `NotAnArrayEntry`.
     """
     entries: list[tuple[int, Entry]] = []
     inertials: dict[str, list[list[str]]] = {}
@@ -87,7 +94,7 @@ def places(root: Element, tokens: Mapping[str, int], model: mujoco.MjModel) -> t
                 continue
             for k, word in enumerate(words):
                 if word in tokens:
-                    entries += [(tokens[word], place) for place in _places(model, element, above, attribute, k)]
+                    entries += [(tokens[word], place) for place in _places(model, element, above, attribute, k, geometry)]
     return entries, inertials
 
 
@@ -101,7 +108,7 @@ def _walk(root: Element) -> Iterator[tuple[Element, Element]]:
             waiting.append(element)
 
 
-def _places(model: Any, element: Element, above: Element, attribute: str, k: int) -> list[Entry]:
+def _places(model: Any, element: Element, above: Element, attribute: str, k: int, geometry: bool) -> list[Entry]:
     tag = element.tag
     unknown = NotAnArrayEntry(f"{tag}.{attribute}")
     name = element.get("name", "")
@@ -139,9 +146,13 @@ def _places(model: Any, element: Element, above: Element, attribute: str, k: int
         return [_at(model, _ACTUATOR[attribute], owner.id, k)]
     if (tag, attribute) in _GAINS:
         return [_at(model, field, owner.id, column, sign) for field, column, sign in _GAINS[tag, attribute]]
-    if (tag, attribute) not in _PLAIN or (tag == "body" and element.find("freejoint") is not None):
+    plain = {**_PLAIN, **_GEOMETRY} if geometry else _PLAIN
+    free = tag == "body" and element.find("freejoint") is not None
+    if (tag, attribute) not in plain or (free and not geometry):
         raise unknown
-    return [_at(model, _PLAIN[tag, attribute], owner.id, k)]
+    place = _at(model, plain[tag, attribute], owner.id, k)
+    first = int(model.jnt_qposadr[model.body_jntadr[owner.id]]) + (3 if attribute == "quat" else 0) if free else 0
+    return [place, *(Entry(field=field, index=first + k) for field in ("qpos0", "qpos_spring") if free)]
 
 
 def _owner(model: Any, element: Element) -> Any:

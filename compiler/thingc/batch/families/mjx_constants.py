@@ -1,0 +1,180 @@
+"""Fields that MuJoCo computes when it compiles a model, as functions of JAX: MJX takes them from the compiled model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from mujoco import mjx
+from mujoco.mjx._src import math
+
+MANY = 100
+"""Maximum number of rotations to find principal axes; usually, 8 are enough."""
+EQUAL = 1e-9
+"""Relative difference of principal moments up to which they count as equal."""
+
+Fields = dict[str, Any]
+"""Arrays by the name of the field of a model, such as `body_mass` or `stat.meaninertia`."""
+
+
+def bounds(kind: int, size: Any) -> tuple[Any, Any]:
+    """Return the radius of the bounding sphere of a primitive, and half of its bounding box, as `geom_rbound` and `geom_aabb` contain."""
+    radius, half = size[0], size[1]
+    match mujoco.mjtGeom(kind):
+        case mujoco.mjtGeom.mjGEOM_SPHERE:
+            return radius, jnp.stack([radius, radius, radius])
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            return radius + half, jnp.stack([radius, radius, radius + half])
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            return jnp.sqrt(radius * radius + half * half), jnp.stack([radius, radius, half])
+        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            return jnp.max(size), size
+    return jnp.sqrt(jnp.sum(size * size)), size
+
+
+def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int, Any]], relaxed: Sequence[int]) -> Fields:
+    """Return the fields that `mj_setConst` sets, for the other fields of a model.
+
+    `ratios` are damping ratios by actuator, from which damping is computed, and `relaxed` the tendons whose springs have no given length.
+    """
+    places = jax.vmap(partial(_placed, model, data))(jnp.stack([model.qpos0, model.qpos_spring] if relaxed else [model.qpos0]))
+    composite = mjx.crb(model, jax.tree_util.tree_map(lambda leaf: leaf[0], places))
+    inertia = jnp.diag(mjx.full_m(model, composite))
+    found = mjx.transmission(model, mjx.tendon_armature(model, composite))
+    matrix = mjx.full_m(model, found)
+    fields: Fields = {"body_subtreemass": _subtree_sums(model) @ model.body_mass, "dof_M0": inertia, "tendon_length0": found.ten_length}
+    if model.nv:
+        inverse = jnp.linalg.inv(matrix)
+        fields["stat.meaninertia"] = jnp.mean(jnp.diag(matrix))
+        fields["body_invweight0"], fields["dof_invweight0"] = _inverse_weights(model, found, inverse)
+        fields["tendon_invweight0"] = jnp.einsum("ti,ij,tj->t", found._impl.ten_J, inverse, found._impl.ten_J)
+        moments = found._impl.actuator_moment
+        fields["actuator_acc0"] = _lengths(moments @ inverse)
+        if ratios:
+            fields["actuator_biasprm"] = _damped(model, jnp.einsum("ai,ij,aj->a", moments, inverse, moments), ratios)
+    if model.ncam:
+        fields |= _cameras(model, found)
+    if relaxed:
+        chosen = np.array(relaxed)
+        fields["tendon_lengthspring"] = model.tendon_lengthspring.at[chosen].set(places.ten_length[1, chosen, None])
+    return fields
+
+
+def _placed(model: mjx.Model, data: mjx.Data, qpos: Any) -> mjx.Data:
+    """Return the positions of bodies and tendons at `qpos`, with held bodies where the model places them."""
+    held = np.flatnonzero(model.body_mocapid >= 0)
+    data = data.replace(qpos=qpos, mocap_pos=model.body_pos[held], mocap_quat=model.body_quat[held])
+    return mjx.tendon(model, mjx.com_pos(model, mjx.kinematics(model, data)))
+
+
+def _subtree_sums(model: mjx.Model) -> Any:
+    """Return the matrix `(bodies, bodies)` that sums values of bodies over subtrees."""
+    sums = np.eye(model.nbody)
+    for body in range(model.nbody - 1, 0, -1):
+        sums[model.body_parentid[body]] += sums[body]
+    return sums
+
+
+def _inverse_weights(model: mjx.Model, data: mjx.Data, inverse: Any) -> tuple[Any, Any]:
+    """Return the means of the diagonal of the inverse inertia, for bodies by translation and rotation, and for degrees of freedom."""
+    moves = (_subtree_sums(model).T > 0)[:, model.dof_bodyid].astype(float)  # of each body by each degree of freedom
+    turns, offsets = data.cdof[:, :3], data.xipos - data.subtree_com[model.body_rootid]
+    shifts = data.cdof[:, 3:] + jnp.cross(turns[None], offsets[:, None])
+    bodies = jnp.stack([
+        jnp.einsum("bik,ij,bjk->b", jacobian, inverse, jacobian) / 3.0
+        for jacobian in (shifts * moves[:, :, None], turns[None] * moves[:, :, None])
+    ], axis=1)
+    means = np.zeros((model.nv, model.nv))
+    for joint, first in enumerate(model.jnt_dofadr):
+        kind = mujoco.mjtJoint(model.jnt_type[joint])
+        width = 3 if kind in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL) else 1
+        count = 6 if kind == mujoco.mjtJoint.mjJNT_FREE else width
+        for start in range(first, first + count, width):
+            means[start : start + width, start : start + width] = 1.0 / width
+    freedoms = means @ jnp.diag(inverse)
+    slides = model.body_simple == 2  # MuJoCo takes the mass of a body that only slides
+    single = 1.0 / jnp.maximum(model.body_mass, mujoco.mjMINVAL)
+    bodies = jnp.where(slides[:, None], jnp.stack([single, jnp.zeros_like(single)], axis=1), bodies)
+    return bodies, jnp.where(slides[model.dof_bodyid], single[model.dof_bodyid], freedoms)
+
+
+def _lengths(rows: Any) -> Any:
+    """Return the lengths of rows, with the derivative 0 for length 0."""
+    squares = jnp.sum(rows * rows, axis=1)
+    return jnp.where(squares > 0.0, jnp.sqrt(jnp.where(squares > 0.0, squares, 1.0)), 0.0)
+
+
+def _cameras(model: mjx.Model, data: mjx.Data) -> Fields:
+    bodies = model.cam_bodyid
+    offsets = jax.vmap(math.rotate)(model.cam_pos, data.xquat[bodies])
+    targets = np.where(model.cam_targetbodyid >= 0, model.cam_targetbodyid, bodies)
+    turned = jax.vmap(math.quat_mul)(data.xquat[bodies], model.cam_quat)
+    return {
+        "cam_pos0": offsets, "cam_poscom0": data.xpos[bodies] + offsets - data.subtree_com[targets],
+        "cam_mat0": jax.vmap(math.quat_to_mat)(turned),
+    }
+
+
+def _damped(model: mjx.Model, weights: Any, ratios: Sequence[tuple[int, Any]]) -> Any:
+    """Return `actuator_biasprm` with the damping of actuators for their damping ratios and the inverse inertia that they move."""
+    bias = model.actuator_biasprm
+    for actuator, ratio in ratios:
+        bias = bias.at[actuator, 2].set(-2.0 * ratio * jnp.sqrt(model.actuator_gainprm[actuator, 0] / weights[actuator]))
+    return bias
+
+
+@jax.custom_jvp
+def principal_axes(matrix: Any) -> tuple[Any, Any]:
+    """Return the principal moments of an inertia `(3, 3)`, descending, and the quaternion of the axes, by Jacobi rotations.
+
+    The axes have no derivative where a change couples two axes with equal moments: such a change counts as 0.
+    """
+    tolerance = float(np.finfo(matrix.dtype).eps) * jnp.trace(matrix)
+    rows, columns = jnp.array([0, 0, 1]), jnp.array([1, 2, 2])
+
+    def rotated(quaternion: Any) -> Any:
+        axes = math.quat_to_mat(quaternion)
+        return axes.T @ matrix @ axes
+
+    def turned(state: tuple[Any, Any]) -> tuple[Any, Any]:
+        count, quaternion = state
+        inertia = rotated(quaternion)
+        choice = jnp.argmax(jnp.abs(inertia[rows, columns]))
+        row, column = rows[choice], columns[choice]
+        entry = inertia[row, column]
+        tau = (inertia[column, column] - inertia[row, row]) / (2.0 * jnp.where(entry == 0.0, 1.0, entry))
+        tangent = jnp.where(tau >= 0.0, 1.0, -1.0) / (jnp.abs(tau) + jnp.sqrt(1.0 + tau * tau))
+        half = 0.5 * jnp.arctan(tangent) * jnp.where(choice == 1, 1.0, -1.0)
+        turn = jnp.zeros_like(quaternion).at[3 - choice].set(jnp.sin(half)).at[0].set(jnp.cos(half))
+        small = jnp.abs(entry) <= tolerance
+        return jnp.where(small, MANY, count + 1), jnp.where(small, quaternion, math.normalize(math.quat_mul(quaternion, turn)))
+
+    start = (0, jnp.array([1.0, 0.0, 0.0, 0.0], dtype=matrix.dtype))
+    _, quaternion = jax.lax.while_loop(lambda state: state[0] < MANY, turned, start)
+    moments = jnp.diag(rotated(quaternion))
+    for first, axis in ((0, 3), (1, 1), (0, 3)):
+        swaps, both = moments[first] < moments[first + 1], jnp.array([first, first + 1])
+        turn = jnp.zeros_like(quaternion).at[jnp.array([0, axis])].set(0.5 ** 0.5)
+        quaternion = jnp.where(swaps, math.normalize(math.quat_mul(quaternion, turn)), quaternion)
+        moments = jnp.where(swaps, moments.at[both].set(moments[both[::-1]]), moments)
+    return moments, quaternion
+
+
+@principal_axes.defjvp
+def _principal_axes_jvp(primals: tuple[Any], tangents: tuple[Any]) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+    moments, quaternion = principal_axes(*primals)
+    axes = math.quat_to_mat(quaternion)
+    change = axes.T @ tangents[0] @ axes
+
+    def rate(i: int, j: int) -> Any:
+        gap = moments[j] - moments[i]
+        equal = jnp.abs(gap) <= EQUAL * moments[0]
+        return change[i, j] * jnp.where(equal, 0.0, 1.0 / jnp.where(equal, 1.0, gap))
+
+    spin = jnp.stack([jnp.zeros_like(moments[0]), rate(2, 1), rate(0, 2), rate(1, 0)])
+    return (moments, quaternion), (jnp.diag(change), 0.5 * math.quat_mul(quaternion, spin))

@@ -1,0 +1,252 @@
+"""A family in MJX, MuJoCo in JAX: models as a pure function of numbers (`pip install thingc[jax]`)."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+
+from thingc.batch.families.jax_function import jax_function
+from thingc.batch.mujoco_arrays.arrays import INERTIAL
+from thingc.batch.mujoco_arrays.entries import INERT, TENSED, Entry, NotAnArrayEntry, places
+from thingc.batch.results import FamilyError
+
+try:
+    import jax
+    import jax.numpy as jnp
+    import mujoco
+    from mujoco import mjx
+    from mujoco.mjx._src import math
+except ImportError as fault:  # pragma: no cover - reported with a help text
+    raise ImportError("models of MJX need MJX: `pip install thingc[jax]`") from fault
+
+from thingc.batch.families.mjx_constants import Fields, bounds, principal_axes, with_constants
+
+if TYPE_CHECKING:
+    from thingc.batch.families.function import FamilyFunction
+    from thingc.batch.families.mjspec_recompile import ModelTemplate
+    from thingc.batch.families.models import ModelsOfMode
+
+IGNORED = ("key_", "numeric_data", "stat.")
+"""Prefixes of fields that do not affect a simulation."""
+OPTIONS = ("opt.timestep", "opt.gravity")
+"""Options that can differ between models of MJX, which evaluates the others when it converts a model."""
+FRICTION = ("dof_frictionloss", "tendon_frictionloss")
+
+
+class FamilyMjx:
+    """Models of MJX as a function of the numbers `names`, in one mode, with other settings fixed.
+
+    `base` is the model for `start`, the values of the document, `(n,)`. `varied` are the names of the fields in which models differ.
+    Other fields, such as keyframes, are those of `base`.
+    """
+
+    def __init__(self, models: ModelsOfMode, function: FamilyFunction, dtype: str) -> None:
+        if dtype == "float32" and jax.config.jax_enable_x64:  # type: ignore[attr-defined]
+            raise FamilyError("MJX computes with 64-bit numbers if JAX has them: leave out `dtype`, or disable `jax_enable_x64`")
+        settings, read = function._item(function.start)
+        plan, why = models.template_at(read)
+        lost = [name for name in function.names if plan is None or plan.free.count(read.names.index(name)) == 0]
+        if plan is None or lost:
+            raise FamilyError(f"MJX cannot have {', '.join(lost)} as a number: {why}; fix it with `at`, or use `models`")
+        self.names, self.start, self.units, self.bounds = function.names, function.start, function.units, function.bounds
+        by = [plan.free.index(read.names.index(name)) for name in self.names]
+        self._run = jax_function(plan.program, by, [read.values[at] for at in plan.free], dtype, "models")
+        self._model: mujoco.MjModel = next(iter(models.each([(settings, read)], share=False)))
+        self._read_template(plan.made)
+        self.base = self._put_base(models.mode)
+        self._data = mjx.make_data(self._model)
+        self._many = jax.jit(jax.vmap(self._fields))
+        for name in self._writes:
+            if not isinstance(attrgetter(name)(self.base), jax.Array) or (name.startswith("opt.") and name not in OPTIONS):
+                raise FamilyError(self._fixed(f"MJX fixes `{name}` when it converts a model"))
+
+    def __repr__(self) -> str:
+        return f"FamilyMjx({', '.join(self.names)} -> {', '.join(self.varied)})"
+
+    @cached_property
+    def varied(self) -> tuple[str, ...]:
+        """The names of the fields in which models differ."""
+        return tuple(jax.eval_shape(self._fields, jnp.asarray(self.start))[0])
+
+    def model(self, p: Any) -> tuple[mjx.Model, Any]:
+        """Return the model for values `(n,)` of the names, and whether they are valid: a pure function for `jit`, `vmap` and `grad`.
+
+        For values that are refused, or for which thingc makes another decision than for `start`, the boolean is False and the model
+        undefined.
+        """
+        fields, ok = self._fields(p)
+        return self.base.tree_replace(fields), ok
+
+    def batch(self, p: npt.ArrayLike) -> tuple[mjx.Model, mjx.Model, Any]:
+        """Return the models for rows `(k, n)` as one model, its axes for `in_axes` of `jax.vmap`, and which rows are valid, `(k,)`.
+
+        The fields `varied` have a leading axis; the others are shared.
+        """
+        rows = jnp.asarray(p)
+        if rows.ndim != 2 or rows.shape[1] != len(self.names):
+            raise FamilyError(f"expected an array of shape (k, {len(self.names)}) for {', '.join(self.names)}, found {rows.shape}")
+        fields, ok = self._many(rows)
+        axes = jax.tree_util.tree_map(lambda _: None, self.base)
+        return self.base.tree_replace(fields), axes.tree_replace(dict.fromkeys(fields, 0)), ok
+
+    def put(self, model: mjx.Model, state: mujoco.MjData | mjx.Data) -> tuple[mjx.Model, mjx.Data]:
+        """Return a model and data of MJX for a state, such as the `MjData` of a model of this family.
+
+        MJX moves a mocap body without its children. Therefore the pose of a held base is also written to the model.
+        """
+        data = state if isinstance(state, mjx.Data) else mjx.put_data(self._model, state)
+        held = np.flatnonzero(self._model.body_mocapid >= 0)
+        if not len(held):
+            return model, data
+        return model.tree_replace({
+            "body_pos": model.body_pos.at[..., held, :].set(data.mocap_pos),
+            "body_quat": model.body_quat.at[..., held, :].set(data.mocap_quat),
+        }), data
+
+    # --- implementation -------------------------------------------------------------------------------------------------
+
+    def _read_template(self, template: ModelTemplate) -> None:
+        """Find the entries of fields for the numbers of the XML."""
+        model, root = self._model, ElementTree.fromstring(template.slotted)
+        named = {model.geom(geom).name for geom in range(model.ngeom)}
+        for above in root.iter():
+            for geom in [geom for geom in above.findall("geom") if geom.get("class") == "visual" and geom.get("name") not in named]:
+                above.remove(geom)  # visual geometry, which this model omits
+        try:
+            placed, inertials = places(root, template.places, model, geometry=True)
+        except NotAnArrayEntry as fault:
+            raise FamilyError(self._fixed(f"MuJoCo uses `{fault.attribute}` at compile time")) from None
+        by_field: dict[str, list[tuple[int, Entry]]] = {}
+        for column, entry in placed:
+            if not entry.field.startswith(IGNORED):
+                by_field.setdefault(entry.field, []).append((column, entry))
+        self._writes = {name: Write.of(entries) for name, entries in sorted(by_field.items())}
+        self._bodies = np.array([model.body(name).id for name in inertials], dtype=int)
+        words = [word for said in inertials.values() for some in said for word in some]
+        self._constants = np.array([0.0 if word in template.places else float(word) for word in words])
+        count = len(template.outputs)
+        self._inertials = np.array([template.places.get(word, count + k) for k, word in enumerate(words)], dtype=int).reshape(-1, 10)
+        self._relaxed = [model.tendon(one.get("name", "")).id for one in root.iterfind("tendon/*") if "springlength" not in one.attrib]
+        self._ratios = [
+            (model.actuator(one.get("name", "")).id, template.places.get(ratio), ratio)
+            for one in root.iterfind("actuator/*") if (ratio := one.get("dampratio")) is not None
+        ]
+        written = self._writes.keys() | set(INERTIAL if inertials else ())
+        self._recomputes = bool(self._ratios) or not written <= (INERT - TENSED if model.ntendon else INERT)
+        self._sized = self._rows("geom_size")
+        moved = sorted({*self._rows("geom_pos"), *self._rows("geom_quat")})
+        self._meshes = np.array([geom for geom in moved if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH], dtype=int)
+
+    def _rows(self, name: str) -> list[int]:
+        """Return the rows of a field that have entries for numbers."""
+        write = self._writes.get(name)
+        return [] if write is None else sorted(set((write.at // getattr(self._model, name).shape[1]).tolist()))
+
+    def _fixed(self, why: str) -> str:
+        return f"{why}, and it depends on {', '.join(self.names)}: fix them with `at`, or use `models`"
+
+    def _put_base(self, mode: str) -> mjx.Model:
+        """Convert the model for `start`, so that it can have the fields of the other models."""
+        model = copy.copy(self._model)
+        for name in FRICTION:
+            if name in self._writes:  # MJX has constraints only for joints with friction in the model that it converts
+                getattr(model, name)[self._writes[name].at] = 1.0
+        bias = model.actuator_biasprm.copy()
+        if "actuator_biasprm" in self._writes:
+            bias.flat[self._writes["actuator_biasprm"].at] = 1.0
+        limited = np.flatnonzero((bias[:, 2] != 0.0) & (model.actuator_forcelimited != 0))
+        if model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST and len(limited):
+            raise FamilyError(
+                f"MJX integrates the damping of `{model.actuator(limited[0]).name}` with `implicitfast` even at its greatest force, unlike "
+                "MuJoCo: write `integrator: Euler` under `simulation`, or remove the effort or the damping of the drive"
+            )
+        try:
+            if model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC and not mjx.make_data(model)._impl.contact.dist.size:
+                model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL  # MJX fails with elliptic cones if there are no contacts
+            base = mjx.put_model(model)
+        except NotImplementedError as fault:
+            raise FamilyError(
+                f"MJX does not support a feature of mode `{mode}`: {fault}; open the family with `compat=\"mjx\"`, or choose another mode"
+            ) from None
+        return base.tree_replace({name: jnp.asarray(getattr(self._model, name)) for name in FRICTION if name in self._writes})
+
+    def _raw(self, name: str) -> Any:
+        """Return a field of `base`; of meshes, the poses in the XML, which MuJoCo's compiler composes with those of the mesh."""
+        value = attrgetter(name)(self.base)
+        if name not in ("geom_pos", "geom_quat") or not len(self._meshes):
+            return value
+        offsets, turns = self._mesh_poses()
+        turned = jax.vmap(math.quat_mul)(self.base.geom_quat[self._meshes], jax.vmap(math.quat_inv)(turns))
+        shifted = self.base.geom_pos[self._meshes] - jax.vmap(math.rotate)(offsets, turned)
+        return value.at[self._meshes].set(turned if name == "geom_quat" else shifted)
+
+    def _mesh_poses(self) -> tuple[Any, Any]:
+        meshes = self._model.geom_dataid[self._meshes]
+        return jnp.asarray(self._model.mesh_pos[meshes]), jnp.asarray(self._model.mesh_quat[meshes])
+
+    def _fields(self, p: Any) -> tuple[Fields, Any]:
+        """Return the fields that differ from `base`, and whether the values are valid."""
+        numbers, ok = self._run(p)
+        fields: Fields = {}
+        for name, write in self._writes.items():
+            old = self._raw(name)
+            fields[name] = old.reshape(-1).at[write.at].set(numbers[write.columns] * write.signs).reshape(old.shape)
+        if len(self._bodies):
+            table = jnp.concatenate([numbers, jnp.asarray(self._constants, dtype=numbers.dtype)])[self._inertials]
+            moments, axes = jax.vmap(principal_axes)(table[:, np.array([[4, 7, 8], [7, 5, 9], [8, 9, 6]])])
+            for name, values in zip(INERTIAL, (table[:, 0], table[:, 1:4], moments, axes)):
+                fields[name] = getattr(self.base, name).at[self._bodies].set(values)
+        self._shape(fields)
+        model = self.base.tree_replace(fields)
+        if self._recomputes:
+            ratios = [(actuator, float(word) if column is None else numbers[column]) for actuator, column, word in self._ratios]
+            fields |= with_constants(model, self._data, ratios, self._relaxed)
+        return fields, ok & self._wraps_alike(model)
+
+    def _shape(self, fields: Fields) -> None:
+        """Add the bounds of geoms with other sizes, and compose the poses of meshes."""
+        if self._sized:
+            radii, boxes = self.base.geom_rbound, self.base.geom_aabb
+            for geom in self._sized:
+                radius, half = bounds(int(self._model.geom_type[geom]), fields["geom_size"][geom])
+                radii, boxes = radii.at[geom].set(radius), boxes.at[geom, 3:].set(half)
+            fields["geom_rbound"], fields["geom_aabb"] = radii, boxes
+        if len(self._meshes):
+            offsets, turns = self._mesh_poses()
+            own = {name: fields.get(name, self._raw(name)) for name in ("geom_pos", "geom_quat")}
+            turned = own["geom_quat"][self._meshes]
+            fields["geom_pos"] = own["geom_pos"].at[self._meshes].add(jax.vmap(math.rotate)(offsets, turned))
+            fields["geom_quat"] = own["geom_quat"].at[self._meshes].set(jax.vmap(math.quat_mul)(turned, turns))
+
+    def _wraps_alike(self, model: mjx.Model) -> Any:
+        """Return whether tendons wrap around the same sides of geoms as in `base`, which MJX fixes when it converts a model."""
+        wraps = np.flatnonzero(np.isin(self._model.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER)))
+        geoms, sides = self._model.wrap_objid[wraps], np.round(self._model.wrap_prm[wraps]).astype(int)
+        squares = jnp.sum((model.site_pos[sides] - model.geom_pos[geoms]) ** 2, axis=1)
+        inside = (squares < model.geom_size[geoms, 0] ** 2) & (sides >= 0)
+        return jnp.all(inside == self.base._impl.is_wrap_inside[: len(wraps)])
+
+
+@dataclass(frozen=True)
+class Write:
+    """The flat indices of entries of a field, and the columns of the numbers with their signs."""
+
+    at: npt.NDArray[np.int_]
+    columns: npt.NDArray[np.int_]
+    signs: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(cls, entries: Sequence[tuple[int, Entry]]) -> Write:
+        """Return the entries of a field by column."""
+        return cls(
+            np.array([entry.index for _, entry in entries]), np.array([column for column, _ in entries]),
+            np.array([entry.sign for _, entry in entries]),
+        )

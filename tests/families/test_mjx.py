@@ -1,0 +1,162 @@
+"""`family.mjx`: the fields of models in MJX are those that MuJoCo compiles."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+
+import jax
+import mujoco
+import numpy as np
+import pytest
+from mujoco import mjx
+
+import thingc
+from families.crane import CRANE, LEVER
+from families.documents import WORKSPACE
+from thingc.batch.results import FamilyError
+
+NAMES = ["length", "load", "radius", "skew", "stiff", "rubbing"]
+UNUSED = ("key_", "meanmass", "meansize", "extent", "center")
+"""Fields that MJX does not use."""
+LOW, HIGH = [0.2, 0.1, 0.01, -0.002, 10.0, 0.0], [0.5, 0.9, 0.03, 0.002, 50.0, 0.1]
+
+
+@pytest.fixture(autouse=True)
+def in_double_precision() -> Iterator[None]:
+    jax.config.update("jax_enable_x64", True)
+    yield
+    jax.config.update("jax_enable_x64", False)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("mjx")
+    for name, text in {**WORKSPACE, "crane.yaml": CRANE, "lever.yaml": LEVER}.items():
+        (place / name).write_text(text)
+    return place
+
+
+@pytest.fixture(scope="module")
+def crane(folder: Path) -> Iterator[thingc.RobotFamily]:
+    with thingc.family(folder / "crane.yaml", verify=0) as family:
+        yield family
+
+
+def leaves(model: mjx.Model) -> dict[str, np.ndarray]:
+    """Every array of a model of MJX; of inertias, the matrices, since the order and the signs of principal axes are free."""
+    found = {}
+    for prefix, group in (("", model), ("opt.", model.opt), ("stat.", model.stat)):
+        for field in dataclasses.fields(group):
+            value = getattr(group, field.name)
+            if isinstance(value, jax.Array | np.ndarray) and not field.name.startswith(UNUSED):
+                found[prefix + field.name] = np.asarray(value)
+    matrices = np.array([mujoco_matrix(quat) for quat in found.pop("body_iquat")])
+    found["body_iquat"] = np.einsum("bij,bj,bkj->bik", matrices, found["body_inertia"], matrices)
+    found["dof_hasfrictionloss"] = np.asarray(model._impl.dof_hasfrictionloss)
+    return found
+
+
+def mujoco_matrix(quat: np.ndarray) -> np.ndarray:
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, np.asarray(quat, dtype=np.float64))
+    return matrix.reshape(3, 3)
+
+
+def compared(
+    family: thingc.RobotFamily, mode: str, names: list[str], rows: np.ndarray, tolerance: float, *, dtype: str = "float64",
+) -> None:
+    robots = family.mjx(names, mode=mode, dtype=dtype)
+    model, axes, ok = robots.batch(rows)
+    assert not ok[0] and ok[1:].all()
+    assert axes.body_mass == axes.stat.meaninertia == 0 and axes.jnt_range is None and "jnt_range" not in robots.varied
+    settings = [dict(zip(names, row)) for row in rows.tolist()]
+    for place, expected in enumerate(family.models(settings, mode=mode)):
+        if place == 0:
+            assert not expected
+            continue
+        own = model.tree_replace({name: get(model, name)[place] for name in robots.varied})
+        found, wanted = leaves(own), leaves(mjx.put_model(expected))
+        wanted["dof_hasfrictionloss"] |= found["dof_hasfrictionloss"]
+        assert found.keys() == wanted.keys()
+        for name, value in wanted.items():
+            scale = np.abs(value).max(initial=0.0) or 1.0
+            np.testing.assert_allclose(found[name], value, rtol=0.0, atol=tolerance * scale, err_msg=f"{name} of {rows[place]}")
+            assert found[name].dtype == value.dtype
+
+
+def get(model: mjx.Model, name: str) -> jax.Array:
+    for part in name.split("."):
+        model = getattr(model, part)
+    return model
+
+
+def spread(values: list[float], count: int) -> np.ndarray:
+    """Rows near `values`; the first one is refused."""
+    rows = np.array(values) * np.random.default_rng(3).uniform(0.8, 1.2, (count, len(values)))
+    rows[0, 0] = 0.05
+    return rows
+
+
+def test_fields_of_a_free_robot_are_those_that_mujoco_compiles(crane: thingc.RobotFamily) -> None:
+    rows = np.random.default_rng(3).uniform(LOW, HIGH, (7, len(NAMES)))
+    rows[0, 0] = 0.05
+    compared(crane, "adrift", NAMES, rows, 1e-13)
+
+
+@pytest.fixture(scope="module")
+def lever(folder: Path) -> Iterator[thingc.RobotFamily]:
+    with thingc.family(folder / "lever.yaml", verify=0) as family:
+        yield family
+
+
+def test_single_precision(lever: thingc.RobotFamily) -> None:
+    jax.config.update("jax_enable_x64", False)
+    compared(lever, "standing", ["length", "load", "stiff", "damping"], spread([0.3, 0.5, 50.0, 0.2], 4), 1e-6, dtype="float32")
+
+
+def test_children_of_a_held_base_move_with_it(lever: thingc.RobotFamily) -> None:
+    robots = lever.mjx(["stiff"], mode="carried")
+    expected = lever.model({}, mode="carried", visual=False)
+    state = mujoco.MjData(expected)
+    state.mocap_pos[:], state.mocap_quat[:], state.qpos[:] = [0.1, 0.2, 0.3], [0.6, 0.8, 0.0, 0.0], [0.4]
+    mujoco.mj_kinematics(expected, state)
+    model, data = robots.put(robots.base, state)
+    np.testing.assert_allclose(jax.jit(mjx.kinematics)(model, data).xpos, state.xpos, atol=1e-15)
+    model, data = robots.put(model, data.replace(mocap_pos=data.mocap_pos + 1.0))
+    np.testing.assert_allclose(model.body_pos[1], [1.1, 1.2, 1.3], atol=1e-15)
+    np.testing.assert_allclose(data.mocap_pos[0], [1.1, 1.2, 1.3], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("document", "names", "mode", "changes", "message"),
+    [
+        ("everything.yaml", ["load"], "standing", {},
+         "MJX does not support a feature of mode `standing`: .*mjTRN_BODY.* with `compat=\"mjx\"`"),
+        ("strung.yaml", ["lever"], None, {}, "MJX fixes `wrap_prm` when it converts a model, and it depends on lever: fix them with `at`"),
+        ("crane.yaml", ["stiff"], "standing", {"drive: {kind: position, kp: =stiff}": "drive: {kind: position, kp: =stiff, effort: 5 N*m}"},
+         "MJX integrates the damping of `lift` with `implicitfast` even at its greatest force"),
+        ("crane.yaml", ["radius"], "standing", {"axis: [0, 0, 1]": "axis: [0, =radius / (1 m), 1]"},
+         "MuJoCo uses `joint.axis` at compile time, and it depends on radius: fix them with `at`, or use `models`"),
+    ],
+)
+def test_what_mjx_cannot_do_is_explained(
+    folder: Path, tmp_path: Path, document: str, names: list[str], mode: str | None, changes: dict[str, str], message: str,
+) -> None:
+    for name, text in {**WORKSPACE, "crane.yaml": f"{CRANE}simulation: {{integrator: implicitfast}}\n"}.items():
+        for old, new in changes.items():
+            text = text.replace(old, new)
+        (tmp_path / name).write_text(text)
+    with thingc.family(tmp_path / document, verify=0) as family, pytest.raises(FamilyError, match=message):
+        family.mjx(names, mode=mode)
+
+
+def test_precisions_and_shapes_are_checked(crane: thingc.RobotFamily) -> None:
+    with pytest.raises(FamilyError, match="MJX computes with 64-bit numbers if JAX has them: leave out `dtype`"):
+        crane.mjx(["stiff"], dtype="float32")
+    with pytest.raises(FamilyError, match=r"expected an array of shape \(k, 1\) for stiff, found \(1,\)"):
+        crane.mjx(["stiff"]).batch([40.0])
+    jax.config.update("jax_enable_x64", False)
+    with pytest.raises(FamilyError, match="JAX has no 64-bit numbers: call `jax.config.update"):
+        crane.mjx(["stiff"])
