@@ -453,24 +453,17 @@ class RobotFamily:
 def _planned(path: str, options: Options) -> Plan | None:
     """Return the plan of a variants document, or None for other documents. Raises `CompileError`."""
     from thingc.batch.variants_document import read_plan
+    from thingc.documents.load.documents import load
     from thingc.documents.workspace import Workspace
 
-    report = Report()
-    if not _of_variants(path, Workspace.find(os.path.abspath(path), Report())):
+    report, workspace = Report(), Workspace.find(os.path.abspath(path), Report())
+    documents = None if workspace is None else load(path, workspace, Report(), kinds=("assembly", "variants"))
+    if documents is None or documents.root.kind != "variants":
         return None
     plan = read_plan(path, options, report)
     if plan is None or report.failed:
         raise CompileError(report.ordered())
     return plan
-
-
-def _of_variants(path: str, workspace: Any) -> bool:
-    from thingc.documents.load.documents import load
-
-    if workspace is None:
-        return False
-    documents = load(path, workspace, Report(), kinds=("assembly", "variants"))
-    return documents is not None and documents.root.kind == "variants"
 
 
 def is_single(settings: Any) -> bool:
