@@ -135,6 +135,7 @@ def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]
             name: {"pose": [list(row) for row in mount.pose.rows()], "interface": mount.interface}
             for name, mount in sorted(record.mounts.items())
         },
+        "references": None if record is None else sorted(record.references),
     }
 
 
