@@ -122,6 +122,7 @@ def test_parts_in_json(arm: Path, shared_store: str) -> None:
     length = next(p for p in brace["parameters"] if p["name"] == "length")
     assert (length["kind"], length["default"], length["minimum"], length["maximum"]) == ("length", 0.1, 0.06, 0.2), "SI"
     assert set(brace["mounts"]) == {"rotor_seat", "servo_seat"}
+    assert brace["references"] == ["body", "legs", "next_servo", "turning_servo"]
     assert brace["material"] == "petg" and brace["actuator"] is False
 
 
