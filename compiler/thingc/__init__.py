@@ -34,28 +34,13 @@ if TYPE_CHECKING:
     from thingc.geometry.things.resolver import TransformResolver as TransformResolver
     from thingc.geometry.things.thing import Thing as Thing
 
-_EXPORTS = {
-    "Actuator": "thingc.geometry.things.actuator",
-    "Angle": "thingc.geometry.things.parameters",
-    "CompileError": "thingc.driver.api",
-    "Compiled": "thingc.driver.api",
-    "CompiledMode": "thingc.driver.api",
-    "Count": "thingc.geometry.things.parameters",
-    "Length": "thingc.geometry.things.parameters",
-    "MATE": "thingc.geometry.things.mounts",
-    "Mass": "thingc.geometry.things.parameters",
-    "MountPoint": "thingc.geometry.things.mounts",
-    "Options": "thingc.driver.environment",
-    "ParameterError": "thingc.geometry.things.parameters",
-    "Range": "thingc.geometry.things.parameters",
-    "Ratio": "thingc.geometry.things.parameters",
-    "RobotFamily": "thingc.batch.families.family",
-    "Thing": "thingc.geometry.things.thing",
-    "TransformResolver": "thingc.geometry.things.resolver",
-    "asset": "thingc.geometry.things.assets",
-    "compile": "thingc.driver.api",
-    "family": "thingc.batch.families.family",
-}
+_EXPORTS = {name: f"thingc.{module}" for module, names in {
+    "batch.families.family": ("RobotFamily", "family"), "driver.api": ("CompileError", "Compiled", "CompiledMode", "compile"),
+    "driver.environment": ("Options",), "geometry.things.actuator": ("Actuator",), "geometry.things.assets": ("asset",),
+    "geometry.things.mounts": ("MATE", "MountPoint"), "geometry.things.resolver": ("TransformResolver",),
+    "geometry.things.parameters": ("Angle", "Count", "Length", "Mass", "ParameterError", "Range", "Ratio"),
+    "geometry.things.thing": ("Thing",),
+}.items() for name in names}
 """Exported name to the module that has it (PEP 562)."""
 
 _MODULES = ("modes",)

@@ -20,19 +20,8 @@ if TYPE_CHECKING:
     from thingc.batch.families.search_space import SearchSpace, SpaceDimension
 
 __all__ = [
-    "Batched",
-    "Batches",
-    "Evaluated",
-    "Explanation",
-    "FamilyFunction",
-    "FamilyJacobian",
-    "FamilyMjx",
-    "FamilyValues",
-    "NoModel",
-    "NotDifferentiable",
-    "RobotFamily",
-    "SearchSpace",
-    "SpaceDimension",
+    "Batched", "Batches", "Evaluated", "Explanation", "FamilyFunction", "FamilyJacobian", "FamilyMjx", "FamilyValues", "NoModel",
+    "NotDifferentiable", "RobotFamily", "SearchSpace", "SpaceDimension",
 ]
 
 __getattr__ = exported(__name__, {

@@ -62,18 +62,10 @@ def picture(hag: Hag) -> str:
 def _canvas(hag: Hag, drawing: Drawing) -> ET.Element:
     width = max(drawing.width, 8.0 * LONGEST, _width(escape_control(hag.label), 16.0)) + 2.0 * MARGIN
     height = drawing.height + HEAD + MARGIN
-    svg = ET.Element(
-        "svg",
-        {
-            "xmlns": "http://www.w3.org/2000/svg",
-            "width": _n(width),
-            "height": _n(height),
-            "viewBox": f"0 0 {_n(width)} {_n(height)}",
-            "font-family": FONT,
-            "font-size": "11",
-            "fill": INK,
-        },
-    )
+    svg = ET.Element("svg", {
+        "xmlns": "http://www.w3.org/2000/svg", "width": _n(width), "height": _n(height), "viewBox": f"0 0 {_n(width)} {_n(height)}",
+        "font-family": FONT, "font-size": "11", "fill": INK,
+    })
     ET.SubElement(svg, "title").text = f"{escape_control(hag.label)}: hierarchical assembly graph"
     ET.SubElement(svg, "rect", {"width": "100%", "height": "100%", "fill": "#ffffff"})
     _add_text(svg, MARGIN, 26.0, escape_control(hag.label), {"font-size": "16", "font-weight": "bold"})
