@@ -23,6 +23,8 @@ from thingc.batch.build_records import in_order
 from thingc.batch.folder_layout import Journal, lines
 from thingc.batch.job import job_of
 from thingc.batch.planning import Variant
+from thingc.batch.plans.numeric_plan import PlanCaches
+from thingc.batch.plans.refusals import Refusals
 from thingc.batch.runner import Runner
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
@@ -556,6 +558,8 @@ def test_a_dry_run_of_very_many_looks_at_some(tmp_path: Path, shared_store: str,
     from thingc.batch import dry_run, plan
 
     monkeypatch.setattr(dry_run, "MOST", 5)
+    monkeypatch.setattr(PlanCaches, "planned", lambda *_: None)
+    monkeypatch.setattr(Refusals, "problems", lambda *_: None)
     here = workspace(tmp_path, stops=STOPS.format(of="pendulum"))
     options = Options(store=shared_store)
     found = dry_run.forecast(plan(str(here / "stops.yaml"), options=options), options)
@@ -563,6 +567,26 @@ def test_a_dry_run_of_very_many_looks_at_some(tmp_path: Path, shared_store: str,
     assert 0 < found.looked_at <= 5 and 0 < found.unsound["TC601"] <= found.looked_at
     again = dry_run.forecast(plan(str(here / "stops.yaml"), options=options), options)
     assert (again.looked_at, again.unsound) == (found.looked_at, found.unsound)
+
+
+def test_a_dry_run_of_very_many_computes_all_by_plans(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from thingc.batch import dry_run, plan
+
+    many = STOPS.format(of="pendulum").replace("[90 deg, 10 deg, -5 deg]", "{from: 90 deg, to: -5 deg, count: 24}")
+    here = workspace(tmp_path, stops=many.replace("[-90 deg, 1 deg]", "{from: -90 deg, to: 10 deg, count: 20}"))
+    planned, options = plan(str(here / "stops.yaml"), options=Options(store=shared_store)), Options(store=shared_store)
+    resolved: list[object] = []
+    passes = dry_run.Resolving.passes
+    monkeypatch.setattr(dry_run.Resolving, "passes", staticmethod(lambda *given: resolved.append(given) or passes(*given)))
+    monkeypatch.setattr(dry_run, "MOST", 200)
+    found = dry_run.forecast(planned, options)
+    assert (found.count, found.left, found.looked_at) == (1440, 960, 960) and len(resolved) < 600
+    monkeypatch.setattr(dry_run, "MOST", 1000)
+    monkeypatch.setattr(PlanCaches, "planned", lambda *_: None)
+    monkeypatch.setattr(Refusals, "problems", lambda *_: None)
+    resolved.clear()
+    alone = dry_run.forecast(planned, options)
+    assert len(resolved) >= 960 and (alone.unsound, alone.examples) == (found.unsound, found.examples) and 0 < alone.unsound["TC601"] < 960
 
 
 def test_the_command_says_what_it_did(tmp_path: Path, shared_store: str) -> None:

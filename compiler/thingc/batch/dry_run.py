@@ -1,19 +1,30 @@
 """Dry run of a batch: count and check variants without building parts or writing files.
 
 Rules on parameters are evaluated for every variant. The documents (values, limits, poses and parts) are resolved as in a build, but without
-geometry. For many variants, only a random sample is resolved.
+geometry. For many variants, only a random sample is resolved, and others only if a plan computes them.
 """
 
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import Any
 
 from thingc.base.diagnostics import Diagnostic, Report, Severity
+from thingc.base.memo import Memo
+from thingc.batch.families.evaluation import Evaluation
+from thingc.batch.families.results import Evaluated
+from thingc.batch.measurements import Results
 from thingc.batch.planning import Plan, Variant
+from thingc.batch.plans.part_exchange import PartDependsOnNumber, numbers_of
+from thingc.batch.plans.refusals import Refusals
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import Compilation
+from thingc.driver.session import Session
+from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.linking import link
 from thingc.model.resolve.nested_assemblies import part_definitions
@@ -22,7 +33,7 @@ from thingc.model.resolve.resolver import Settings, Sources
 SHOWN = 5
 """Number of variants that a dry run shows."""
 MOST = 1000
-"""Maximum number of variants that a dry run resolves. Resolving this number takes some seconds."""
+"""Maximum number of variants that a dry run resolves without a plan, which takes some seconds."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -30,9 +41,9 @@ class DryRun:
     """The result of a dry run of `count` variants.
 
     `failing` counts the variants that violate each rule on parameters. `looked_at` is the number of resolved variants, which satisfy these
-    rules. Among the resolved variants, `unsound` counts variants with errors per code, and `examples` contains the first variant and error
-    of each code. The resolved variants use `parts` distinct parts; the store contains `known` of these parts. `first` are the first
-    variants.
+    rules; plans compute most of them. Among the resolved variants, `unsound` counts variants with errors per code, and `examples` contains
+    the first variant and error of each code. The resolved variants use `parts` distinct parts; the store contains `known` of these parts.
+    `first` are the first variants.
     """
 
     count: int = 0
@@ -52,37 +63,91 @@ class DryRun:
 
 
 def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
-    """Check all variants, or the first `limit` variants, without geometry. For more than `MOST` variants, resolve only a sample."""
+    """Check all variants, or the first `limit` variants, without geometry. Of more than `MOST` variants, resolve only a sample."""
     foreseen = DryRun()
-    parts: dict[str, PartDefinition] = {}
     count = plan.count if limit is None else min(limit, plan.count)
     drawn = None if count <= MOST else frozenset(random.Random(0).sample(range(count), MOST))
-    with Environment(plan.assembly, options) as environment:
-        sources = pipeline.read(environment)
-        for number, variant in enumerate(islice(plan, count)):
-            foreseen.count += 1
-            if len(foreseen.first) < SHOWN:
-                foreseen.first.append(variant)
-            if variant.failed is not None:
-                foreseen.failing[variant.failed] = foreseen.failing.get(variant.failed, 0) + 1
-            elif drawn is None or number in drawn:
-                foreseen.looked_at += 1
-                if sources is not None:
-                    _look(environment, sources, variant, foreseen, parts)
-        foreseen.parts = len(parts)
-        foreseen.known = sum(environment.geometry.in_store(part) for part in parts.values())
+    with Resolving(plan.assembly, options) as session:
+        assert session.sources is not None  # the plan was made from them
+        reader = SettingsReader(session.sources, kinds=plan.paths.kinds)
+
+        def remaining() -> Iterator[tuple[_Given, ParsedSettings]]:
+            for number, variant in enumerate(islice(plan, count)):
+                foreseen.count += 1
+                if len(foreseen.first) < SHOWN:
+                    foreseen.first.append(variant)
+                if variant.failed is not None:
+                    foreseen.failing[variant.failed] = foreseen.failing.get(variant.failed, 0) + 1
+                    continue
+                given = _Given({**variant.parameters, **variant.choices})
+                given.variant, given.drawn = variant, drawn is None or number in drawn
+                yield given, reader.read(given)
+
+        resolution, sample = Resolution(session, reader), DryRun()
+        for one in resolution.each(remaining(), tests=False):
+            given, wrong = one.settings, next((problem for problem in one.problems if problem.severity is Severity.ERROR), None)
+            assert isinstance(given, _Given)
+            for tally in (foreseen, *([sample] if given.drawn else [])) if one.results or wrong is not None else ():
+                tally.looked_at += 1
+                if wrong is not None:
+                    code = wrong.code.code
+                    tally.unsound[code] = tally.unsound.get(code, 0) + 1
+                    if code not in tally.examples:
+                        tally.examples[code] = _example(session, given.variant, wrong)
+        if foreseen.looked_at < foreseen.left:  # plans apply to valid settings more often, so the others would be rare
+            foreseen.looked_at, foreseen.unsound, foreseen.examples = sample.looked_at, sample.unsound, sample.examples
+        foreseen.parts = len(resolution.parts)
+        foreseen.known = sum(session.environment.geometry.in_store(part) for part in resolution.parts.values())
     return foreseen
 
 
-def _look(environment: Environment, own: Sources, variant: Variant, forecast: DryRun, parts: dict[str, PartDefinition]) -> None:
-    """Resolve a variant, and record its parts or its first error."""
-    report = Report()
-    model = pipeline.model(environment, own, Settings(parameters=variant.parameters, choices=variant.choices), report)
-    if model is not None:
-        link(model, {}, report, unmodelled=True)
-    wrong = next((one for one in report.ordered() if one.severity is Severity.ERROR), None)
-    if wrong is not None:
-        forecast.unsound[wrong.code.code] = forecast.unsound.get(wrong.code.code, 0) + 1
-        forecast.examples.setdefault(wrong.code.code, (variant.name, wrong))
-    elif model is not None:
-        parts.update({part.text: part for part in part_definitions(model)})
+class _Given(dict[str, Any]):
+    """The settings of a variant. `drawn`: it is resolved even if no plan applies to it."""
+
+    variant: Variant
+    drawn: bool
+
+
+class Resolving(Session):
+    """Compiles a document without geometry, up to the pass `link`."""
+
+    @staticmethod
+    def passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
+        """Resolve and link the document. The compilation has no records, assembly and robots."""
+        report = Report()
+        assert own is not None
+        model = pipeline.model(environment, own, settings, report)
+        if model is not None:
+            for part in part_definitions(model):
+                for number in numbers_of(part):
+                    raise PartDependsOnNumber(part.label, number)
+            link(model, {}, report, unmodelled=True)
+        return Compilation(settings=settings, report=report, model=model)
+
+
+class Resolution(Evaluation):
+    """Check settings without geometry. `parts` are the part definitions of the settings that are resolved, by text."""
+
+    def __init__(self, session: Session, reader: SettingsReader) -> None:
+        super().__init__(session, reader, "", None, Refusals(session, reader, (), verify=None), verify=None)
+        self.parts: dict[str, PartDefinition] = {}
+        self.resolved = 0
+
+    def _results(self, compilation: Compilation, memo: Memo | None = None) -> Results:
+        assert compilation.model is not None
+        parts = {part.text: part for part in part_definitions(compilation.model)}
+        self.parts.update(parts)
+        return {"parts": float(len(parts))}
+
+    def _passed(self, settings: Mapping[str, Any], read: ParsedSettings, tests: bool) -> Evaluated:
+        if not self.refusals.applies(read):
+            if self.resolved >= MOST and not getattr(settings, "drawn", True):
+                return Evaluated(settings=settings, results={})
+            self.resolved += 1
+        return super()._passed(settings, read, tests)
+
+
+def _example(session: Session, variant: Variant, wrong: Diagnostic) -> tuple[str, Diagnostic]:
+    """Return the name of a variant and its error with the numbers as in the documents."""
+    report = session.compile(Settings(parameters=variant.parameters, choices=variant.choices)).report
+    return variant.name, next((one for one in report.ordered() if one.code is wrong.code), wrong)

@@ -27,6 +27,9 @@ class Session:
     `BlobMissing`; a new session restores the blob.
     """
 
+    passes = staticmethod(pipeline.recompile)
+    """The passes of a compilation."""
+
     def __init__(self, document: str, options: Options) -> None:
         self.environment = Environment(document, options)
         self.sources = pipeline.read(self.environment)
@@ -52,7 +55,7 @@ class Session:
         own = self.environment.options
         settings = Settings(parameters={**own.parameters, **settings.parameters}, choices={**own.choices, **settings.choices})
         key = (*settings.parameters.items(), *settings.choices.items(), *modes)
-        made = self._refused.get(key) or pipeline.recompile(self.environment, self.sources, settings, modes)
+        made = self._refused.get(key) or self.passes(self.environment, self.sources, settings, modes)
         if made.report.failed and not made.modelled:
             self._refused[key] = made
             if len(self._refused) > REFUSED:

@@ -141,14 +141,16 @@ class Evaluation:
         """Return the plan that applies to settings, made if necessary, or None with the reason."""
         form = self.forms.of(read)
         known = form.plan_for(read)
-        for nearby in (True, False):
-            plan = self._plan(read, form, nearby=nearby) if known is None and form.refused is None else None
-            if plan is not None and (outputs := plan.outputs(read.values)) is not None:
-                form.plans, known = [plan, *form.plans[: MOST - 1]], (plan, outputs)
+        plan = self._plan(read, form) if known is None and form.refused is None else None
+        if plan is not None and (outputs := plan.outputs(read.values)) is not None:
+            form.plans, known = [plan, *form.plans[: MOST - 1]], (plan, outputs)
         return (None if known is None else known[0]), "; ".join(f"`{name}`: {why}" for name, why in form.why.items()) or form.refused or ""
 
     def _plan(self, read: ParsedSettings, form: PlanCache[ResultsShape], *, nearby: bool = True) -> NumericPlan[ResultsShape] | None:
-        """Return a plan that gives the same results as compilations, or None with the reason in `form`."""
+        """Return a plan that gives the same results as compilations, or None with the reason in `form`.
+
+        If a plan that is traced near the settings does not apply to them (such as to whole numbers), it is traced at the settings.
+        """
         first = self._measured(read)
         if not first[0]:
             return None
@@ -169,6 +171,8 @@ class Evaluation:
         plan = numeric_plan.make(read, self.reader, attempt, finish, form, exchanged, nearby=nearby)
         if plan is None:
             return None
+        if nearby and plan.outputs(read.values) is None:
+            return self._plan(read, form, nearby=False)
         for sample in numeric_plan.samples(read, self.reader, form):
             outputs = plan.outputs(sample.values)
             whole = first if sample is read else self._measured(sample)
@@ -198,7 +202,7 @@ class Evaluation:
             return {}, read.report, None
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
         report: Report = compilation.report
-        if report.failed or not compilation.robots:
+        if report.failed:
             return {}, report, None
         try:
             return self._results(compilation), report, compilation

@@ -63,9 +63,9 @@ class TracedParts:
 
     def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None, **named: Any) -> Any:
         """See `PartSource`; may be called once. Likely slicings are not passed on, since they may contain traced numbers."""
-        traced = [one for one in definitions if _numbers_of(one)]
+        traced = [one for one in definitions if numbers_of(one)]
         for one in traced:
-            for number in _numbers_of(one):
+            for number in numbers_of(one):
                 if not self._allowed(number):
                     raise PartDependsOnNumber(one.label, number)
         records = self._parts.realize([_plain(one) for one in definitions], convex=convex, **named)
@@ -77,12 +77,12 @@ class TracedParts:
         self.before = tape.copy()
         self._walk = _Walk([one.text for one in definitions], lambda value: tape.variable(value, numbers))
         answers = dict(records)
-        others = [records[one.text] for one in definitions if not _numbers_of(one)]
+        others = [records[one.text] for one in definitions if not numbers_of(one)]
         self.expected = [one.text for record in others if isinstance(record, PartRecord) for one in record.expectations]
         for one in traced:
             record = records[one.text]
             if not isinstance(record, PartRecord):
-                raise PartDependsOnNumber(one.label, _numbers_of(one)[0])
+                raise PartDependsOnNumber(one.label, numbers_of(one)[0])
             if one.text not in self._records:
                 self._records[one.text] = record
                 answers[one.text] = self._walk.through(record)
@@ -96,7 +96,7 @@ class TracedParts:
     @property
     def parameters(self) -> list[Traced]:
         """The traced numbers of the definitions, in order."""
-        return [number for one in self.definitions for number in _numbers_of(one)]
+        return [number for one in self.definitions for number in numbers_of(one)]
 
     @property
     def words(self) -> list[str]:
@@ -119,7 +119,7 @@ class TracedParts:
         for one in (one for one in definitions if one.text in self._records and one.text not in made):
             record = answers[one.text]
             if not isinstance(record, PartRecord):
-                raise PartDependsOnNumber(one.label, _numbers_of(one)[0])
+                raise PartDependsOnNumber(one.label, numbers_of(one)[0])
             made[one.text] = replace(records[one.text], slices=self._walk.slices(record))
         return {**answers, **made}
 
@@ -144,7 +144,7 @@ class Exchange:
         assert rehearsed.before is not None
         self._parts = parts
         self._run = program_of(rehearsed.before, rehearsed.parameters).run
-        self._schemas = parts.describe([one.reference for one in rehearsed.definitions if _numbers_of(one)])
+        self._schemas = parts.describe([one.reference for one in rehearsed.definitions if numbers_of(one)])
         self._definitions = rehearsed.definitions
         self._convex = [one.text in rehearsed.convex for one in rehearsed.definitions]
         self._slicings = [rehearsed.slicings.get(one.text, ()) for one in rehearsed.definitions]
@@ -181,7 +181,7 @@ class Exchange:
 
     def _traced(self, definitions: Sequence[PartDefinition]) -> dict[str, PartDefinition]:
         """Return the distinct definitions in the places of traced ones."""
-        return {one.text: one for one, rehearsed in zip(definitions, self._definitions, strict=True) if _numbers_of(rehearsed)}
+        return {one.text: one for one, rehearsed in zip(definitions, self._definitions, strict=True) if numbers_of(rehearsed)}
 
     def _pattern_of(self, definitions: Sequence[PartDefinition]) -> list[int]:
         """Return which definitions are equal, including those expected by other parts: the index of the first one with the same text."""
@@ -190,7 +190,7 @@ class Exchange:
 
     def _found(self, given: tuple[float, ...]) -> Exchanged | None:
         numbers = iter(given)
-        definitions = [self._made(one, numbers) if _numbers_of(one) else one for one in self._definitions]
+        definitions = [self._made(one, numbers) if numbers_of(one) else one for one in self._definitions]
         if self._pattern_of(definitions) != self._pattern:
             return None
         traced, texts = self._traced(definitions), [one.text for one in definitions]
@@ -295,7 +295,7 @@ class _Walk:
         return value
 
 
-def _numbers_of(definition: PartDefinition) -> list[Traced]:
+def numbers_of(definition: PartDefinition) -> list[Traced]:
     """Return the traced numbers of a definition."""
     values: Sequence[tuple[str, Any]] = definition.parameters
     return [value for _, value in values if isinstance(value, Traced)]

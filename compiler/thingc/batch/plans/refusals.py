@@ -114,6 +114,8 @@ class Refusals:
             return template.numbers.outputs, template
 
         plan = numeric_plan.make(read, self._reader, attempt, finish, form, exchanged)
+        if plan is not None and plan.outputs(read.values) is None:  # such as for whole numbers
+            plan = numeric_plan.make(read, self._reader, attempt, finish, form, exchanged, nearby=False)
         if plan is None:
             return None
         for sample in numeric_plan.samples(read, self._reader, form):

@@ -80,10 +80,10 @@ def trace_compilation(
     )
     sources = _with_parameters(session, changed)
     try:
-        compilation = pipeline.recompile(environment, sources, settings, modes)
+        compilation = session.passes(environment, sources, settings, modes)
         if lost := [name for name in quantities if name not in quantities.used]:
             raise NotTraceable("it is not used", lost, unused=True)
-        if not refused and (compilation.report.failed or not compilation.robots):
+        if not refused and compilation.report.failed:
             raise NotTraceable("it is not valid there")
         made = make(compilation, tape)
     except PartDependsOnNumber as fault:
