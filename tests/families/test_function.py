@@ -17,6 +17,7 @@ from thingc.batch.families.evaluation import Evaluation
 from thingc.batch.plans import derivatives
 from thingc.batch.results import FamilyError
 from thingc.driver.pipeline import UnknownChoice
+from variants.robots import workspace as parts_workspace
 
 KINKED = f"""\
 thingc: assembly/1
@@ -148,6 +149,45 @@ def test_derivatives_are_those_of_differences(strung: thingc.RobotFamily, mode: 
     assert found.error is not None and not found.error.any()
     np.testing.assert_allclose(found, differences(function, x), rtol=1e-8, atol=1e-10)
     assert found[function.outputs.index("mass"), 3] == 1.0 and not np.array_equal(found[-3:, 1], [0.0, 0.0, 0.0])
+
+
+PLATED = """\
+thingc: assembly/1
+name: plated
+parameters: {side: {value: 40 mm, min: 10 mm, max: 100 mm}, load: 0.2 kg, high: 50 mm}
+materials: {light: {density: 500 kg/m^3}}
+components:
+  plate: {part: plates:Square, params: {side: =side}, collision: box}
+  weight: {frame: true, mass: =load, at: {in: plate.top, xyz: [=side / 2, 0, =high]}}
+modes: {standing: {root: plate, base: fixed}}
+"""
+
+
+def test_numbers_beside_those_of_a_part_have_exact_derivatives(tmp_path: Path, shared_store: str) -> None:
+    with thingc.family(parts_workspace(tmp_path, plated=PLATED) / "plated.yaml", store=shared_store) as family:
+        function = family.function(["side", "load", "high"], ["mass", "centre.x", "centre.z"])
+        found = function.jacobian(function.start)
+        assert found.error is not None and found.error[:, 1:].tolist() == [[0.0, 0.0]] * 3 and found.error[0, 0] > 0.0
+        plate, load, side, high = 500 * 0.04**2 * 0.01, 0.2, 0.04, 0.05
+        mass, slope = plate + load, 2 * 500 * side * 0.01
+        exact = [
+            [slope, 1.0, 0.0],
+            [load / (2 * mass) - load * side / 2 * slope / mass**2, plate * side / 2 / mass**2, 0.0],
+            [-load * (high + 0.005) * slope / mass**2, plate * (high + 0.005) / mass**2, load / mass],
+        ]
+        assert found[:, 1:] == pytest.approx(np.array(exact)[:, 1:], rel=1e-9, abs=1e-15)
+        assert np.all(np.abs(found - exact)[:, 0] <= found.error[:, 0] + 1e-9 * np.abs(exact)[:, 0])
+
+
+@pytest.mark.parametrize("mode", ["standing", "footed"])
+def test_only_what_a_search_computes_is_estimated(strung: thingc.RobotFamily, mode: str) -> None:
+    function = strung.function(["thickness", "axle", "components.foot.mass"], ["torque_margin", "mass", "centre"], mode=mode)
+    x = np.array([0.021, 0.075, 0.12])
+    found = function.jacobian(x)
+    assert found.error is not None and not found.error[1:].any() and np.all((found.error[0] > 0.0) == (np.asarray(found)[0] != 0.0))
+    expected = differences(function, x)
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
+    assert np.all(found.error[0] < 1e-3 * np.abs(expected[0]).max())
 
 
 def test_one_coordinate_of_a_site_is_a_result(everything: thingc.RobotFamily) -> None:

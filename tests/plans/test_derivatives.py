@@ -119,13 +119,20 @@ def test_the_way_with_fewer_statements_is_used(monkeypatch: pytest.MonkeyPatch) 
     (lambda a, b: minimum(a, 2.0 * b) * 3.0, (1.0, 0.5), "smallest of equal values"),
     (lambda a: a % 0.5, (1.5,), "remainder"),
     (lambda a: round(a, 2), (0.3,), "is rounded"),
-    (lambda a: principal_moments(((a, 0.1, 0.0), (0.1, 2.0, 0.3), (0.0, 0.3, 1.5)))[0], (4.0,), "operation without a rule"),
 ])
 def test_a_kink_is_an_error(function: Callable[..., Any], values: Sequence[float], why: str) -> None:
     inputs = traced(*values)
     with pytest.raises(NotSmooth, match=why) as caught:
         derivative_function(program(inputs[0] * 2.0, function(*inputs)))(values)
     assert caught.value.output == 1
+
+
+def test_an_operation_without_a_rule_leaves_other_derivatives_exact() -> None:
+    a, b = traced(4.0, 2.0)
+    moment = principal_moments(((a, 0.1, 0.0), (0.1, 2.0, 0.3), (0.0, 0.3, 1.5)))[0]
+    found = derivative_function(program(a * b, moment, moment * b, moment * 0.0 + b))((4.0, 2.0))
+    assert found is not None and np.isnan(found.jacobian).tolist() == [[False, False], [True, False], [True, False], [True, False]]
+    assert found.jacobian[0].tolist() == [2.0, 4.0] and found.jacobian[2, 1] == found.values[1] and found.jacobian[3, 1] == 1.0
 
 
 def test_a_kink_between_branches_with_the_same_derivative_is_none() -> None:

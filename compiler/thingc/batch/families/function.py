@@ -136,8 +136,8 @@ class FamilyFunction:
     def jacobian(self, x: npt.ArrayLike) -> FamilyJacobian:
         """Return the derivatives of the outputs by the names, `(m, n)`, at one setting `(n,)`.
 
-        Derivatives are exact, unless a part or a decision depends on the name: then they are estimated from settings near it, and their
-        `error` is greater than 0. Raises `NotDifferentiable`, and `FamilyError` for another shape or refused settings.
+        Derivatives are exact, unless a part, a decision or a search depends on the name: then they are estimated from settings near it, and
+        their `error` is greater than 0. Raises `NotDifferentiable`, and `FamilyError` for another shape or refused settings.
         """
         rows, single = self._rows(x)
         if not single:
@@ -153,8 +153,10 @@ class FamilyFunction:
         else:
             made[:, names] = found.jacobian
         for place in range(shape[1]):
-            if place not in names:
-                made[:, place], error[:, place] = self._estimated(rows[0], place)
+            unknown = np.isnan(made[:, place]) if place in names else np.full(shape[0], True)
+            if unknown.any():
+                estimate = self._estimated(rows[0], place)
+                made[unknown, place], error[unknown, place] = (one[unknown] for one in estimate)
             elif found is not None and names.index(place) in found.special:
                 made[:, place], error[:, place] = self._beside(rows[0], place, made[:, place].copy())
         jacobian = made.view(FamilyJacobian)
@@ -194,10 +196,12 @@ class FamilyFunction:
             while len(self._plans) >= MOST:
                 self._plans.pop(next(iter(self._plans)))
             outputs = tuple(plan.made.argument(name, plan.program) for name in self.outputs)
-            names = {self.names.index(name): place for place, name in enumerate(self._item(self.start)[1].names) if name in self.names}
+            read = self._item(self.start)[1]
+            parts = {self.names.index(name) for name in self._evaluation.forms.of(read).modelled if name in self.names}
+            names = {self.names.index(name): place for place, name in enumerate(read.names) if name in self.names}
             self._plans[id(plan)] = RestrictedPlan(
                 plan=plan, restricted=replace(plan, program=replace(plan.program, outputs=outputs)),
-                traced={name: plan.free.index(place) for name, place in sorted(names.items()) if place in plan.free},
+                traced={name: plan.free.index(place) for name, place in sorted(names.items()) if place in plan.free and name not in parts},
             )
         return self._plans[id(plan)].restricted
 
@@ -206,7 +210,7 @@ class FamilyFunction:
         found = self._exact(read)
         if found is None and read.report is None:
             plan, _ = self._evaluation.plan_at(read)
-            if plan is not None and plan.exchange is None:
+            if plan is not None:
                 self._restricted(plan)
                 found = self._exact(read)
         return found
@@ -218,10 +222,9 @@ class FamilyFunction:
             if not any(one.plan is other for other in known) or any(read.values[at] != value for at, value in one.plan.fixed):
                 continue
             try:
-                found = one.derivatives([read.values[at] for at in one.plan.free])
+                exchanged = one.plan.exchanged(read.values)
+                found = one.derivatives([*(read.values[at] for at in one.plan.free), *(exchanged.numbers if exchanged is not None else ())])
             except NotSmooth as fault:
-                if fault.unknown:
-                    return None
                 where = self._shown([read.values[read.names.index(name)] for name in self.names])
                 message = f"`{self.outputs[fault.output]}` is not differentiable at {where}: a value that it depends on {fault.why}"
                 raise NotDifferentiable(f"{message}; choose other settings, or leave out `{self.outputs[fault.output]}`") from None

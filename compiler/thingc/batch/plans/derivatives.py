@@ -31,13 +31,12 @@ BESIDE = 1e-6
 
 
 class NotSmooth(Exception):
-    """An output has no derivative: `output` is its index, `why` the reason, as a clause. `unknown`: an operation has no rule."""
+    """An output has no derivative: `output` is its index, `why` the reason, as a clause."""
 
-    def __init__(self, output: int, why: str, *, unknown: bool = False) -> None:
+    def __init__(self, output: int, why: str) -> None:
         super().__init__(why)
         self.output = output
         self.why = why
-        self.unknown = unknown
 
 
 @dataclass(frozen=True)
@@ -125,6 +124,8 @@ class Step:
 @dataclass(frozen=True)
 class Derivatives:
     """Values of the outputs, `(m,)`, and their derivatives by the variables, `(m, n)`.
+
+    Derivatives through an operation without a rule are NaN.
 
     `special` are the columns of variables on which a decision between equal numbers depends: beside these values, other operations may
     compute the outputs.
@@ -312,13 +313,15 @@ def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], 
         elif step.rule.bounded and all(np.allclose(one, branches[0], rtol=SAME, atol=0.0) for one in branches):
             known[step.target] = branches[0]
         else:
-            known[step.target] = np.full_like(zero, np.nan)
+            smooth = step.rule.bounded or step.rule is UNKNOWN  # for arguments that do not change
+            known[step.target] = np.where(np.any([one != 0.0 for one in inner], axis=0) | (not smooth), np.nan, 0.0)
             reasons[step.target] = step.rule
         if np.isnan(known[step.target]).any():
             reasons.update((step.target, reasons[one]) for one in map(_index, step.arguments) if one in reasons)
     for row, output in enumerate(program.outputs):
-        if (reason := reasons.get(_index(output))) is not None:
-            raise NotSmooth(row, reason.why, unknown=reason is UNKNOWN)
+        reason = reasons.get(_index(output), UNKNOWN)
+        if reason is not UNKNOWN and np.isnan(known[_index(output)]).any():
+            raise NotSmooth(row, reason.why)
     return np.array([known.get(_index(one), zero) for one in program.outputs]).reshape(len(program.outputs), len(zero))
 
 
