@@ -577,7 +577,7 @@ def test_a_dry_run_of_very_many_computes_all_by_plans(tmp_path: Path, shared_sto
     planned, options = plan(str(here / "stops.yaml"), options=Options(store=shared_store)), Options(store=shared_store)
     resolved: list[object] = []
     passes = dry_run.Resolving.passes
-    monkeypatch.setattr(dry_run.Resolving, "passes", staticmethod(lambda *given: resolved.append(given) or passes(*given)))
+    monkeypatch.setattr(dry_run.Resolving, "passes", lambda *given: resolved.append(given) or passes(*given))
     monkeypatch.setattr(dry_run, "MOST", 200)
     found = dry_run.forecast(planned, options)
     assert (found.count, found.left, found.looked_at) == (1440, 960, 960) and len(resolved) < 600

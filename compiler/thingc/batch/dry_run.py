@@ -111,12 +111,11 @@ class _Given(dict[str, Any]):
 class Resolving(Session):
     """Compiles a document without geometry, up to the pass `link`."""
 
-    @staticmethod
-    def passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
+    def passes(self, environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str]) -> Compilation:
         """Resolve and link the document. The compilation has no records, assembly and robots."""
         report = Report()
-        assert own is not None
-        model = pipeline.model(environment, own, settings, report)
+        assert sources is not None
+        model = pipeline.model(environment, sources, settings, report)
         if model is not None:
             for part in part_definitions(model):
                 for number in numbers_of(part):

@@ -12,7 +12,7 @@ from thingc.base.diagnostics import Report
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
-from thingc.model.resolve.resolver import Settings
+from thingc.model.resolve.resolver import Settings, Sources
 from thingc.targets.artifact import Artifacts, Content
 
 REFUSED = 64
@@ -26,9 +26,6 @@ class Session:
     changes of documents, parts and the store are not detected. If a blob of the store is deleted in the meantime, reading the blob raises
     `BlobMissing`; a new session restores the blob.
     """
-
-    passes = staticmethod(pipeline.recompile)
-    """The passes of a compilation."""
 
     def __init__(self, document: str, options: Options) -> None:
         self.environment = Environment(document, options)
@@ -61,6 +58,10 @@ class Session:
             if len(self._refused) > REFUSED:
                 del self._refused[next(iter(self._refused))]
         return made
+
+    def passes(self, environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str]) -> Compilation:
+        """Run the passes of a compilation. `environment` and `sources` are those of the session, or copies."""
+        return pipeline.recompile(environment, sources, settings, modes)
 
     def emit(self, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
         """Return the artifacts by target (see `pipeline.emit`)."""
