@@ -78,7 +78,7 @@ def search(length: Any) -> tuple[float, tuple[float, str]]:
 
 
 def test_the_result_of_another_structure_is_not_of_the_tape(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("thingc.batch.plans.searches.SEARCHES", (search,))
+    monkeypatch.setattr("thingc.batch.plans.searches.SEARCHES", (search.__name__,))
     tape = Tape()
     memo = SearchMemo(tape)
     value, (steps, word) = memo("a", search, tape.variable(3.0))
@@ -96,7 +96,7 @@ def test_the_result_of_another_structure_is_not_of_the_tape(monkeypatch: pytest.
 
 
 def test_a_search_without_traced_numbers_is_not_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("thingc.batch.plans.searches.SEARCHES", (search,))
+    monkeypatch.setattr("thingc.batch.plans.searches.SEARCHES", (search.__name__,))
     tape = Tape()
     memo = SearchMemo(tape)
     assert memo("a", search, 3.0) == (0.75, (2.0, "even")) and not tape.lines and not tape.operations
