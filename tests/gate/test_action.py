@@ -119,12 +119,25 @@ def repository(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def job(repository: Path, tmp_path: Path, shared_store: str) -> Job:
-    temp = tmp_path / "temp"
+    return pull_request(repository, tmp_path, shared_store)
+
+
+def pull_request(repository: Path, folder: Path, store: str) -> Job:
+    """The job for the branch of a repository."""
+    temp = folder / "temp"
     temp.mkdir()
-    return Job(folder=repository, temp=temp, store=shared_store, github={
+    return Job(folder=repository, temp=temp, store=store, github={
         "event.pull_request.base.sha": git(repository, "rev-parse", "main").strip(),
         "event_name": "pull_request", "repository": "us/robots", "event.pull_request.head.repo.full_name": "us/robots",
     })
+
+
+@pytest.fixture(scope="module")
+def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A repository whose branch changes the arm, for tests that change nothing in it."""
+    folder = fork(tmp_path_factory.mktemp("changed") / "repository")
+    edit(folder, "assemblies/arm.yaml", "reach: {value: 100 mm", "reach: {value: 102 mm")
+    return folder
 
 
 def edit(folder: Path, name: str, old: str, new: str) -> None:
@@ -331,9 +344,9 @@ def test_a_document_cannot_speak_to_the_runner(job: Job) -> None:
     "$(touch stolen)", "`touch stolen`", "; touch stolen", "--output=stolen", "-", "--all", "--", "main main", "main\nHEAD", "\n", "../..",
     "HEAD^{/x}", "\x1b[31m", "@{u}", ":/arm", "main..branch", "caf\udce9", "'", '"', "*", "refs/heads/*", "-h", "--help",
 ])
-def test_refs_that_look_like_something_else(job: Job, ref: str) -> None:
+def test_refs_that_look_like_something_else(changed: Path, tmp_path: Path, shared_store: str, ref: str) -> None:
     """The base of a pull request is GitHub's to say, but `since` is an input: it is a revision or a message, and nothing more."""
-    edit(job.folder, "assemblies/arm.yaml", "reach: {value: 100 mm", "reach: {value: 102 mm")
+    job = pull_request(changed, tmp_path, shared_store)
     job.inputs = {"since": ref, "build": "false", "fmt": "false"}
     job.run()
     assert not list(job.folder.rglob("stolen")) and not list(job.temp.rglob("stolen"))

@@ -6,6 +6,8 @@ import base64
 import io
 import json
 import math
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -49,20 +51,29 @@ def assert_as_in_mujoco(found: dict[str, list[float]], model: Any, data: Any) ->
         assert np.abs(pose[:3, 3] - body.xpos).max() < NEAR and np.abs(pose[:3, :3] - body.xmat.reshape(3, 3)).max() < NEAR, name
 
 
+@pytest.fixture(scope="module")
+def undrawn_pages(browser: Any, pages: Pages) -> Iterator[dict[str, Any]]:
+    """The page of each robot, which takes a second to open, for tests of numbers: each sets the mode and where the robot is."""
+    with ExitStack() as stack:
+        found = {}
+        for robot in ("arm", "minchw"):
+            found[robot] = stack.enter_context(opened(browser, address(getattr(pages, robot) / f"html/{robot}.html")))
+            undrawn(found[robot])
+        yield found
+
+
 @pytest.mark.parametrize("robot", ["arm", "minchw"])
-def test_every_pose_of_every_mode_is_where_mujoco_has_it(browser: Any, pages: Pages, robot: str) -> None:
-    folder = getattr(pages, robot)
+def test_every_pose_of_every_mode_is_where_mujoco_has_it(undrawn_pages: dict[str, Any], pages: Pages, robot: str) -> None:
+    folder, page = getattr(pages, robot), undrawn_pages[robot]
     modes = json.loads((folder / "modes.json").read_text())
-    with opened(browser, address(folder / f"html/{robot}.html")) as page:
-        undrawn(page)
-        for mode, told in modes.items():
-            page.get_by_role("radiogroup", name="mode").get_by_role("radio", name=mode, exact=True).click()
-            model, data = model_of(folder, robot, mode)
-            for pose in told["poses"]:
-                page.get_by_role("radiogroup", name="pose").get_by_role("radio", name=pose, exact=True).click()
-                mujoco.mj_resetDataKeyframe(model, data, model.key(pose).id)
-                mujoco.mj_forward(model, data)
-                assert_as_in_mujoco(links(page), model, data)
+    for mode, told in modes.items():
+        page.get_by_role("radiogroup", name="mode").get_by_role("radio", name=mode, exact=True).click()
+        model, data = model_of(folder, robot, mode)
+        for pose in told["poses"]:
+            page.get_by_role("radiogroup", name="pose").get_by_role("radio", name=pose, exact=True).click()
+            mujoco.mj_resetDataKeyframe(model, data, model.key(pose).id)
+            mujoco.mj_forward(model, data)
+            assert_as_in_mujoco(links(page), model, data)
 
 
 def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_path: Path) -> None:
@@ -90,38 +101,36 @@ def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_p
 
 
 @pytest.mark.parametrize("robot", ["arm", "minchw"])
-def test_margins_of_any_configuration(browser: Any, pages: Pages, robot: str) -> None:
+def test_margins_of_any_configuration(undrawn_pages: dict[str, Any], pages: Pages, robot: str) -> None:
     """How many times over drives hold the robot: in all poses as the compiler says, and elsewhere by MuJoCo's inverse dynamics at rest, as
     long as loads are those of a tree; how loops and feet share them is known of poses alone, and the page says so."""
-    folder, rng = getattr(pages, robot), np.random.default_rng(3)
+    folder, page, rng = getattr(pages, robot), undrawn_pages[robot], np.random.default_rng(3)
     told = json.loads(element((folder / f"html/{robot}.html").read_text(), "thingc-robot"))
     limits = {joint["path"]: joint["effort"] for joint in told["joints"]}
     there = "([mode, q]) => { const { viewer } = thingc; viewer.setMode(mode); viewer.restore(q); return viewer.held(); }"
     trees = 0
-    with opened(browser, address(folder / f"html/{robot}.html")) as page:
-        undrawn(page)
-        for mode in told["modes"]:
-            for pose in mode["poses"]:
-                posed = "(at) => { thingc.viewer.setMode(at[0]); thingc.viewer.setPose(at[1]); return thingc.viewer.held().margins; }"
-                assert page.evaluate(posed, [mode["name"], pose["name"]]) == pytest.approx(pose["margins"], rel=1e-6), pose["name"]
-            paths = [joint["path"] for body in mode["bodies"] for joint in body["joints"]]
-            model, data = model_of(folder, robot, mode["name"])
-            for _ in range(3):
-                q = {path: float(rng.uniform(*np.clip(model.joint(path).range, -3, 3))) for path in paths}
-                held = page.evaluate(there, [mode["name"], q])
-                if mode["loops"] or mode["base"] == "free":
-                    assert held["margins"] == {} and ("known only for named poses" in held["note"] or "free base" in held["note"])
-                    continue
-                trees += 1
-                for path, value in q.items():
-                    data.joint(path).qpos = value
-                mujoco.mj_forward(model, data)
-                dof = {path: model.joint(path).dofadr[0] for path in mode["driven"]}
-                borne = {path: data.qfrc_bias[at] - data.qfrc_spring[at] for path, at in dof.items()}
-                margins = {path: limits[path] / abs(effort) for path, effort in borne.items() if abs(effort) > 1e-12}
-                # where a joint bears next to nothing (1e-6 of its limit) a margin is the rounding of two programs
-                assert {path: min(margin, 1e6) for path, margin in held["margins"].items()} == pytest.approx(
-                    {path: min(margin, 1e6) for path, margin in margins.items()}, rel=1e-6)
+    for mode in told["modes"]:
+        for pose in mode["poses"]:
+            posed = "(at) => { thingc.viewer.setMode(at[0]); thingc.viewer.setPose(at[1]); return thingc.viewer.held().margins; }"
+            assert page.evaluate(posed, [mode["name"], pose["name"]]) == pytest.approx(pose["margins"], rel=1e-6), pose["name"]
+        paths = [joint["path"] for body in mode["bodies"] for joint in body["joints"]]
+        model, data = model_of(folder, robot, mode["name"])
+        for _ in range(3):
+            q = {path: float(rng.uniform(*np.clip(model.joint(path).range, -3, 3))) for path in paths}
+            held = page.evaluate(there, [mode["name"], q])
+            if mode["loops"] or mode["base"] == "free":
+                assert held["margins"] == {} and ("known only for named poses" in held["note"] or "free base" in held["note"])
+                continue
+            trees += 1
+            for path, value in q.items():
+                data.joint(path).qpos = value
+            mujoco.mj_forward(model, data)
+            dof = {path: model.joint(path).dofadr[0] for path in mode["driven"]}
+            borne = {path: data.qfrc_bias[at] - data.qfrc_spring[at] for path, at in dof.items()}
+            margins = {path: limits[path] / abs(effort) for path, effort in borne.items() if abs(effort) > 1e-12}
+            # where a joint bears next to nothing (1e-6 of its limit) a margin is the rounding of two programs
+            assert {path: min(margin, 1e6) for path, margin in held["margins"].items()} == pytest.approx(
+                {path: min(margin, 1e6) for path, margin in margins.items()}, rel=1e-6)
     assert trees >= 6
 
 
@@ -206,12 +215,13 @@ def test_a_link_is_drawn_to_where_the_pointer_goes(browser: Any, pages: Pages) -
             assert abs(page.evaluate(f"thingc.viewer.q.{name}")) <= math.radians(joint) + 1e-12
 
 
-def test_what_a_mode_stands_on_is_not_let_go(browser: Any, pages: Pages) -> None:
-    with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=bridge&pose=arched")) as page:
-        names = page.evaluate("thingc.viewer.robot.links.map((link) => link.name)")
-        for foot in ("front/foot", "rear/foot"):
-            assert f"{foot} " in page.evaluate(f"thingc.viewer.whyFixed({names.index(foot)})")
-        assert page.evaluate(f"thingc.viewer.whyFixed({names.index('body')})") is None
+def test_what_a_mode_stands_on_is_not_let_go(undrawn_pages: dict[str, Any]) -> None:
+    page = undrawn_pages["minchw"]
+    page.evaluate("() => { thingc.viewer.setMode('bridge'); thingc.viewer.setPose('arched'); }")
+    names = page.evaluate("thingc.viewer.robot.links.map((link) => link.name)")
+    for foot in ("front/foot", "rear/foot"):
+        assert f"{foot} " in page.evaluate(f"thingc.viewer.whyFixed({names.index(foot)})")
+    assert page.evaluate(f"thingc.viewer.whyFixed({names.index('body')})") is None
 
 
 def test_a_click_tells_what_is_there(browser: Any, pages: Pages) -> None:
@@ -312,7 +322,7 @@ def picture(page: Any) -> np.ndarray[Any, Any]:
 
 def test_every_view_shows_something_else(browser: Any, pages: Pages) -> None:
     """Pixels change with every way to show the robot, and are the first ones again when it is taken back."""
-    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home&theme=light")) as page:
+    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home&theme=light"), (420, 320)) as page:
         drawn(page)
         plain = picture(page)
         assert len(np.unique(plain.reshape(-1, 3), axis=0)) > 100  # there is a robot
@@ -430,7 +440,7 @@ def test_as_few_calls_as_definitions(browser: Any, pages: Pages) -> None:
     """Draw calls of everything at once are at most definitions x materials + 20, and with a section, for which every definition is drawn
     once more, that many more; a frame's script is measured in benchmarks."""
     for robot in ("arm", "minchw"):
-        with opened(browser, address(getattr(pages, robot) / f"html/{robot}.html")) as page:
+        with opened(browser, address(getattr(pages, robot) / f"html/{robot}.html"), (420, 320)) as page:
             page.evaluate("['frames', 'mounts', 'joint axes', 'inertia', 'centres of mass'].forEach((mark) => thingc.viewer.toggle(mark))")
             drawn(page)
             calls = page.evaluate("thingc.viewer.stage.calls")
