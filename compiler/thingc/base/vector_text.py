@@ -4,19 +4,7 @@ from __future__ import annotations
 
 import re
 
-from thingc.base.units import (
-    MAX_TEXT,
-    NUMBER,
-    NUMBER_TEXT,
-    Dimension,
-    Quantity,
-    Unit,
-    UnitError,
-    converted,
-    scan_number,
-    scan_unit,
-    shortened,
-)
+from thingc.base.units import MAX_TEXT, NUMBER, NUMBER_TEXT, Dimension, Quantity, UnitError, converted, scan_number, scan_unit, shortened
 
 
 def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
@@ -43,7 +31,7 @@ def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantit
     if len(numbers) != 3:
         how = _separated(text) or how
         raise UnitError(f"expected three numbers and a unit, found {count} (`{shortened(text.strip())}`)", help=how)
-    unit: Unit = (1, 1, NUMBER)
+    unit = (1, 1, NUMBER)
     if at < len(text):
         unit, end = scan_unit(text, at, wanted=wanted)
         if text[end:].strip():
