@@ -6,11 +6,14 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
+import numpy as np
 import pytest
 
 from emit import sdf_answers, usd_answers
+from loops.test_loop_joints import FOURBAR
 from thingc.tools.cli.main import main
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "conformance"
@@ -233,6 +236,35 @@ def test_an_sdf_file_that_says_something_else_is_seen(both, change: Callable[[st
     faults = judged(concerned, change).faults
     assert len(concerned) >= 3 and {one.name for one in concerned} == {fault.partition(":")[0] for fault in faults}
     assert any(seen in fault for fault in faults)
+
+
+def test_joints_of_an_sdf_file_with_a_loop_count_from_the_pose_of_the_file(tmp_path: Path, shared_store: str) -> None:
+    """MuJoCo, at the values that the study takes for 0, has every link where the file has it."""
+    from reference import _zeros
+
+    (tmp_path / "fourbar.yaml").write_text(FOURBAR)
+    out = tmp_path / "out"
+    assert main(["build", str(tmp_path / "fourbar.yaml"), "--emit", "mjcf,sdf", "-o", str(out), "--store", shared_store]) == 0
+    for mode in ("bench", "other"):
+        model = mujoco.MjModel.from_xml_path(str(out / "fourbar" / "mjcf" / f"fourbar_{mode}.xml"))
+        file = out / "fourbar" / "sdf" / f"fourbar_{mode}" / "model.sdf"
+        data = mujoco.MjData(model)
+        zeros = _zeros(model, file)
+        assert set(zeros) == {model.joint(k).name for k in range(model.njnt)} and any(abs(q) > 0.1 for q in zeros.values())
+        for path, q in zeros.items():
+            data.joint(path).qpos = q
+        mujoco.mj_forward(model, data)
+        places = {link.get("name"): place for link in ElementTree.parse(file).iter("link") if (place := link.find("pose")) is not None}
+        assert len(places) == 3
+        for name, place in places.items():
+            link, other = data.body(name), data.body(place.get("relative_to"))
+            expected = [float(one) for one in (place.text or "").split()[:3]]
+            assert other.xmat.reshape(3, 3).T @ (link.xpos - other.xpos) == pytest.approx(expected, abs=1e-9)
+            quaternion = np.empty(4)
+            mujoco.mju_euler2Quat(quaternion, [float(one) for one in (place.text or "").split()[3:]], "XYZ")
+            turned = np.empty(9)
+            mujoco.mju_quat2Mat(turned, quaternion)
+            assert other.xmat.reshape(3, 3).T @ link.xmat.reshape(3, 3) == pytest.approx(turned.reshape(3, 3), abs=1e-9)
 
 
 NUMBERS = r"\((\S+), (\S+), (\S+), (\S+)\)"
