@@ -6,8 +6,8 @@ For pairs of modes, with the motion of the new root link dropped or caught:
 - `jax`: switches per second by `thingc.modes.jax` for many worlds at once, in those by `Modes.switch` of states, one after the other;
 - `error`: greatest difference between both, relative to the greatest number of the result, or to 1.
 
-Times are of the processor. Exits with 1 if a figure of a switch without other holds misses its bound: the inverse of a nearly singular
-posture of both feet has more rounding errors, and takes longer.
+Times are of the processor. Exits with 1 if a figure of a switch without other holds misses its bound. With other holds, a nearly singular
+posture has more rounding errors, and the singular values of its constraints take longer.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ PAIRS = {
         ("front_foot", "rear_foot"), ("front_foot", "crawl"), ("crawl", "rear_foot"), ("rear_foot", "bridge"),
     ],
 }
-ERROR, RATIO = 1e-13, 50.0
+ERROR, RATIOS = 1e-13, {"drop": 50.0, "impact": 25.0}
 
 
 def main() -> int:
@@ -59,9 +59,10 @@ def main() -> int:
                 together, ratio, error = in_jax(robot, robot[old], robot[new], on_motion, count if not robot[new].holds else count // 16)
                 name = f"{old} -> {new}, {on_motion}"
                 print(f"{name:36} {1e6 * alone:6.0f} {steps:6.1f} {1e6 * together:7.2f} {ratio:5.0f}x {error:8.1e}", flush=True)
-                if not robot[new].holds and (ratio < RATIO or error > ERROR):
+                if not robot[new].holds and (ratio < RATIOS[on_motion] or error > ERROR):
                     missed.append(name)
-    print(f"must {'':31} {'':6} {'':6} {'':7} {RATIO:5.0f}x {ERROR:8.0e}")
+    for on_motion, bound in RATIOS.items():
+        print(f"{f'must, {on_motion}':36} {'':6} {'':6} {'':7} {bound:5.0f}x {ERROR:8.0e}")
     for one in missed:
         print(f"MISSED {one}")
     return bool(missed)

@@ -90,6 +90,9 @@ def test_worlds_switch_as_one_by_one(
         np.testing.assert_allclose(found.q[world][rows], own.q[rows], rtol=0, atol=1e-13)
         np.testing.assert_allclose(found.twist[world], own.twist, rtol=0, atol=1e-13 * scale)
         np.testing.assert_allclose(found.v[world][rows], own.v[rows], rtol=0, atol=1e-13 * scale)
+        cut = np.setdiff1d(np.arange(len(own.q)), rows)
+        for values, before in ((found.q, given.q), (found.v, given.v)):
+            assert (np.asarray(values[world])[cut] == before[world][cut]).all()
         np.testing.assert_allclose(removed[world], expected.removed, rtol=0, atol=1e-13 * 10)
         np.testing.assert_allclose(impulses[world], expected.impulse, rtol=0, atol=1e-13 * scale)
     moved = impulses if on_motion == "impact" else removed if modes[new].base != "free" else found.twist

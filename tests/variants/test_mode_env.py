@@ -23,7 +23,12 @@ thingc: assembly/1
 name: crawler
 parameters: {{span: {{value: 200 mm, min: 100 mm, max: 400 mm}}}}
 components:
-  front: {{frame: true, mass: 1 kg, {INERTIA}, mounts: {{sole: {{rpy: 20 30 40 deg}}}}}}
+  front:
+    link: true
+    mass: 1 kg
+    {INERTIA}
+    mounts: {{sole: {{rpy: 20 30 40 deg}}}}
+    shapes: [{{box: 60 40 20 mm, color: red, for: visual}}]
   body: {{frame: true, mass: 2 kg, {INERTIA}, mounts: {{end: {{xyz: [=span, 0, 0]}}}}}}
   rear: {{frame: true, mass: 1 kg, {INERTIA}}}
 joints:
@@ -32,7 +37,7 @@ joints:
   ankle: {{type: revolute, parent: body.end, child: rear.origin, axis: [0, 1, 0], limit: {{lower: -1 rad, upper: 1 rad}},
     dynamics: {{damping: 0.1 N*m*s/rad}}, drive: {{kind: position, kp: 5 N*m/rad, effort: 5 N*m}}}}
 sensors: {{bend: {{type: joint, joint: ankle}}}}
-poses: {{arched: {{knee: 0.4 rad, ankle: -0.7 rad}}}}
+poses: {{arched: {{knee: 0.4 rad, ankle: -0.7 rad}}, flat: {{knee: 0.1 rad}}}}
 modes:
   front: {{root: front.sole, base: held, pose: arched}}
   rear: {{root: rear, base: held, pose: arched, actuators: [ankle]}}
@@ -81,6 +86,18 @@ def test_a_switch_is_that_of_the_modes(family: thingc.RobotFamily) -> None:
         expected = [*(one.qpos[0] for one in own), *(one.qvel[0] for one in own), *np.eye(3)[mode]]
         assert seen.tolist() == pytest.approx(expected, abs=1e-12)
     assert env.data.time == pytest.approx(20 * env.model.opt.timestep)
+
+
+def test_an_episode_begins_anew(family: thingc.RobotFamily) -> None:
+    """In the pose that was asked for, and without what was left of other modes."""
+    env = make_env(family, modes=MODES, pose="flat")
+    assert env.reset(seed=1)[0][:4].tolist() == pytest.approx([0.1, 0.0, 0.0, 0.0])
+    env.step(acting(1))
+    left = env.data
+    left.warning[int(mujoco.mjtWarning.mjWARN_BADQPOS)].number = 1
+    assert env.step(acting(1))[4]["unstable"]
+    env.reset(seed=1)
+    assert "unstable" not in env.step(acting(1))[4] and env.data is left and left.time == pytest.approx(5 * env.model.opt.timestep)
 
 
 def test_a_refused_switch_is_an_info_and_can_be_a_reward(family: thingc.RobotFamily) -> None:
@@ -141,11 +158,14 @@ def test_gymnasium_finds_nothing_wrong(tmp_path: Path, monkeypatch: pytest.Monke
     )
     check_env(made.unwrapped)
     made.reset(seed=1)
-    images = [made.render() for _ in range(1)]
-    for mode in (1, 2):
-        made.step(acting(mode))
+    images = []
+    for mode in (0, 1, 2, 1):
+        made.step(acting(mode, 0.5, 0.5))
         images.append(made.render())
-    assert {image.shape for image in images} == {(480, 640, 3)} and made.metadata["render_fps"] == 100
+        with mujoco.Renderer(made.unwrapped.model, 480, 640) as renderer:  # type: ignore[attr-defined]
+            renderer.update_scene(made.unwrapped.data)  # type: ignore[attr-defined]
+            assert (images[-1] == renderer.render()).all()
+    assert {image.shape for image in images} == {(480, 640, 3)} and (images[1] != images[0]).any() and made.metadata["render_fps"] == 100
     made.close()
 
 
@@ -169,6 +189,11 @@ def test_observations_by_hand(family: thingc.RobotFamily) -> None:
         start = 4 + len(data.sensordata)
         assert (away[start : start + 3] > 0.0).all() and (away[start : start + 3] < 0.5).all()
         assert np.delete(away, [start, start + 1, start + 2]).max() == 0.0
+    blurred = make_env(family, modes=MODES, observation=terms, observation_noise=0.1, settings=[{"span": 0.25}])
+    env.reset(seed=2)
+    blurred.reset(seed=2)
+    away = np.abs(blurred.step(acting(1, 0.2, 3.0))[0] - env.step(acting(1, 0.2, 3.0))[0][:-1])
+    assert (away[:-5] > 0.0).all() and away.max() < 0.1 and away[-5:].max() == 0.0
     alone = make_env(family, mode="loose", observation=("gravity", "qvel", "action"))
     seen = alone.reset(seed=1)[0]
     assert seen[:3].tolist() == pytest.approx(list(alone.data.body("body").xmat.reshape(3, 3).T @ [0, 0, -1])) and len(seen) == 3 + 8 + 2
@@ -189,6 +214,14 @@ def test_controls_by_hand(family: thingc.RobotFamily) -> None:
     env.reset(seed=1)
     env.step(np.array([0.1, 1.0]))
     assert env.data.ctrl.tolist() == pytest.approx([0.6, 1.0])  # within the range of the joint
+    env = make_env(family, modes=("rear",), action_scale=0.5, action_offset=[0.1])
+    env.reset(seed=1)
+    env.step({"mode": 0, "joints": np.array([0.2])})
+    assert env.data.ctrl.tolist() == pytest.approx([0.2])
+    env = make_env(family, modes=MODES, action_scale=0.5, action_offset=[0.1, 0.3])
+    env.reset(seed=1)
+    env.step(acting(1, 0.2, 0.4))
+    assert env.data.ctrl.tolist() == pytest.approx([0.5])
     env = make_env(family, mode="front", action_scale=0.5, action_delay=(0, 3))
     late = set()
     for seed in range(12):
