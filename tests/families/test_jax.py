@@ -1,4 +1,4 @@
-"""Runs the tests of `jax_functions.py` in a process of their own: JAX starts threads, and the processes of other tests fork."""
+"""Runs the tests of JAX in a process of their own: JAX starts threads, and the processes of other tests fork."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+MODULES = ("jax_functions.py", "mjx_models.py")
 
-def test_functions_of_jax(tmp_path: Path) -> None:
-    tests = Path(__file__).with_name("jax_functions.py")
-    words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--basetemp", str(tmp_path / "own"), str(tests)]
+
+def test_functions_of_jax_and_models_of_mjx(tmp_path: Path) -> None:
+    tests = [str(Path(__file__).with_name(name)) for name in MODULES]
+    words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--basetemp", str(tmp_path / "own"), *tests]
     done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
