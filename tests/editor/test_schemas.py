@@ -177,7 +177,7 @@ def test_a_document_that_is_not_well_formed_keeps_its_last_schema(small: Path, s
     before = (small / ".thingc/schema/small.yaml.json").read_bytes()
     (small / "small.yaml").write_text(PLAIN + "joints: {turn: [\n")
     printed = thingc(small, shared_store, "schema")
-    assert "small.yaml: not well-formed; its previous schema is unchanged" in printed
+    assert "small.yaml: it or one of its parts has a syntax error; its previous schema is unchanged" in printed
     assert (small / ".thingc/schema/small.yaml.json").read_bytes() == before
 
 
@@ -188,15 +188,17 @@ def test_one_that_was_never_well_formed_gets_what_is_known_without_it(small: Pat
     assert "arm:BasePlate" in {branch.get("const") for branch in parts}
 
 
-def test_a_part_file_that_is_being_edited_keeps_what_was_known(small: Path, shared_store: str) -> None:
+def test_a_part_with_a_syntax_error_does_not_replace_the_schemas_of_its_documents(small: Path, shared_store: str) -> None:
     thingc(small, shared_store, "schema")
-    before = schema_of(small, "small.yaml")
+    before = (small / ".thingc/schema/small.yaml.json").read_bytes()
     part = small / "parts" / "arm.py"
     part.write_text(part.read_text() + "\ndef half(:\n")
-    thingc(small, shared_store, "schema")
-    after = schema_of(small, "small.yaml")
-    assert after["$defs"]["params of arm:BasePlate"] == before["$defs"]["params of arm:BasePlate"]
-    assert offered(after, "mount") >= {"plate.servo_seat", "plate.bottom", "servo.rotor"}
+    printed = thingc(small, shared_store, "schema")
+    assert "small.yaml: it or one of its parts has a syntax error; its previous schema is unchanged" in printed
+    assert (small / ".thingc/schema/small.yaml.json").read_bytes() == before
+    (small / "small.yaml").write_text(PLAIN.replace("arm:BasePlate", "arm:BasePlace", 1))
+    part.write_text(part.read_text().removesuffix("\ndef half(:\n"))
+    assert "1 written" in thingc(small, shared_store, "schema"), "a class that does not exist is an error of the document"
 
 
 def test_no_model_starts_no_kernel(small: Path, tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -176,10 +176,6 @@ class _Parts:
         """See `AvailableParts`."""
         return [] if self._at_hand is None else self._at_hand.service.catalogue()
 
-    def not_python(self) -> list[PartFailure]:
-        """See `AvailableParts`."""
-        return [] if self._at_hand is None else self._at_hand.service.not_python()
-
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """See `AvailableParts`. Pending parts are omitted."""
         answers = {} if self._at_hand is None else self._at_hand.describe(references)

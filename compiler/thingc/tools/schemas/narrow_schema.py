@@ -28,15 +28,13 @@ MAX_CHECKED = 500
 class SchemaContext(FrozenStruct):
     """The names from other files that a document can use, in the form in which the document refers to them.
 
-    `parts` are the schemas of reachable parts, and `usual` their default mounts. `assemblies` and `materials` are other documents. `lost`
-    are the last known parameter schemas of parts that currently cannot be described.
+    `parts` are the schemas of reachable parts, and `usual` their default mounts. `assemblies` and `materials` are other documents.
     """
 
     parts: Mapping[str, PartSchema] = {}
     usual: Mapping[str, Names] = {}
     assemblies: Mapping[str, DocumentSymbols] = {}
     materials: Mapping[str, DocumentSymbols] = {}
-    lost: Mapping[str, Schema] = {}
 
 
 def narrowed(general: Schema, facts: DocumentFacts, around: SchemaContext) -> Schema:
@@ -52,22 +50,6 @@ def params_name(reference: str) -> str:
 def mounts_name(reference: str) -> str:
     """Return the name in `$defs` of the schema of the default mounts of a part."""
     return f"mounts of {reference}"
-
-
-def remembered(schema: Schema, references: Iterable[str]) -> tuple[dict[str, Schema], dict[str, Names]]:
-    """Return the parameter schemas and default mounts of parts in an earlier schema, both by reference."""
-    definitions = schema.get("$defs", {})
-    lost: dict[str, Schema] = {}
-    usual: dict[str, Names] = {}
-    for reference in references:
-        if params_name(reference) in definitions:
-            lost[reference] = definitions[params_name(reference)]
-        attach = definitions.get(mounts_name(reference), {})
-        mounts = attach.get("else", attach).get("properties", {})
-        names = {name: str(one.get("description", "")) for name, one in mounts.items() if "$ref" in one}
-        if names:
-            usual[reference] = names
-    return lost, usual
 
 
 def _ref(name: str) -> Schema:
@@ -176,8 +158,6 @@ class _Narrowing:
     def _parts(self) -> None:
         """Adapt the schema of components to the value of `part` or `assembly`."""
         choices = [(reference, documentation(part)) for reference, part in self.around.parts.items()]
-        lost = self.around.lost
-        choices += [(reference, str(one.get("description", ""))) for reference, one in lost.items()]
         self._put("ComponentSpec", "part", one_of(choices))
         self._put("ComponentSpec", "assembly", one_of(
             (name, one.description or one.name or "An assembly.") for name, one in self.around.assemblies.items()
@@ -185,9 +165,7 @@ class _Narrowing:
         rules: list[Schema] = []
         for reference, part in self.around.parts.items():
             self.definitions[params_name(reference)] = part_schema(part, self.facts.parameters)
-        for reference, one in lost.items():
-            self.definitions[params_name(reference)] = one
-        for reference in dict.fromkeys((*self.around.parts, *lost)):
+        for reference in self.around.parts:
             then: Schema = {"params": _ref(params_name(reference))}
             mounts = self.around.usual.get(reference)
             if mounts:

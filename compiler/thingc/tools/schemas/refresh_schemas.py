@@ -27,7 +27,7 @@ from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, Sources, resolve
 from thingc.model.resolve.types import AssemblyDefinition
 from thingc.tools.schemas.document_facts import DocumentFacts, Names, Records, facts_of, usual_mounts
-from thingc.tools.schemas.narrow_schema import SchemaContext, narrowed, remembered
+from thingc.tools.schemas.narrow_schema import SchemaContext, narrowed
 from thingc.tools.schemas.parameter_schemas import DocumentSymbols, near, of_variants, read_symbols, symbols_of
 
 
@@ -36,9 +36,6 @@ class AvailableParts(Protocol):
 
     def catalogue(self) -> list[str]:
         """Return `module:Class` of every reachable public class."""
-
-    def not_python(self) -> list[PartFailure]:
-        """Return the files of parts that cannot be parsed."""
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """Return the schema of each part `module:Class`, by reference."""
@@ -54,14 +51,12 @@ class Parts:
     service: AvailableParts
     schemas: dict[str, PartSchema | PartFailure] = field(default_factory=dict)
     records: dict[str, PartRecord | PartFailure] = field(default_factory=dict)
-    unreadable: frozenset[str] = frozenset()
     _reach: tuple[str, ...] | None = None
 
     def describe(self, references: Iterable[str]) -> Mapping[str, PartSchema | PartFailure]:
         """Return the schemas of all reachable classes, and of `references`."""
         if self._reach is None:
             self._reach = tuple(self.service.catalogue())
-            self.unreadable = frozenset(failure.subject for failure in self.service.not_python())
         wanted = [one for one in dict.fromkeys((*self._reach, *references)) if one not in self.schemas]
         if wanted:
             self.schemas.update(self.service.describe(wanted))
@@ -95,14 +90,10 @@ class Parts:
                 mounts.setdefault(one.reference, usual_mounts(record))
         return mounts
 
-    def unsure(self, references: Iterable[str]) -> list[str]:
-        """Return the references to parts that currently cannot be described, for example because of a syntax error."""
-        return [one for one in references if self._is_unsure(one)]
-
-    def _is_unsure(self, reference: str) -> bool:
-        answer, unreadable = self.schemas.get(reference), reference.partition(":")[0] in self.unreadable
-        failed = isinstance(answer, PartFailure) and answer.kind not in ("missing", "refused")
-        return failed or unreadable and not isinstance(answer, PartSchema)
+    def all_described(self, references: Iterable[str]) -> bool:
+        """Return whether no part has an error such as a syntax error. Parts that do not exist count as described."""
+        answers = [self.schemas.get(one) for one in references]
+        return not any(isinstance(one, PartFailure) and one.kind not in ("missing", "refused") for one in answers)
 
 
 class ParsedDocument(FrozenStruct):
@@ -154,7 +145,7 @@ class RefreshOutcome(FrozenStruct):
     Attributes:
         documents: All documents.
         written: The documents whose schema has been written because it has changed.
-        kept: The documents that currently cannot be read. Their last schema still exists.
+        kept: The documents that cannot be read now, or have parts that cannot be read now. Their last schema still exists.
         removed: The deleted documents, whose schema was deleted.
     """
 
@@ -181,10 +172,7 @@ class Schemas:
         own = os.path.join(self.workspace.root, OWN_FILE)
         if os.path.exists(own):
             paths.append(own)
-        stats = {path: stat_of(path) for path in paths}
-        # editors may empty a file before they write its content, so do not remove the schema
-        emptied = {path: stat for path in self._seen if path not in stats and (stat := stat_of(path)) is not None and stat[1] == 0}
-        return stats | emptied
+        return {path: stat_of(path) for path in paths}
 
     def _look(self) -> dict[str, str]:
         """Return the paths in the workspace of all documents by absolute path, and update the symbols of changed documents."""
@@ -245,7 +233,7 @@ class Schemas:
             return self._of_variants(name, general, tree)
         schemas = {**self._parts.describe(()), **known}
         self._parts.realize(self._parts.defaults().values())
-        around = self._around(name, self._parts.usual(()), {})
+        around = self._around(name, self._parts.usual(()))
         made = (facts_of(tree, model, records, schemas, around.usual), around)
         if name not in self._narrowed or self._narrowed[name][0] != made:
             self._narrowed[name] = (made, narrowed(general, *made))
@@ -256,20 +244,24 @@ class Schemas:
         assembly = tree.entries.get("assembly")
         return of_variants(general, others.get(str(assembly.value)) if isinstance(assembly, ScalarNode) else None, others)
 
-    def _around(self, name: str, usual: Mapping[str, Any], lost: dict[str, Any]) -> SchemaContext:
+    def _around(self, name: str, usual: Mapping[str, Names]) -> SchemaContext:
         packaged = {
             name: DocumentSymbols(kind="materials", description=f"The materials of `{name.partition('.')[0]}`.")
             for name in packaged_documents(self.workspace)
         }
         return SchemaContext(
-            parts=self._parts.things(), usual=dict(usual), assemblies=self._others(name, "assembly"),
-            materials={**self._others(name, "materials"), **packaged}, lost=lost,
+            parts=self._parts.things(), usual=usual, assemblies=self._others(name, "assembly"),
+            materials={**self._others(name, "materials"), **packaged},
         )
 
     def _write(self, name: str, reading: ParsedDocument | None, model: AssemblyDefinition | None, usual: Mapping[str, Any]) -> bool | None:
-        """Write the schema of a document. Return whether it changed. If the document is broken, return None and do not write it."""
+        """Write the schema of a document. Return whether it changed.
+
+        If the document or one of its parts is broken, return None and do not replace the last schema.
+        """
         root, kind = self.workspace.root, reading.kind if reading is not None else self._symbols[name].kind
-        if (reading is None or reading.broken) and load_schema(root, name):
+        broken = reading is None or reading.broken or not self._parts.all_described(reading.references)
+        if broken and os.path.exists(os.path.join(root, schema_path(name))):
             return None
         schema = self.general(kind)
         if schema is None:
@@ -277,24 +269,11 @@ class Schemas:
         if kind == "variants" and reading is not None:
             schema = self._of_variants(name, schema, reading.documents.root.tree)
         elif kind == "assembly":
-            lost: dict[str, Any] = {}
-            references = reading.references if reading is not None else ()
-            unsure = self._parts.unsure(dict.fromkeys((*references, *self._last_references(name))))
-            if unsure:
-                lost, mounts = remembered(load_schema(root, name), unsure)
-                usual = {**mounts, **usual}
             facts = DocumentFacts() if reading is None else facts_of(
                 reading.documents.root.tree, model, self._parts.records, self._parts.schemas, usual,
             )
-            schema = narrowed(schema, facts, self._around(name, usual, lost))
+            schema = narrowed(schema, facts, self._around(name, usual))
         return write_schema(root, name, schema)
-
-    def _last_references(self, name: str) -> list[str]:
-        """Return the parts in the last schema of a document if a module cannot be parsed now, else nothing."""
-        if not self._parts.unreadable:
-            return []
-        definitions = load_schema(self.workspace.root, name).get("$defs", {})
-        return [one.removeprefix("params of ") for one in definitions if one.startswith("params of ")]
 
     def _others(self, name: str, kind: str) -> dict[str, DocumentSymbols]:
         """Return the other documents of a kind by relative path, the nearest first."""
@@ -312,16 +291,6 @@ SCHEMAS = ".thingc/schema"
 def schema_path(relative: str) -> str:
     """Return the path of the schema of a document. Both paths are relative to the workspace, with `/`."""
     return f"{SCHEMAS}/{relative}.json"
-
-
-def load_schema(root: str, relative: str) -> dict[str, Any]:
-    """Read the last schema of a document, or return an empty mapping if there is none."""
-    try:
-        with open(os.path.join(root, schema_path(relative)), encoding="utf-8") as stream:
-            schema = json.load(stream)
-    except (OSError, ValueError):
-        return {}
-    return schema if isinstance(schema, dict) else {}
 
 
 def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
