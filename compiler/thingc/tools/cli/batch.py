@@ -10,13 +10,13 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import shown_path
 from thingc.base.one_line_repr import counted
 from thingc.batch.build_records import find_variant, in_order
-from thingc.batch.dry_run import DryRun, forecast
 from thingc.batch.folder import FOLDERS, PACKED, BatchFault, begun, in_words, locked
 from thingc.batch.packed_layout import CHUNK
 from thingc.batch.page import show_again
@@ -30,6 +30,9 @@ from thingc.targets.registry import chosen, unknown
 from thingc.tools.cli import console
 from thingc.tools.cli.set import write
 from thingc.tools.cli.signals import INTERRUPTED
+
+if TYPE_CHECKING:
+    from thingc.batch.dry_run import DryRun
 
 EPILOG = """\
 Writes build/NAME/ (or DIR/NAME/): a folder for each variant in variants/, shared meshes in assets/, the tables results.csv and
@@ -250,6 +253,8 @@ def _complaints(folder: str) -> list[str]:
 
 
 def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> int:
+    from thingc.batch.dry_run import forecast
+
     planned = plan(arguments.document, options=options)
     if targets:
         planned = replace(planned, emit=targets)
