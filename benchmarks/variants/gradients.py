@@ -11,6 +11,14 @@ For each robot, with numbers of its document and results that depend on them:
 Then derivatives by numbers on which modelled parts depend: the greatest difference from those of a polynomial through nine other settings,
 relative to the greatest derivative, and how many of them are within the stated errors of both.
 
+Then models of MJX for 50 settings (4096 for the rates):
+
+- `f64` and `f32`: greatest difference between a field and that of the model that MuJoCo compiles, relative to the greatest entry;
+- `models` and `XML`: models per second in one call, in those of `models(share=False)` and of MuJoCo for the XML.
+
+Last, the derivatives of a height after 200 steps in MJX, and the greatest difference from those of differences in MuJoCo, relative to the
+greatest one by the same number.
+
 Exits with 1 if a figure misses its bound.
 """
 
@@ -27,8 +35,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import jax
 import mpmath
+import mujoco
 import numpy as np
+from mujoco import mjx
 
 import thingc
 from thingc.batch.families import FamilyFunction
@@ -38,6 +49,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
 
 from families.documents import WORKSPACE  # noqa: E402
+from families.mjx_fields import leaves, one_of  # noqa: E402
 
 ALL = ("mass", "centre", "inertia")
 ROBOTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
@@ -54,13 +66,25 @@ ROBOTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
 MODELLED = {"MInchW": ("assemblies/minchw/minchw.yaml", "leg_length", 0.071)}
 """Documents with a number on which modelled parts depend. The mass of the arm jumps with its reach, by whole ribs."""
 ERROR, COST, RATIO, ESTIMATED = 1e-13, 3.0, 20.0, 1e-4
+IN_MJX: dict[str, tuple[str, tuple[str, ...], str]] = {
+    "boom": ("boom.yaml", ("length", "load", "joints.lift.drive.kp"), "standing"),
+    "tendons": ("strung.yaml", ("thickness", "reach", "components.foot.mass"), "standing"),
+    "loops": ("everything.yaml", ("load", "length", "stiff"), "loose"),
+    "arm": (str(ROOT / "assemblies/arm.yaml"), ("components.bus_board.mass", "components.bus_board.at.xyz.2"), "bench"),
+}
+"""Documents by name, with numbers and a mode."""
+SINGLE, MODELS, XML, SLOPE = 1e-6, 10.0, 30.0, 1e-6
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=4096, help="number of settings per robot (default: %(default)s)")
     parser.add_argument("--no-parts", action="store_true", help="skip measurements that build parts")
+    parser.add_argument("--no-mjx", action="store_true", help="without MJX")
+    parser.add_argument("--only-mjx", action="store_true", help="only MJX")
     options = parser.parse_args()
+    if options.only_mjx:
+        return bool(report_mjx(options.count))
     missed = []
     print(f"{'':9} {'lines':>6} {'bits':>11} {'value':>8} {'jacobian':>9} {'error':>8}")
     with tempfile.TemporaryDirectory() as folder:
@@ -71,6 +95,8 @@ def main() -> int:
     for name, (document, parameter, value) in {} if options.no_parts else MODELLED.items():
         with thingc.family(ROOT / document, verify=0) as family:
             missed += estimated(name, family.function([parameter], ALL), value)
+    if not options.no_mjx:
+        missed += report_mjx(options.count)
     print(f"must      {'':6} {'all':>11} {RATIO:8.0f} {COST:9.1f} {ERROR:8.0e}; estimated {ESTIMATED:.0e}")
     for one in missed:
         print(f"MISSED {one}")
@@ -107,6 +133,88 @@ def report(name: str, family: thingc.RobotFamily, function: FamilyFunction, coun
     print(f"{name:9} {len(plan.program.statements):6} {same:5} /{count:5} {ratio:7.1f}x {cost:9.2f} {error:8.1e}", flush=True)
     bounds = {"bits": same == count, "value": ratio >= RATIO, "jacobian": cost <= COST, "error": error <= ERROR}
     return [f"{figure} of {name}" for figure, holds in bounds.items() if not holds]
+
+
+def report_mjx(count: int) -> list[str]:
+    """Print the rows of MJX, and return what misses its bound."""
+    missed = []
+    print(f"{'MJX':9} {'f64':>8} {'f32':>8} {'models':>8} {'XML':>8}")
+    with tempfile.TemporaryDirectory() as folder:
+        write_documents(Path(folder))
+        for name, (document, names, mode) in IN_MJX.items():
+            with thingc.family(Path(folder) / document, verify=0, compat="mjx", mode=mode) as family:
+                missed += report_models(name, family, names, count)
+        with thingc.family(Path(folder) / "boom.yaml", verify=0) as family:
+            missed += report_simulation(family)
+    print(f"must      {ERROR:8.0e} {SINGLE:8.0e} {MODELS:7.0f}x {XML:7.0f}x; derivatives {SLOPE:.0e}")
+    return missed
+
+
+def report_models(name: str, family: thingc.RobotFamily, names: Sequence[str], count: int) -> list[str]:
+    """Print the row of a robot, and return what misses its bound."""
+    errors = {}
+    for dtype in ("float32", "float64"):
+        jax.config.update("jax_enable_x64", dtype == "float64")
+        robots = family.mjx(names, dtype=dtype)
+        rows = robots.start * np.random.default_rng(1).uniform(0.98, 1.02, (count, len(names)))
+        model, _, ok = robots.batch(rows)
+        settings = [dict(zip(names, row, strict=True)) for row in rows[:512].tolist()]
+        errors[dtype] = 0.0
+        for place, expected in enumerate(family.models(settings[:50])):
+            if ok[place]:
+                found = leaves(one_of(model, robots.varied, place))
+                wanted = leaves(mjx.put_model(expected))
+                errors[dtype] = max(errors[dtype], *(difference(found[one], value) for one, value in wanted.items()))
+    valid = int(ok[:50].sum())
+    together = seconds_of(lambda: jax.block_until_ready(robots.batch(rows)[0])) / count
+    alone = seconds_of(lambda: list(family.models(settings, share=False))) / len(settings)
+    models, function = family._of(None, False), family.function(names, ())
+    plan, why = models.template_at(function._item(rows[0])[1])
+    assert plan is not None, why
+    texts = [plan.made.text(plan.outputs(function._item(row)[1].values) or ()) for row in rows[:50][np.asarray(ok[:50])]]
+    parsed = seconds_of(lambda: [models._load(text) for text in texts]) / len(texts)
+    rates = f"{alone / together:7.1f}x {parsed / together:7.1f}x, {valid} of 50 valid"
+    print(f"{name:9} {errors['float64']:8.1e} {errors['float32']:8.1e} {rates}", flush=True)
+    bounds = {
+        "f64": errors["float64"] <= ERROR, "f32": errors["float32"] <= SINGLE, "models": alone / together >= MODELS,
+        "XML": parsed / together >= XML, "valid": valid > 25,
+    }
+    return [f"MJX {figure} of {name}" for figure, holds in bounds.items() if not holds]
+
+
+def difference(found: np.ndarray, expected: np.ndarray) -> float:
+    """Return the greatest difference of two fields, relative to the greatest entry."""
+    if not expected.size:
+        return 0.0
+    return float(np.abs(found.astype(float) - expected).max() / (np.abs(expected).max() or 1.0))
+
+
+def report_simulation(family: thingc.RobotFamily) -> list[str]:
+    """Print the error of derivatives of a simulation, and return what misses its bound."""
+    names = ["length", "load", "joints.lift.drive.kp", "joints.lift.dynamics.damping"]
+    robots = family.mjx(names)
+    state = mujoco.MjData(family.model({}, visual=False))
+    state.ctrl[:] = 0.3
+
+    def height(p: Any) -> Any:
+        model, data = robots.put(robots.model(p)[0], state)
+        last = jax.lax.scan(lambda data, _: (mjx.step(model, data), None), data, length=200)[0]
+        return p[0] * jax.numpy.sin(last.qpos[0])
+
+    def in_mujoco(p: np.ndarray) -> float:
+        model = family.model(dict(zip(names, p.tolist(), strict=True)), visual=False)
+        data = mujoco.MjData(model)
+        data.ctrl[:] = 0.3
+        mujoco.mj_step(model, data, 200)
+        return float(p[0] * np.sin(data.qpos[0]))
+
+    greatest = 0.0
+    slopes = jax.jit(jax.jacfwd(height))
+    for row in robots.start * np.random.default_rng(2).uniform(0.9, 1.1, (3, len(names))):
+        expected = np.array([(in_mujoco(row + step) - in_mujoco(row - step)) / (2.0 * step.sum()) for step in np.diag(1e-5 * row)])
+        greatest = max(greatest, float(np.max(np.abs(slopes(row) - expected) / np.abs(expected))))
+    print(f"boom: derivatives of 200 steps by {', '.join(names)}: error {greatest:.1e}", flush=True)
+    return [] if greatest <= SLOPE else ["derivatives of a simulation"]
 
 
 def seconds_of(job: Callable[[], Any]) -> float:

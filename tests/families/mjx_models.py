@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,11 +14,10 @@ from mujoco import mjx
 import thingc
 from families.crane import CRANE, LEVER
 from families.documents import WORKSPACE
+from families.mjx_fields import leaves, one_of
 from thingc.batch.results import FamilyError
 
 NAMES = ["length", "load", "radius", "skew", "stiff", "rubbing"]
-UNUSED = ("key_", "meanmass", "meansize", "extent", "center")
-"""Fields that MJX does not use."""
 LOW, HIGH = [0.2, 0.1, 0.01, -0.002, 10.0, 0.0], [0.5, 0.9, 0.03, 0.002, 50.0, 0.1]
 
 
@@ -44,26 +42,6 @@ def crane(folder: Path) -> Iterator[thingc.RobotFamily]:
         yield family
 
 
-def leaves(model: mjx.Model) -> dict[str, np.ndarray]:
-    """Every array of a model of MJX; of inertias, the matrices, since the order and the signs of principal axes are free."""
-    found = {}
-    for prefix, group in (("", model), ("opt.", model.opt), ("stat.", model.stat)):
-        for field in dataclasses.fields(group):
-            value = getattr(group, field.name)
-            if isinstance(value, jax.Array | np.ndarray) and not field.name.startswith(UNUSED):
-                found[prefix + field.name] = np.asarray(value)
-    matrices = np.array([mujoco_matrix(quat) for quat in found.pop("body_iquat")])
-    found["body_iquat"] = np.einsum("bij,bj,bkj->bik", matrices, found["body_inertia"], matrices)
-    found["dof_hasfrictionloss"] = np.asarray(model._impl.dof_hasfrictionloss)
-    return found
-
-
-def mujoco_matrix(quat: np.ndarray) -> np.ndarray:
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, np.asarray(quat, dtype=np.float64))
-    return matrix.reshape(3, 3)
-
-
 def compared(
     family: thingc.RobotFamily, mode: str, names: list[str], rows: np.ndarray, tolerance: float, *, dtype: str = "float64",
 ) -> None:
@@ -76,7 +54,7 @@ def compared(
         if place == 0:
             assert not expected
             continue
-        own = model.tree_replace({name: get(model, name)[place] for name in robots.varied})
+        own = one_of(model, robots.varied, place)
         found, wanted = leaves(own), leaves(mjx.put_model(expected))
         wanted["dof_hasfrictionloss"] |= found["dof_hasfrictionloss"]
         assert found.keys() == wanted.keys()
@@ -84,12 +62,6 @@ def compared(
             scale = np.abs(value).max(initial=0.0) or 1.0
             np.testing.assert_allclose(found[name], value, rtol=0.0, atol=tolerance * scale, err_msg=f"{name} of {rows[place]}")
             assert found[name].dtype == value.dtype
-
-
-def get(model: mjx.Model, name: str) -> jax.Array:
-    for part in name.split("."):
-        model = getattr(model, part)
-    return model
 
 
 def spread(values: list[float], count: int) -> np.ndarray:

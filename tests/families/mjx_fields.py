@@ -1,0 +1,40 @@
+"""The fields of models in MJX, to compare them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from operator import attrgetter
+
+import jax
+import mujoco
+import numpy as np
+from mujoco import mjx
+
+UNUSED = ("key_", "meanmass", "meansize", "extent", "center")
+"""Fields that MJX does not use."""
+
+
+def leaves(model: mjx.Model) -> dict[str, np.ndarray]:
+    """Every array of a model of MJX; of inertias, the matrices, since the order and the signs of principal axes are free."""
+    found = {}
+    for prefix, group in (("", model), ("opt.", model.opt), ("stat.", model.stat)):
+        for field in dataclasses.fields(group):
+            value = getattr(group, field.name)
+            if isinstance(value, jax.Array | np.ndarray) and not field.name.startswith(UNUSED):
+                found[prefix + field.name] = np.asarray(value)
+    matrices = np.array([mujoco_matrix(quat) for quat in found.pop("body_iquat")])
+    found["body_iquat"] = np.einsum("bij,bj,bkj->bik", matrices, found["body_inertia"], matrices)
+    found["dof_hasfrictionloss"] = np.asarray(model._impl.dof_hasfrictionloss)
+    return found
+
+
+def mujoco_matrix(quat: np.ndarray) -> np.ndarray:
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, np.asarray(quat, dtype=np.float64))
+    return matrix.reshape(3, 3)
+
+
+def one_of(model: mjx.Model, varied: Iterable[str], row: int) -> mjx.Model:
+    """One of the models of a batch."""
+    return model.tree_replace({name: attrgetter(name)(model)[row] for name in varied})
