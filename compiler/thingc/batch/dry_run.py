@@ -63,7 +63,7 @@ class DryRun:
 
 
 def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
-    """Check all variants, or the first `limit` variants, without geometry. Of more than `MOST` variants, resolve only a sample."""
+    """Check all variants, or the first `limit` variants, without geometry. If there are more than `MOST`, resolve a sample."""
     foreseen = DryRun()
     count = plan.count if limit is None else min(limit, plan.count)
     drawn = None if count <= MOST else frozenset(random.Random(0).sample(range(count), MOST))
