@@ -147,7 +147,11 @@ def run(command: str) -> str:
     """What a `thingc` or `python FILE` command prints here, standard output first, without progress; `cd FOLDER` goes there."""
     words = shlex.split(command, comments=True)
     if words[0] == "python" and "import jax" in Path(words[1]).read_text():  # it starts threads, and other tests fork
-        done = subprocess.run([sys.executable, words[1]], capture_output=True, text=True)
+        # what it compiles runs once: it is compiled sooner than it is optimized
+        done = subprocess.run(
+            [sys.executable, words[1]], capture_output=True, text=True,
+            env={**os.environ, "XLA_FLAGS": "--xla_backend_optimization_level=0"},
+        )
         return done.stdout + _PROGRESS.sub("", done.stderr)
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):

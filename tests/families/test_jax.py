@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,5 +13,6 @@ MODULES = ("jax_functions.py", "mjx_models.py")
 def test_functions_of_jax_and_models_of_mjx(tmp_path: Path) -> None:
     tests = [str(Path(__file__).with_name(name)) for name in MODULES]
     words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--basetemp", str(tmp_path / "own"), *tests]
-    done = subprocess.run(words, capture_output=True, text=True)
+    # what they compile runs once: it is compiled sooner than it is optimized
+    done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "XLA_FLAGS": "--xla_backend_optimization_level=0"})
     assert done.returncode == 0, done.stdout + done.stderr
