@@ -93,7 +93,7 @@ def test_a_hold_that_moves_is_said(made: Made) -> None:
     """The root rests, the other foot does not."""
     one, other = stir(np.random.default_rng(3), made.data("near")), made.data("bridge")
     before = other.mocap_pos.copy()
-    with pytest.raises(BaseMoves, match="^mode `bridge` holds `c8` still, but it moves at "):
+    with pytest.raises(BaseMoves, match="^mode `bridge` holds `c8` still, but it moves at ") as refused:
         made.modes.switch(("near", one), ("bridge", other))
     assert (other.mocap_pos == before).all()
     dropped = made.modes.switch(("near", one), ("bridge", other), on_motion="drop")
@@ -101,6 +101,7 @@ def test_a_hold_that_moves_is_said(made: Made) -> None:
     X, velocity = bodies(one)["c8"]
     lost = dropped.holds["c8/tip"].removed
     np.testing.assert_allclose(lost, np.concatenate([velocity[:3], X[:3, :3].T @ velocity[3:]]), atol=1e-12)
+    assert refused.value.twist.tolist() == lost.tolist()
     assert not dropped.removed.any() and not dropped.holds["c8/tip"].impulse.any()
 
 
@@ -263,11 +264,12 @@ def test_cut_joints_have_the_q_of_their_two_ends() -> None:
                 assert joints_of(back)[joint_name] == pytest.approx((q, v), abs=2e-8)
 
 
-def test_a_caught_loop_stays_closed() -> None:
+@pytest.mark.parametrize(("target", "bar"), [("rocker_held", "bar3"), ("crank_held", "bar1")])
+def test_a_caught_loop_stays_closed(target: str, bar: str) -> None:
     """The floating loop with one bar caught: projected with MuJoCo's Jacobians of that bar and of the equalities."""
     made = four_bar("revolute")
-    one, other = moving_loop(made, "ground_free", np.random.default_rng(5)), made.data("rocker_held")
-    made.modes.switch(("ground_free", one), ("rocker_held", other), on_motion="impact")
+    one, other = moving_loop(made, "ground_free", np.random.default_rng(5)), made.data(target)
+    made.modes.switch(("ground_free", one), (target, other), on_motion="impact")
     mujoco.mj_forward(one.model, one)
     rows = np.flatnonzero(one.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
     J = np.zeros((one.nefc, one.model.nv))
@@ -275,7 +277,7 @@ def test_a_caught_loop_stays_closed() -> None:
         found = np.zeros(one.nefc)
         mujoco.mj_mulJacVec(one.model, one, found, np.eye(one.model.nv)[column])
         J[:, column] = found
-    C = np.vstack([J[rows], jacobian(one, "bar3")])
+    C = np.vstack([J[rows], jacobian(one, bar)])
     M = mass_matrix(one)
     inner = C @ np.linalg.solve(M, C.T)
     after = one.qvel - np.linalg.solve(M, C.T @ np.linalg.pinv(inner, rcond=1e-10) @ C @ one.qvel)
