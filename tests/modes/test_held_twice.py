@@ -35,6 +35,9 @@ def chain(count: int = COUNT, seed: int = 4) -> Made:
         mode("hung", whole("c3"), "free", pose="bent", poses=("bent",), holds=held),
         mode("pinned", whole("c0"), "held", pose="bent", poses=("bent",), holds=pinned),
         mode("pinned_hung", whole("c3"), "free", pose="bent", poses=("bent",), holds=pinned),
+        mode("tied", whole("c3"), "free", pose="bent", poses=("bent",), holds=(
+            *pinned, Hold(mount=ref("c0.tip"), pose=None, origin=where(3)),
+        )),
         mode("pinned_bolted", whole("c0"), "fixed", pose="bent", poses=("bent",), holds=pinned),
     ]
     components = [component(f"c{k}", f"p:B{k}") for k in range(count)]
@@ -130,6 +133,20 @@ def test_a_catch_with_both_hands(made: Made, target: str) -> None:
     turned = [np.concatenate([p[:3], bodies(one)[link][0][:3, :3] @ p[3:]]) for link, p in zip(stopped, impulses, strict=True)]
     assert np.concatenate(turned) == pytest.approx(taken, abs=1e-9)
     assert stretched_weld(other) < 1e-12
+
+
+def test_a_catch_at_a_point_and_at_a_link(made: Made) -> None:
+    """Of a robot whose base stays free: each impulse is that of its own hold."""
+    one, other = stir(np.random.default_rng(7), made.data("float")), made.data("tied")
+    switched = made.modes.switch(("float", one), ("tied", other), on_motion="impact")
+    tip = np.zeros((3, one.model.nv))
+    mujoco.mj_jacSite(one.model, one, tip, None, one.model.site("c8/tip").id)
+    M, J = mass_matrix(one), np.vstack([tip, jacobian(one, "c0")])
+    taken = np.linalg.solve(J @ np.linalg.solve(M, J.T), -J @ one.qvel)
+    assert list(switched.holds) == ["c8/tip", "c0/tip"] and not switched.impulse.any()
+    point, link = (switched.holds[path].impulse for path in switched.holds)
+    assert point[:3] == pytest.approx(taken[:3], abs=1e-9)
+    assert [*link[:3], *(bodies(one)["c0"][0][:3, :3] @ link[3:])] == pytest.approx(taken[3:], abs=1e-9)
 
 
 def test_of_a_bolted_robot_both_feet_must_be_where_they_stand(made: Made) -> None:
