@@ -138,6 +138,8 @@ def main() -> None:
         os.environ.update(PYTHONPATH=os.pathsep.join(map(str, paths)), THINGC_STORE=f"{folder}/store", OMP_NUM_THREADS="1")
         sys.path[:0] = map(str, paths)
         tests = read_map(tree, path, arguments.rooms, arguments.keep_map, arguments.map_minutes, arguments.longest)
+        if all(test.path == IMPORT for test in tests):
+            raise SystemExit("the map has no test files, so every mutant would survive: use a larger --map-minutes")
         functions = warmed(tree / PACKAGE, IMPORTED)
         end = time.monotonic() + 60.0 * arguments.minutes
         judgements = []

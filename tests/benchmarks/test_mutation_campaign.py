@@ -89,3 +89,11 @@ def test_marks_of_executed_statements(monkeypatch: pytest.MonkeyPatch, tmp_path:
     subprocess.run([sys.executable, "-c", "import marked"], check=True)
     [found] = lines.iterdir()
     assert json.loads(found.read_text()) == {"room/marked.py": [3, 5, 7, 8]}
+
+
+@pytest.mark.slow
+def test_no_mutant_is_judged_without_test_files(tmp_path: Path) -> None:
+    """All would survive, and the results would be kept."""
+    words = [sys.executable, FOLDER / "campaign.py", "--number", "1", "--map-minutes", "0", "--folder", tmp_path]
+    done = subprocess.run(words, check=False, capture_output=True, text=True)
+    assert done.returncode == 1 and done.stderr.startswith("the map has no test files") and list(tmp_path.iterdir()) == []
