@@ -132,6 +132,7 @@ def test_every_right_document_is_valid(tmp_path: Path) -> None:
     assert dict(faults(paths)) == {}
 
 
+@pytest.mark.usefixtures("one_kernel")
 def test_wrong_documents_are_refused_fault_by_fault(shared_store: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A fault is refused where the schema complains of its key, of one that holds it, or of what is in it."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
@@ -193,7 +194,7 @@ CHECKED = {
 }
 
 
-@settings(max_examples=3000)
+@settings(max_examples=1500)
 @given(name=st.sampled_from(sorted(CHECKED)), text=_PIECES)
 def test_no_pattern_refuses_what_the_compiler_takes(name: str, text: str) -> None:
     checked = CHECKED[name]
