@@ -166,7 +166,7 @@ class FamilyMjx:
         if model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST and len(limited):
             raise FamilyError(
                 f"MJX integrates the damping of `{model.actuator(limited[0]).name}` with `implicitfast` even at its greatest force, unlike "
-                "MuJoCo: write `integrator: Euler` under `simulation`, or remove the effort or the damping of the drive"
+                "MuJoCo: use `at={\"simulation.integrator\": \"euler\"}`, or remove the effort or the damping of the drive"
             )
         try:
             if model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC and not mjx.make_data(model)._impl.contact.dist.size:

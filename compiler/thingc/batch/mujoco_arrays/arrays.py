@@ -327,7 +327,7 @@ class Bodies:
         meshes = ElementTree.Element("asset")
         meshes.extend(mesh for mesh in root.iterfind("asset/mesh") if mesh.get("name") in used)
         small.insert(len(small) - 1, meshes)
-        kept = {mesh.get("file", ""): assets[mesh.get("file", "")] for mesh in meshes}
+        kept = {file: assets[file] for mesh in meshes if (file := mesh.get("file"))}  # prisms have none
         self.names = tuple(names)
         self.copies = copies
         self._spec = mujoco.MjSpec.from_string(ElementTree.tostring(small, encoding="unicode"), assets=kept)
