@@ -35,7 +35,7 @@ joints:
     child: arm.origin
     axis: [0, 1, 0]
     limit: {lower: -90 deg, upper: 90 deg}
-    dynamics: {damping: 0.1 N*m*s/rad, friction: =rubbing}
+    dynamics: {damping: 0.1 N*m*s/rad, friction: =rubbing, stiffness: 2 N*m/rad, rest: 5 deg}
     drive: {kind: position, kp: =stiff}
   slide:
     type: prismatic

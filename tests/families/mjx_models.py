@@ -10,11 +10,13 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import mjx
+from mujoco.mjx._src import math
 
 import thingc
 from families.crane import CRANE, LEVER
 from families.documents import WORKSPACE
 from families.mjx_fields import leaves, one_of
+from thingc.batch.families.mjx_constants import principal_axes
 from thingc.batch.results import FamilyError
 
 NAMES = ["length", "load", "radius", "skew", "stiff", "rubbing"]
@@ -132,3 +134,18 @@ def test_precisions_and_shapes_are_checked(crane: thingc.RobotFamily) -> None:
     jax.config.update("jax_enable_x64", False)
     with pytest.raises(FamilyError, match="JAX has no 64-bit numbers: call `jax.config.update"):
         crane.mjx(["stiff"])
+
+
+def test_derivatives_of_principal_axes() -> None:
+    source = np.random.default_rng(5)
+    matrices, changes = (half @ half.transpose(0, 2, 1) for half in source.normal(size=(2, 4, 3, 3)))
+    matrices[0], changes[0] = np.diag([2.0, 1.0, 2.0]), np.diag([1.0, 3.0, 1.0])  # equal moments stay equal
+
+    def rebuilt(matrix: jax.Array) -> jax.Array:
+        moments, quaternion = principal_axes(matrix)
+        axes = math.quat_to_mat(quaternion)
+        return axes @ jax.numpy.diag(moments) @ axes.T
+
+    found = jax.jit(jax.vmap(lambda matrix, change: jax.jvp(rebuilt, (matrix,), (change,))))(matrices, changes)
+    np.testing.assert_allclose(found[0], matrices, atol=1e-14)
+    np.testing.assert_allclose(found[1], changes, atol=1e-13)
