@@ -23,7 +23,7 @@ from thingc.base.diagnostics import shown_path
 from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr, counted
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.batch import folder_layout
 from thingc.batch.build_records import BuildRecords, File, VariantFiles, unpack
 from thingc.batch.folder import read_batch, whole
@@ -48,14 +48,18 @@ _WITHIN, _INCLUDE = re.compile("<mujoco[^>]*>(.*)</mujoco>", re.DOTALL), re.comp
 
 
 class FamilyError(ValueError):
-    """Raised if a batch or family cannot be used as requested. The message contains the reason and a help text."""
+    """Raised if a batch or family cannot be used as requested. The message contains the `reason` and, if known, a `help` text."""
+
+    def __init__(self, reason: str, help: Hint = "") -> None:
+        super().__init__(reason, help)
+        self.reason, self.help = reason, help
+
+    def __str__(self) -> str:
+        return f"{self.reason}: {self.help}" if self.help else self.reason
 
 
 class UnknownVariant(FamilyError, KeyError):
     """Raised if a batch does not have the requested variant, column or mode."""
-
-    def __str__(self) -> str:
-        return ValueError.__str__(self)  # `str` of a KeyError would show the repr of the message
 
 
 class Sizes(FrozenStruct):

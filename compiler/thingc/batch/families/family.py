@@ -401,11 +401,11 @@ class RobotFamily:
         """Raise `FamilyError` for tests that measure no smooth numbers, and for tests beside other results unless they are `alone`."""
         for name in names:
             if name not in self._spec.tests:
-                raise FamilyError(f"there is no test `{name}`: {did_you_mean(name, self._spec.tests, what='tests')}")
+                raise FamilyError(f"there is no test `{name}`", did_you_mean(name, self._spec.tests, what="tests"))
             if (kind := self._spec.tests[name].kind) not in TESTED:
-                raise FamilyError(f"`{TEST}{name}` has no derivatives, because `{kind}` is not a smooth number: leave it out")
+                raise FamilyError(f"`{TEST}{name}` has no derivatives, because `{kind}` is not a smooth number", "leave it out")
         if names and not alone:
-            raise FamilyError(f"`{TEST}{names[0]}` cannot be computed with other results: use a separate function for tests")
+            raise FamilyError(f"`{TEST}{names[0]}` cannot be computed with other results", "use a separate function for tests")
 
     def _builds_of(self, targets: tuple[str, ...]) -> Builds:
         from thingc.targets.registry import chosen, unknown

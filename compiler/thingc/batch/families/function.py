@@ -91,7 +91,7 @@ class FamilyFunction:
         self.names = tuple(names)
         fixed = [other for name in at for other in (str(name), *reader.meant(str(name)))]
         if twice := [name for place, name in enumerate(self.names) if name in (*self.names[:place], *fixed)]:
-            raise FamilyError(f"`{twice[0]}` is given twice: leave out one of them")
+            raise FamilyError(f"`{twice[0]}` is given twice", "leave out one of them")
         kinds = [self._number(name) for name in self.names]
         self.dimensions = tuple(kind.dimension for kind in kinds)
         self.units = tuple(map(standard_unit, self.dimensions))
@@ -141,7 +141,7 @@ class FamilyFunction:
         """
         rows, single = self._rows(x)
         if not single:
-            raise FamilyError(f"expected {len(self.names)} numbers, found an array of shape {np.shape(x)}: call `jacobian` for each row")
+            raise FamilyError(f"expected {len(self.names)} numbers, found an array of shape {np.shape(x)}", "call `jacobian` for each row")
         shape = (len(self.outputs), len(self.names))
         names, found = self._derivatives_at(self._item(rows[0])[1]) or ((), None)
         made, error = np.zeros(shape), np.zeros(shape)
@@ -149,7 +149,7 @@ class FamilyFunction:
             self._require(rows[0])
         elif not np.isfinite(found.values).all():
             name = self.outputs[int(np.flatnonzero(~np.isfinite(found.values))[0])]
-            raise NotDifferentiable(f"`{name}` is not finite at {self._shown(rows[0])}: leave it out, or choose other settings")
+            raise NotDifferentiable(f"`{name}` is not finite at {self._shown(rows[0])}", "leave it out, or choose other settings")
         else:
             made[:, names] = found.jacobian
         for place in range(shape[1]):
@@ -177,7 +177,7 @@ class FamilyFunction:
         plan, why = self._evaluation.plan_at(read)
         if plan is None or plan.exchange is not None or (set(self.names) & {read.names[at] for at, _ in plan.fixed}):
             why = why or "a part depends on a number"
-            raise FamilyError(f"JAX cannot compute {', '.join(self.outputs)}: {why}; use `value` and `jacobian`")
+            raise FamilyError(f"JAX cannot compute {', '.join(self.outputs)}: {why}", "use `value` and `jacobian`")
         by = [plan.free.index(read.names.index(name)) for name in self.names]
         return jax_function(self._restricted(plan).program, by, [read.values[at] for at in plan.free], dtype)
 
@@ -227,7 +227,7 @@ class FamilyFunction:
             except NotSmooth as fault:
                 where = self._shown([read.values[read.names.index(name)] for name in self.names])
                 message = f"`{self.outputs[fault.output]}` is not differentiable at {where}: a value that it depends on {fault.why}"
-                raise NotDifferentiable(f"{message}; choose other settings, or leave out `{self.outputs[fault.output]}`") from None
+                raise NotDifferentiable(message, f"choose other settings, or leave out `{self.outputs[fault.output]}`") from None
             except (ArithmeticError, ValueError):
                 continue
             if found is not None and not np.isnan(found.values).any():
@@ -259,7 +259,7 @@ class FamilyFunction:
         same = all(np.all(np.abs(one - sides[0][0]) <= SAME * np.abs(one) + tolerance) for pair in sides for one in pair)
         if not sides or not same:
             raise NotDifferentiable(
-                f"the results are not differentiable by `{self.names[place]}` at {self._shown(x)}: they, or their derivatives, jump there; "
+                f"the results are not differentiable by `{self.names[place]}` at {self._shown(x)}: they, or their derivatives, jump there",
                 f"choose another value of `{self.names[place]}`"
             )
         if len(sides) == 1 and np.all(np.abs(own - sides[0][0]) <= SAME * np.abs(own) + tolerance):
@@ -282,7 +282,7 @@ class FamilyFunction:
             name, problems = self.names[place], values.problems[int(np.argmin(values.ok))] if values.ok is not None else ()
             raise NotDifferentiable(
                 f"the derivative by `{name}` is estimated from `{name}` = {nodes[0]:g} to {nodes[-1]:g}, and some of these have no "
-                f"results: {_errors(problems) or 'a result does not exist'}; choose another value of `{name}`"
+                f"results: {_errors(problems) or 'a result does not exist'}", f"choose another value of `{name}`",
             )
         offsets, results = nodes - x[place], np.asarray(values)
         best, *others = (_weights(offsets[chosen]) @ results[chosen] for chosen in ([0, 1, 2, 3, 4], [1, 2, 3], [0, 2, 4]))
@@ -306,7 +306,7 @@ class FamilyFunction:
     def _number(self, name: str) -> Quantity:
         """Return the value of a number in the document. Raises `FamilyError` if it is none."""
         if not isinstance(name, str) or "*" in name:
-            raise FamilyError(f"expected the name of one number, found `{name}`: write the names one by one")
+            raise FamilyError(f"expected the name of one number, found `{name}`", "write the names one by one")
         kind = self._reader.kind(name)
         if isinstance(kind, Quantity):
             return kind
@@ -314,12 +314,12 @@ class FamilyFunction:
         if kind is None and name not in read.names:
             known = [other for other, value in self._reader.parameters.items() if isinstance(value, Quantity)]
             if "." in name:
-                raise FamilyError(f"the document has no number at `{name}`: correct the path, or write a value there in the document")
-            raise FamilyError(f"the document has no number `{name}`: {did_you_mean(name, known, what='parameters')}")
+                raise FamilyError(f"the document has no number at `{name}`", "correct the path, or write a value there in the document")
+            raise FamilyError(f"the document has no number `{name}`", did_you_mean(name, known, what="parameters"))
         if kind is not None:
             words = str(kind).lower() if isinstance(kind, bool) else str(kind)
-            raise FamilyError(f"`{name}` is not a number, but `{words}`: leave it out, or give its value as another setting")
-        raise FamilyError(f"the document has no value for `{name}`: give it one in the document")
+            raise FamilyError(f"`{name}` is not a number, but `{words}`", "leave it out, or give its value as another setting")
+        raise FamilyError(f"the document has no value for `{name}`", "give it one in the document")
 
     def _expanded(self, outputs: Sequence[str]) -> tuple[str, ...]:
         """Return the names of results: `centre` becomes `centre.x`, `centre.y` and `centre.z`. Raises `FamilyError`."""
@@ -332,7 +332,7 @@ class FamilyFunction:
             known = results.results
             group = [name] if name in known else [one for one, value in known.items() if one.startswith(f"{name}.") and value is not None]
             if not group:
-                raise FamilyError(f"there is no result `{name}`: {did_you_mean(str(name), results.results, what='results')}")
+                raise FamilyError(f"there is no result `{name}`", did_you_mean(str(name), results.results, what="results"))
             found += group
         return tuple(dict.fromkeys(found))
 

@@ -20,8 +20,8 @@ from thingc.batch.values import unit_in
 class Sensitivity(OneLineRepr, FrozenStruct):
     """The `derivative` of a `result` by a number of the document, in SI units, with an estimate of its `error` (0: exact).
 
-    `value` and `number` are the values of the result and of the number. The document writes the number at `span`, in `unit`. `why` is the
-    reason if there is no derivative, which is then NaN.
+    `value` and `number` are the values of the result and of the number. The document writes the number at `span`, in `unit`. If there is
+    no derivative, it is NaN, and `missing` is the reason with a help text.
     """
 
     result: str
@@ -32,7 +32,7 @@ class Sensitivity(OneLineRepr, FrozenStruct):
     error: float
     unit: str = ""
     span: Span | None = None
-    why: str = ""
+    missing: NotDifferentiable | None = None
 
     @property
     def change(self) -> float:
@@ -67,32 +67,32 @@ def sensitivities(
     """
     point = np.array([x[name] for name in function.names])
     values = function.value(point)
-    found: dict[tuple[int, int], tuple[float, float, str]] = {}
+    found: dict[tuple[int, int], tuple[float, float, NotDifferentiable | None]] = {}
     try:
         jacobian = function.jacobian(point)
         assert jacobian.error is not None
-        found = {place: (float(one), float(error), "") for (place, one), error in zip(np.ndenumerate(jacobian), jacobian.error.flat)}
+        found = {place: (float(one), float(error), None) for (place, one), error in zip(np.ndenumerate(jacobian), jacobian.error.flat)}
     except NotDifferentiable:
         pass
     for row, result in enumerate(function.outputs):
         for column, name in enumerate(function.names):
-            derivative, error, why = found.get((row, column)) or _derivative(alone(result, name), x[name])
+            derivative, error, missing = found.get((row, column)) or _derivative(alone(result, name), x[name])
             node = written.get(name)
             yield Sensitivity(
                 result=result, name=name, value=Quantity(float(values[row]), _dimension_of(result, kinds)),
                 number=Quantity(x[name], function.dimensions[column]), derivative=derivative, error=error,
-                unit=unit_in(node.text) if node is not None else "", span=node.span if node is not None else None, why=why,
+                unit=unit_in(node.text) if node is not None else "", span=node.span if node is not None else None, missing=missing,
             )
 
 
-def _derivative(function: FamilyFunction, x: float) -> tuple[float, float, str]:
+def _derivative(function: FamilyFunction, x: float) -> tuple[float, float, NotDifferentiable | None]:
     """Return the derivative of a function of one number, its error, and the reason if there is none."""
     try:
         jacobian = function.jacobian([x])
     except NotDifferentiable as fault:
-        return nan, 0.0, str(fault)
+        return nan, 0.0, fault
     assert jacobian.error is not None
-    return float(jacobian[0, 0]), float(jacobian.error[0, 0]), ""
+    return float(jacobian[0, 0]), float(jacobian.error[0, 0]), None
 
 
 def _dimension_of(result: str, kinds: Mapping[str, str]) -> Dimension:

@@ -17,6 +17,7 @@ from thingc.driver.api import CompileError
 from thingc.tools.cli import console
 
 if TYPE_CHECKING:
+    from thingc.batch.families.function import NotDifferentiable
     from thingc.batch.families.sensitivity import Sensitivity
 
 EPILOG = """\
@@ -71,12 +72,11 @@ def run(arguments: argparse.Namespace) -> int:
             report = Report(list(family.evaluate(given).problems))
             if not report.failed:
                 found = family.sensitivity(outputs, arguments.by, at=given)
-        report.diagnostics += map(_missing, {one.name: one for one in reversed(found) if one.why}.values())
+        report.diagnostics += {one.name: _problem(one, one.missing) for one in reversed(found) if one.missing is not None}.values()
     except CompileError as fault:
         report = Report(list(fault.diagnostics))
     except FamilyError as fault:
-        message, _, help = str(fault).partition(": ")
-        raise console.WrongCommandLine(message, help) from fault
+        raise console.WrongCommandLine(fault.reason, fault.help) from fault
     diagnostics = console.final(report, strict=arguments.strict)
     if arguments.format == "json":
         console.print_json(diagnostics, sensitivities=list(map(_as_data, found)))
@@ -87,15 +87,14 @@ def run(arguments: argparse.Namespace) -> int:
     return code
 
 
-def _missing(one: Sensitivity) -> Diagnostic:
-    message, _, help = one.why.rpartition("; ")
+def _problem(one: Sensitivity, missing: NotDifferentiable) -> Diagnostic:
     path = f"{one.result} by {one.name}"
-    return Diagnostic(code=Code.RESULT, severity=Severity.ERROR, message=message, span=one.span, path=path, help=help)
+    return Diagnostic(code=Code.RESULT, severity=Severity.ERROR, message=missing.reason, span=one.span, path=path, help=missing.help)
 
 
 def _as_data(one: Sensitivity) -> dict[str, object]:
     """Return the data for JSON output, in SI units. `derivative` is null if it does not exist."""
-    derivative, error = (None, None) if one.why else (one.derivative, one.error)
+    derivative, error = (None, None) if one.missing is not None else (one.derivative, one.error)
     return {
         "result": one.result, "name": one.name, "value": one.value.value, "at": one.number.value, "derivative": derivative, "error": error,
     }
@@ -106,7 +105,7 @@ def as_text(found: Sequence[Sensitivity]) -> list[str]:
     rows = [("result", "value", "parameter", "at", "derivative", "error", "+1 % changes it by", "")]
     idle: list[str] = []
     for result, each in groupby(found, key=lambda one: one.result):
-        effects = [one for one in each if one.why or abs(one.derivative) > max(one.error, NONE * abs(one.value.value))]
+        effects = [one for one in each if one.missing is not None or abs(one.derivative) > max(one.error, NONE * abs(one.value.value))]
         if not effects:
             idle.append(result)
         for number, one in enumerate(sorted(effects, key=lambda one: (-abs(one.change), -abs(one.derivative)))):
@@ -121,7 +120,7 @@ def _cells(one: Sensitivity) -> tuple[str, ...]:
     """Return the cells of a derivative."""
     by, by_size = (one.unit, parse_quantity(f"1 {one.unit}").value) if one.unit else _unit(one.number)
     at = f"{one.number.value / by_size:z.4g} {by}".rstrip()
-    if one.why:
+    if one.missing is not None:
         return one.name, at, "does not exist", "", "", ""
     unit, size = _unit(replace(one.value, value=one.derivative * by_size))
     per = f"{unit or '1'}/({by})" if "/" in by or "*" in by else f"{unit or '1'}/{by}" if by else unit
