@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.base.units import ANGLE, INERTIA, LENGTH, MASS, Quantity, parse_quantity
 from thingc.batch.values import standard_unit
 from thingc.driver.api import CompileError
@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _problem(one: Sensitivity, missing: NotDifferentiable) -> Diagnostic:
     path = f"{one.result} by {one.name}"
-    return Diagnostic(code=Code.RESULT, severity=Severity.ERROR, message=missing.reason, span=one.span, path=path, help=missing.help)
+    return replace(console.error(missing.reason, missing.help, Code.RESULT), span=one.span, path=path)
 
 
 def _as_data(one: Sensitivity) -> dict[str, object]:
