@@ -73,6 +73,8 @@ IN_MJX: dict[str, tuple[str, tuple[str, ...], str]] = {
     "arm": (str(ROOT / "assemblies/arm.yaml"), ("components.bus_board.mass", "components.bus_board.at.xyz.2"), "bench"),
 }
 """Documents by name, with numbers and a mode."""
+EULER = {"simulation.integrator": "euler"}
+"""For MJX, which integrates damped drives differently with `implicitfast`."""
 SINGLE, MODELS, XML, SLOPE = 1e-6, 10.0, 30.0, 1e-6
 
 
@@ -143,22 +145,22 @@ def report_mjx(count: int) -> list[str]:
         write_documents(Path(folder))
         for name, (document, names, mode) in IN_MJX.items():
             with thingc.family(Path(folder) / document, verify=0, compat="mjx", mode=mode) as family:
-                missed += report_models(name, family, names, count)
+                missed += report_models(name, family, names, count, EULER if name == "arm" else {})
         with thingc.family(Path(folder) / "boom.yaml", verify=0) as family:
             missed += report_simulation(family)
     print(f"must      {ERROR:8.0e} {SINGLE:8.0e} {MODELS:7.0f}x {XML:7.0f}x; derivatives {SLOPE:.0e}")
     return missed
 
 
-def report_models(name: str, family: thingc.RobotFamily, names: Sequence[str], count: int) -> list[str]:
+def report_models(name: str, family: thingc.RobotFamily, names: Sequence[str], count: int, at: dict[str, str]) -> list[str]:
     """Print the row of a robot, and return what misses its bound."""
     errors = {}
     for dtype in ("float32", "float64"):
         jax.config.update("jax_enable_x64", dtype == "float64")
-        robots = family.mjx(names, dtype=dtype)
+        robots = family.mjx(names, dtype=dtype, at=at)
         rows = robots.start * np.random.default_rng(1).uniform(0.98, 1.02, (count, len(names)))
         model, _, ok = robots.batch(rows)
-        settings = [dict(zip(names, row, strict=True)) for row in rows[:512].tolist()]
+        settings = [{**at, **dict(zip(names, row, strict=True))} for row in rows[:512].tolist()]
         errors[dtype] = 0.0
         for place, expected in enumerate(family.models(settings[:50])):
             if ok[place]:
@@ -168,7 +170,7 @@ def report_models(name: str, family: thingc.RobotFamily, names: Sequence[str], c
     valid = int(ok[:50].sum())
     together = seconds_of(lambda: jax.block_until_ready(robots.batch(rows)[0])) / count
     alone = seconds_of(lambda: list(family.models(settings, share=False))) / len(settings)
-    models, function = family._of(None, False), family.function(names, ())
+    models, function = family._of(None, False), family.function(names, (), at=at)
     plan, why = models.template_at(function._item(rows[0])[1])
     assert plan is not None, why
     texts = [plan.made.text(plan.outputs(function._item(row)[1].values) or ()) for row in rows[:50][np.asarray(ok[:50])]]
