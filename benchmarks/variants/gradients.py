@@ -185,10 +185,9 @@ def report_models(name: str, family: thingc.RobotFamily, names: Sequence[str], c
 
 
 def difference(found: np.ndarray, expected: np.ndarray) -> float:
-    """Return the greatest difference of two fields, relative to the greatest entry."""
-    if not expected.size:
-        return 0.0
-    return float(np.abs(found.astype(float) - expected).max() / (np.abs(expected).max() or 1.0))
+    """Return the greatest difference of two fields, relative to the greatest entry; absolute if all entries are 0 but for rounding."""
+    scale = np.abs(expected).max(initial=0.0)
+    return float(np.abs(found.astype(float) - expected).max(initial=0.0) / (scale if scale > 1e-12 else 1.0))
 
 
 def report_simulation(family: thingc.RobotFamily) -> list[str]:
