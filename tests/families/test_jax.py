@@ -7,11 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-MODULES = ("jax_functions.py", "mjx_models.py")
+MODULES = ("families/jax_functions.py", "families/mjx_models.py", "modes/jax_switches.py")
 
 
-def test_functions_of_jax_and_models_of_mjx(tmp_path: Path) -> None:
-    tests = [str(Path(__file__).with_name(name)) for name in MODULES]
+def test_jax(tmp_path: Path) -> None:
+    tests = [str(Path(__file__).parents[1] / name) for name in MODULES]
     words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--basetemp", str(tmp_path / "own"), *tests]
     # what they compile runs once: it is compiled sooner than it is optimized
     done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "XLA_FLAGS": "--xla_backend_optimization_level=0"})

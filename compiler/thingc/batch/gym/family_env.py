@@ -32,6 +32,7 @@ from thingc.batch.gym.observations import Observer
 from thingc.batch.gym.rewards import Array, Descriptor, Reward, StepInfo, Terminated
 from thingc.batch.results import FamilyError
 from thingc.batch.run_options import as_names, at_least
+from thingc.targets.render.picture import NoGraphics, ready
 
 try:
     import gymnasium
@@ -338,6 +339,11 @@ def make_vec_env(
     render_mode, modes = given["render_mode"], as_names(modes=given["modes"])
     if render_mode not in (None, "rgb_array"):
         raise FamilyError(f"expected `render_mode` to be \"rgb_array\" or None, found `{render_mode}`")
+    if render_mode is not None:
+        try:
+            ready()
+        except NoGraphics as fault:
+            raise FamilyError(str(fault), "set the environment variable `MUJOCO_GL=egl` before MuJoCo is imported") from fault
     visual = render_mode is not None if given["visual"] is None else given["visual"]
     robots = family if isinstance(family, RobotFamily) else family_of(family)
     mode = modes[0] if modes else robots.mode if given["mode"] is None else given["mode"]
