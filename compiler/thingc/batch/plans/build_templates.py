@@ -104,7 +104,7 @@ class Builds:
         return made
 
     def refused(self, settings: Settings) -> tuple[tuple[Diagnostic, ...], int] | None:
-        """Return all diagnostics of settings, and the number of part definitions, if a plan shows that they are refused; otherwise None."""
+        """If a plan shows that settings are refused, return their diagnostics and the number of part definitions, otherwise None."""
         read = self._refusable(settings)
         problems = None if read is None else self._refusals.problems(read)
         return None if problems is None else (problems, self._refusals.parts)

@@ -42,7 +42,7 @@ class Tape:
         self._known: dict[tuple[str, tuple[Any, ...]], int] = {}
 
     def variable(self, value: float, of: Sequence[Traced] = ()) -> Traced:
-        """Add a number that will vary; `of` are the numbers that it depends on in a way that is not recorded."""
+        """Add a variable number. `of` are the numbers that it depends on through operations that are not on the tape."""
         return self._line("variable", (Const(len(self.lines)), *map(_argument, of)), value)
 
     def copy(self) -> Tape:

@@ -85,7 +85,7 @@ class Lock(FrozenStruct):
 
 
 def lock_path(workspace: Workspace) -> str:
-    """Return the path of the lock of a workspace."""
+    """Return the path of the lock file in a workspace."""
     return os.path.join(workspace.root, LOCK_FILE)
 
 

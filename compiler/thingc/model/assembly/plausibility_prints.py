@@ -75,7 +75,7 @@ def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, not
 
 
 def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
-    """Yield the suspicious values among `keys` of a process."""
+    """Yield those of the settings `keys` of a print process whose values are implausible."""
     lines = process.kind in (None, "fdm")
     for key, value, (least, most), usual, words in (
         ("line_width", process.line_width, WIDTHS, USUAL_WIDTHS, "lines are usually {} to {} wide") if lines else

@@ -93,7 +93,7 @@ class _Reader:
         return () if named is None else (named[0],)
 
     def _numbers(self, key: Literal["noise", "cutoff"], written: Any, of: Dimension | None) -> dict[str, float]:
-        """Return noise or cutoff [SI] by reading. A single value is valid only if exactly one reading accepts it."""
+        """Return the noise or cutoff [SI] of each reading. A single value is valid only if exactly one reading accepts it."""
         if written is None:
             return {}
         able: dict[ReadingName, Dimension] = {}

@@ -98,7 +98,7 @@ class Gains(FrozenStruct):
 
     @property
     def too_quick(self) -> bool:
-        """Whether an explicit kv reverses a velocity within one step: v' = (1 - dt kv / I) v changes its sign for dt kv > I."""
+        """Whether kv, integrated explicitly, overshoots in one step: v' = (1 - dt kv / I) v has the opposite sign if dt kv > I."""
         return self.explicit and self.dt * self.kv > self.inertia
 
     @property

@@ -238,7 +238,7 @@ def _get(values: Any, key: Any) -> Any:
 
 
 def _changed(path: Path, base: Any, ours: Any) -> Iterator[Path]:
-    """Yield the paths of the smallest values that differ."""
+    """Yield the path of each value that differs, as deep in the tree as possible."""
     keys = _keys(base, base, ours)
     if keys is None:
         yield path

@@ -42,7 +42,7 @@ def unusable(fault: BaseException) -> BadPartFile:
 
 
 def kernel_shape(shape: Any) -> TopoDS_Shape | None:
-    """Return the kernel's shape in a build123d shape, or None if it is empty."""
+    """Return the OCP shape that a build123d object wraps, or None if the object is empty."""
     try:
         wrapped: TopoDS_Shape | None = shape.wrapped
     except (AssertionError, AttributeError, ValueError):  # raised by build123d for an empty shape
