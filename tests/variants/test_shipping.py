@@ -118,7 +118,8 @@ class Apart:
     def places(self) -> list[Path]:
         """What workers that live keep of shipments."""
         alive = [place for place, worker in zip(self.dask.places, self.dask.workers, strict=True) if worker.poll() is None]
-        return [path for place in alive for path in place.rglob("thingc-*") if path.is_dir()]
+        walks = [one for place in alive for one in os.walk(place)]  # `rglob` fails if a folder is removed meanwhile
+        return [Path(top) / name for top, names, _ in walks for name in names if name.startswith("thingc-")]
 
 
 def namespace(folder: Path, size: str = "100m") -> list[str]:

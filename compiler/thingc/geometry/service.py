@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import convert, to_builtins
 from msgspec.structs import replace
@@ -15,7 +15,6 @@ from msgspec.structs import replace
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.workspace import Workspace
 from thingc.geometry.build_reasons import BuildReason, RecentRecords, unchanged, why
-from thingc.geometry.client import Workers
 from thingc.geometry.key.build_key import BuildKey, schema_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
@@ -32,6 +31,9 @@ from thingc.geometry.record_json import from_json, record_from_json, with_left
 from thingc.geometry.store.build_locks import BuildLocks
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.store.slice_cache import SliceCache, lacking
+
+if TYPE_CHECKING:
+    from thingc.geometry.client import Workers
 
 PATIENCE = 150.0
 """Time [s] in addition to a part's timeout to wait for another process to load the kernel and build the part."""
