@@ -131,14 +131,9 @@ def branch_of(shape: FieldType, value: Any) -> FieldType | None:
         return next((branch for branch in branches if branch.kind in ("list", "field")), None)
     if isinstance(value, str):
         literal = next((branch for branch in branches if branch.kind == "literal"), None)
-        if literal is not None and (len(branches) == 1 or value.isidentifier() or _takes_no_text(branches)):
-            return literal
-        return next((branch for branch in branches if branch.kind in ("field", "text")), literal)
+        text = next((branch for branch in branches if branch.kind in ("field", "text")), None)
+        return literal if text is None or literal is not None and value.isidentifier() else text
     return next((branch for branch in branches if branch.kind in ("field", "flag", "number")), None)
-
-
-def _takes_no_text(branches: list[FieldType]) -> bool:
-    return not any(branch.kind in ("field", "text") for branch in branches)
 
 
 def likeness(branch: FieldType, value: dict[str, Any]) -> float:

@@ -53,7 +53,7 @@ def mass_doubt(mass: float, volume: float) -> Implausible | None:
 
 def density_cure(doubt: Implausible) -> str | None:
     """Return a hint for an implausible density, or None if the intended value is unknown."""
-    return None if doubt.meant is None else f"write `{density_words(doubt.meant)}` if that is meant"
+    return None if doubt.meant is None else f"write `{doubt.meant:.6g} kg/m^3` if that is meant"
 
 
 def said_by_file(definition: PartDefinition) -> bool:
@@ -88,11 +88,6 @@ def measures(box: tuple[Vector, Vector]) -> str:
 def mass_words(mass: float) -> str:
     """Format a mass [kg]: `82 g`, `27 kg`."""
     return f"{_format_number(1000.0 * mass)} g" if mass < 1.0 else f"{_format_number(mass)} kg"
-
-
-def density_words(density: float) -> str:
-    """Format a density [kg/m^3]: `1270 kg/m^3`."""
-    return f"{density:.6g} kg/m^3"
 
 
 def length_words(length: float, digits: int = 6) -> str:

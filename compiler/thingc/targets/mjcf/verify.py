@@ -319,21 +319,17 @@ def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: s
             _say(Code.MJCF_REFUSED, "rejects", error, candidate, written, report)
             return
         owner, name, value = blamed
+        named = bool(owner.origin) and "name" in owner.attributes  # an `option`, for example, comes from several items of the document
         report.add(
             Code.MJCF_REFUSED, f"MuJoCo rejects `{name}` of {owner.label}: {_words(error)}", value.attribute.origin,
             path=".".join(("raw", value.attribute.target, *value.attribute.path)),
             help="see the XML reference of MuJoCo for valid attributes and values",
-            notes=[Note(message=f"{owner.label} is defined here", span=owner.origin[0])] if _of_document(owner) else (),
+            notes=[Note(message=f"{owner.label} is defined here", span=owner.origin[0])] if named else (),
         )
         written = write(candidate.root, candidate.heading)
     if written is candidate.model:
         message = f"MuJoCo rejects the scene of mode `{candidate.mode}`: {_words(scene_error)}"
         report.add(Code.MJCF_REFUSED, message, candidate.origin, path=candidate.mode)
-
-
-def _of_document(element: Element) -> bool:
-    """Return whether an element comes from a named item of a document. An `option`, for example, does not."""
-    return bool(element.origin) and "name" in element.attributes
 
 
 def _blame(error: str, place: Element | None, candidate: Candidate, files: Any) -> tuple[Element, str, RawValue] | None:
