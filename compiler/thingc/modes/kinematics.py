@@ -52,7 +52,7 @@ class Kinematics:
             (np.arange(count).reshape(-1, 1, 1) == k, [column[name] for name in joint.ball.coordinates], joint)
             for k, joint in enumerate(joints) if joint.ball is not None and joint.name == joint.ball.coordinates[0]
         ]
-        # The axes of a reversed ball are fixed in the frame before it. Of other joints, they are fixed in the frame after the coordinate.
+        # The axes of a reversed ball are fixed in the frame before it. The axes of other joints are fixed in the frame after it.
         self._carrier = np.array([self._before[k] if joint.reversed else k + 1 for k, joint in enumerate(joints)], dtype=int)
         axes = [moved_twist(joint.X_PJ if joint.reversed else inverse(joint.X_JL), joint.twist) for joint in joints]
         self._axes = np.array(axes).reshape(-1, 2, 3)

@@ -11,6 +11,7 @@ from thingc.batch.gym.morphologies import Draw, Settings
 from thingc.batch.gym.rewards import Reward, Terminated
 from thingc.batch.results import FamilyError
 from thingc.batch.run_options import is_number, is_whole
+from thingc.modes.robot import CHOICES, OnMotion
 
 CACHED = 1024
 """Default number of cached morphologies, in addition to the morphologies that are being simulated."""
@@ -52,7 +53,7 @@ class EnvOptions(TypedDict, total=False):
     settings: Iterable[Settings] | Draw | None
     mode: str | None
     modes: Sequence[str]
-    on_motion: str
+    on_motion: OnMotion
     may_switch: MaySwitch | None
     floor: bool
     visual: bool | None
@@ -98,7 +99,7 @@ def episode_rules(given: EnvOptions) -> EpisodeRules:
         raise FamilyError(f"expected `action_delay` to be a whole number of at least 0, or the smallest and largest one, found {delay}")
     if push is not None and (len(push) != 2 or not is_whole(push[0], 1) or not is_number(push[1])):
         raise FamilyError(f"expected `push` to be a number of actions and an impulse [N s], found {push}")
-    if given["on_motion"] not in ("raise", "drop", "impact"):
+    if given["on_motion"] not in CHOICES:
         raise FamilyError(f"expected `on_motion` to be \"raise\", \"drop\" or \"impact\", found `{given['on_motion']}`")
     return rules(
         given["reward"], given["terminated"], given["frame_skip"], given["max_steps"], given["pose"], given["noise"],

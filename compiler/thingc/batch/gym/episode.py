@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import mujoco
 
     from thingc.modes import Modes
+    from thingc.modes.robot import OnMotion
 
 MaySwitch = Callable[["mujoco.MjData", str, str], bool]
 
@@ -37,7 +38,7 @@ class EpisodeRules(FrozenStruct):
     max_steps: int
     pose: str | None
     noise: float
-    on_motion: str = "impact"
+    on_motion: OnMotion = "impact"
     may_switch: MaySwitch | None = None
     action_scale: float | Sequence[float] | None = None
     action_offset: Sequence[float] | None = None
@@ -217,7 +218,7 @@ class Episode:
             return f"`may_switch` does not allow a switch from `{old.name}` to `{new.name}`"
         assert self.robot is not None
         try:
-            self.robot.switch((old.name, old.data), (new.name, new.data), on_motion=rules.on_motion)  # type: ignore[arg-type]
+            self.robot.switch((old.name, old.data), (new.name, new.data), on_motion=rules.on_motion)
         except ModesError as fault:
             return str(fault)
         mujoco.mj_forward(new.model, new.data)
