@@ -7,14 +7,14 @@ geometry. For many variants, only a random sample is resolved, and others only i
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, tee
 from typing import Any
 
 from thingc.base.diagnostics import Diagnostic, Report, Severity
 from thingc.base.memo import Memo
-from thingc.batch.families.evaluation import Evaluation
+from thingc.batch.families.evaluation import Evaluation, Item
 from thingc.batch.families.results import Evaluated
 from thingc.batch.measurements import Results
 from thingc.batch.planning import Plan, Variant
@@ -55,7 +55,6 @@ class DryRun:
     known: int = 0
     first: list[Variant] = field(default_factory=list)
 
-
     @property
     def left(self) -> int:
         """The number of variants that satisfy the rules on parameters."""
@@ -64,36 +63,24 @@ class DryRun:
 
 def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
     """Check all variants, or the first `limit` variants, without geometry. If there are more than `MOST`, resolve a sample."""
-    foreseen = DryRun()
+    foreseen, sample = DryRun(), DryRun()
     count = plan.count if limit is None else min(limit, plan.count)
-    drawn = None if count <= MOST else frozenset(random.Random(0).sample(range(count), MOST))
+    drawn = range(count) if count <= MOST else frozenset(random.Random(0).sample(range(count), MOST))
     with Resolving(plan.assembly, options) as session:
         assert session.sources is not None  # the plan was made from them
-        reader = SettingsReader(session.sources, kinds=plan.paths.kinds)
-
-        def remaining() -> Iterator[tuple[_Given, ParsedSettings]]:
-            for number, variant in enumerate(islice(plan, count)):
-                foreseen.count += 1
-                if len(foreseen.first) < SHOWN:
-                    foreseen.first.append(variant)
-                if variant.failed is not None:
-                    foreseen.failing[variant.failed] = foreseen.failing.get(variant.failed, 0) + 1
-                    continue
-                given = _Given({**variant.parameters, **variant.choices})
-                given.variant, given.drawn = variant, drawn is None or number in drawn
-                yield given, reader.read(given)
-
-        resolution, sample = Resolution(session, reader), DryRun()
-        for one in resolution.each(remaining(), tests=False):
-            given, wrong = one.settings, next((problem for problem in one.problems if problem.severity is Severity.ERROR), None)
-            assert isinstance(given, _Given)
-            for tally in (foreseen, *([sample] if given.drawn else [])) if one.results or wrong is not None else ():
+        resolution = Resolution(session, SettingsReader(session.sources, kinds=plan.paths.kinds), drawn)
+        variants, resolved = tee(_satisfying(islice(plan, count), foreseen))
+        for variant, one in zip(variants, resolution.each(map(resolution.item, resolved), tests=False)):
+            wrong = next((problem for problem in one.problems if problem.severity is Severity.ERROR), None)
+            if not one.results and wrong is None:
+                continue
+            for tally in (foreseen, sample) if variant.index in drawn else (foreseen,):
                 tally.looked_at += 1
                 if wrong is not None:
                     code = wrong.code.code
                     tally.unsound[code] = tally.unsound.get(code, 0) + 1
                     if code not in tally.examples:
-                        tally.examples[code] = _example(session, given.variant, wrong)
+                        tally.examples[code] = _example(session, variant, wrong)
         if foreseen.looked_at < foreseen.left:  # plans apply to valid settings more often, so the others would be rare
             foreseen.looked_at, foreseen.unsound, foreseen.examples = sample.looked_at, sample.unsound, sample.examples
         foreseen.parts = len(resolution.parts)
@@ -101,11 +88,16 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
     return foreseen
 
 
-class _Given(dict[str, Any]):
-    """The settings of a variant. `drawn`: it is resolved even if no plan applies to it."""
-
-    variant: Variant
-    drawn: bool
+def _satisfying(variants: Iterable[Variant], foreseen: DryRun) -> Iterator[Variant]:
+    """Count variants in `foreseen`, and yield those that satisfy the rules on parameters."""
+    for variant in variants:
+        foreseen.count += 1
+        if len(foreseen.first) < SHOWN:
+            foreseen.first.append(variant)
+        if variant.failed is None:
+            yield variant
+        else:
+            foreseen.failing[variant.failed] = foreseen.failing.get(variant.failed, 0) + 1
 
 
 class Resolving(Session):
@@ -117,20 +109,32 @@ class Resolving(Session):
         assert sources is not None
         model = pipeline.model(environment, sources, settings, report)
         if model is not None:
-            for part in part_definitions(model):
-                for number in numbers_of(part):
-                    raise PartDependsOnNumber(part.label, number)
+            if dependent := [part for part in part_definitions(model) if numbers_of(part)]:
+                raise PartDependsOnNumber(dependent[0])
             link(model, {}, report, unmodelled=True)
         return Compilation(settings=settings, report=report, model=model)
 
 
 class Resolution(Evaluation):
-    """Check settings without geometry. `parts` are the part definitions of the settings that are resolved, by text."""
+    """Check settings without geometry. `parts` are the part definitions of the settings that are resolved, by text.
 
-    def __init__(self, session: Session, reader: SettingsReader) -> None:
+    After `MOST` settings have been resolved, only variants with an index in `drawn` are resolved, and others give no results.
+    """
+
+    def __init__(self, session: Session, reader: SettingsReader, drawn: Container[int]) -> None:
         super().__init__(session, reader, "", None, Refusals(session, reader, (), verify=None), verify=None)
         self.parts: dict[str, PartDefinition] = {}
-        self.resolved = 0
+        self._drawn = drawn
+        self._required: set[ParsedSettings] = set()
+        self._resolved = 0
+
+    def item(self, variant: Variant) -> Item:
+        """Return the settings of a variant for `each`."""
+        settings = {**variant.parameters, **variant.choices}
+        read = self.reader.read(settings)
+        if variant.index in self._drawn:
+            self._required.add(read)
+        return settings, read
 
     def _results(self, compilation: Compilation, memo: Memo | None = None) -> Results:
         assert compilation.model is not None
@@ -140,9 +144,9 @@ class Resolution(Evaluation):
 
     def _passed(self, settings: Mapping[str, Any], read: ParsedSettings, tests: bool) -> Evaluated:
         if not self.refusals.applies(read):
-            if self.resolved >= MOST and not getattr(settings, "drawn", True):
+            if self._resolved >= MOST and read not in self._required:
                 return Evaluated(settings=settings, results={})
-            self.resolved += 1
+            self._resolved += 1
         return super()._passed(settings, read, tests)
 
 

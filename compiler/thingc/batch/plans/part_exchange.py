@@ -65,9 +65,8 @@ class TracedParts:
         """See `PartSource`; may be called once. Likely slicings are not passed on, since they may contain traced numbers."""
         traced = [one for one in definitions if numbers_of(one)]
         for one in traced:
-            for number in numbers_of(one):
-                if not self._allowed(number):
-                    raise PartDependsOnNumber(one.label, number)
+            if forbidden := [number for number in numbers_of(one) if not self._allowed(number)]:
+                raise PartDependsOnNumber(one, forbidden[0])
         records = self._parts.realize([_plain(one) for one in definitions], convex=convex, **named)
         if not traced:
             return records
@@ -82,7 +81,7 @@ class TracedParts:
         for one in traced:
             record = records[one.text]
             if not isinstance(record, PartRecord):
-                raise PartDependsOnNumber(one.label, numbers_of(one)[0])
+                raise PartDependsOnNumber(one)
             if one.text not in self._records:
                 self._records[one.text] = record
                 answers[one.text] = self._walk.through(record)
@@ -112,25 +111,25 @@ class TracedParts:
             for slicing in slicings.get(one.text, ()):
                 for value in (*slicing.up, *astuple(slicing)):
                     if isinstance(value, Traced):
-                        raise PartDependsOnNumber(one.label, value)
+                        raise PartDependsOnNumber(one, value)
         answers = self._parts.slice([_plain(one) for one in definitions], {**records, **self._records}, slicings)
         self.slicings = {text: slicings[text] for text in self._records if text in slicings}
         made = {}
         for one in (one for one in definitions if one.text in self._records and one.text not in made):
             record = answers[one.text]
             if not isinstance(record, PartRecord):
-                raise PartDependsOnNumber(one.label, numbers_of(one)[0])
+                raise PartDependsOnNumber(one)
             made[one.text] = replace(records[one.text], slices=self._walk.slices(record))
         return {**answers, **made}
 
 
 class PartDependsOnNumber(Exception):
-    """A part depends on a traced number."""
+    """A part depends on a traced number (default: the first one of its definition)."""
 
-    def __init__(self, label: str, number: Traced) -> None:
-        super().__init__(label)
-        self.label = label
-        self.number = number
+    def __init__(self, definition: PartDefinition, number: Traced | None = None) -> None:
+        super().__init__(definition.label)
+        self.label = definition.label
+        self.number = numbers_of(definition)[0] if number is None else number
 
 
 class Exchange:
