@@ -173,7 +173,7 @@ class BuiltVariant(OneLineRepr):
         except FileNotFoundError:
             raise FamilyError(
                 f"there is no `{shown_path(os.path.join(self.folder, 'mjcf', file))}`: the batch was built without the target "
-                "`mjcf`, or was moved or changed later; build it again with `--emit mjcf`"
+                "`mjcf`, or was moved or changed later", "build it again with `--emit mjcf`",
             ) from None
 
 
@@ -244,7 +244,7 @@ class BatchResults(Sequence[BuiltVariant]):
     def __getitem__(self, key: int | str | slice) -> BuiltVariant | BatchResults:
         """Return a variant by index, id or name, or a slice. Raises `UnknownVariant` for an unknown id or name, and `IndexError`."""
         if not isinstance(key, Integral | slice | str):
-            raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`: use its index, its id or its name")
+            raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`", "use its index, its id or its name")
         if isinstance(key, slice):
             return self._of(self._indices[key])
         if isinstance(key, str):
@@ -257,7 +257,7 @@ class BatchResults(Sequence[BuiltVariant]):
         index = self.records.find(key)
         if index is None:
             names = [name for variant in islice(self, NAMES) for name in (variant.name, variant.id)]
-            raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`: {did_you_mean(key, names, what='variants')}")
+            raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`", did_you_mean(key, names, what="variants"))
         at = bisect_left(self._indices, index)
         if at == len(self) or self._indices[at] != index:
             row = _row(self.records.line(index))
@@ -277,7 +277,7 @@ class BatchResults(Sequence[BuiltVariant]):
         """Return the cells of a column for all variants of this object. An empty cell is None. Raises `UnknownVariant`."""
         cells = [variant.results.get(name) for variant in self]
         if all(cell is None for cell in cells) and name not in self.columns:
-            raise UnknownVariant(f"batch `{self.name}` has no column `{name}`: {did_you_mean(str(name), self.columns, what='columns')}")
+            raise UnknownVariant(f"batch `{self.name}` has no column `{name}`", did_you_mean(str(name), self.columns, what="columns"))
         return cells
 
     def filter(self, where: Where) -> BatchResults:
@@ -300,10 +300,10 @@ class BatchResults(Sequence[BuiltVariant]):
         if name is None:
             if len(self.mode_names) > 1:
                 known = ", ".join(f"`{one}`" for one in self.mode_names)
-                raise FamilyError(f"batch `{self.name}` has {len(self.mode_names)} modes, {known}: select one with `mode=\"...\"`")
+                raise FamilyError(f"batch `{self.name}` has {len(self.mode_names)} modes, {known}", "select one with `mode=\"...\"`")
             name = self.mode_names[0]
         if name not in self.mode_names:
-            raise UnknownVariant(f"batch `{self.name}` has no mode `{name}`: {did_you_mean(str(name), self.mode_names, what='modes')}")
+            raise UnknownVariant(f"batch `{self.name}` has no mode `{name}`", did_you_mean(str(name), self.mode_names, what="modes"))
         return name
 
     def models(
@@ -355,7 +355,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
     if described is None:
         within = [name for name in listing(place) if read_batch(os.path.join(place, name))]
         hint = f"; in it there are: {', '.join(f'`{name}`' for name in within)}" if within else ""
-        raise FamilyError(f"`{shown_path(place)}` is not the folder of a batch{hint}; run `thingc batch` to create one")
+        raise FamilyError(f"`{shown_path(place)}` is not the folder of a batch{hint}", "run `thingc batch` to create one")
     whole(place, described)
     records = BuildRecords(place)
     robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
@@ -376,7 +376,7 @@ def _row(line: Line) -> dict[str, Any]:
 
 def _variant(one: Any) -> BuiltVariant:
     if not isinstance(one, BuiltVariant):
-        raise FamilyError(f"expected variants, found `{one}`: use `family[...]` with its index, its id or its name")
+        raise FamilyError(f"expected variants, found `{one}`", "use `family[...]` with its index, its id or its name")
     return one
 
 

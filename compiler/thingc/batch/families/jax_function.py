@@ -33,12 +33,14 @@ def jax_function(program: Program, by: Sequence[int], values: Sequence[float], d
     if dtype not in ("float64", "float32"):
         raise FamilyError(f"expected `dtype` to be \"float64\" or \"float32\", found `{dtype}`")
     if dtype == "float64" and not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
-        raise FamilyError("JAX has no 64-bit numbers: call `jax.config.update(\"jax_enable_x64\", True)` first, or use `dtype=\"float32\"`")
+        words = "call `jax.config.update(\"jax_enable_x64\", True)` first, or use `dtype=\"float32\"`"
+        raise FamilyError("JAX has no 64-bit numbers", words)
+    help = f"use `{instead}` instead"
     if len(program.statements) > LONGEST:
-        raise FamilyError(f"the function has {len(program.statements)} operations, and JAX can compile {LONGEST}: use `{instead}` instead")
+        raise FamilyError(f"the function has {len(program.statements)} operations, and JAX can compile {LONGEST}", help)
     unknown = {one.operation for one in program.statements} - FUNCTIONS.keys() - {"item"}
     if unknown:
-        raise FamilyError(f"JAX does not have the operation `{sorted(unknown)[0]}`: use `{instead}` instead")
+        raise FamilyError(f"JAX does not have the operation `{sorted(unknown)[0]}`", help)
 
     def run(x: Any) -> tuple[Any, Any]:
         given = [jnp.asarray(value, dtype=dtype) for value in values]

@@ -50,12 +50,12 @@ class FamilyMjx:
 
     def __init__(self, models: ModelsOfMode, function: FamilyFunction, dtype: str) -> None:
         if dtype == "float32" and jax.config.jax_enable_x64:  # type: ignore[attr-defined]
-            raise FamilyError("MJX computes with 64-bit numbers if JAX has them: leave out `dtype`, or disable `jax_enable_x64`")
+            raise FamilyError("MJX computes with 64-bit numbers if JAX has them", "leave out `dtype`, or disable `jax_enable_x64`")
         settings, read = function._item(function.start)
         plan, why = models.template_at(read)
         lost = [name for name in function.names if plan is None or plan.free.count(read.names.index(name)) == 0]
         if plan is None or lost:
-            raise FamilyError(f"MJX cannot have {', '.join(lost)} as a number: {why}; fix it with `at`, or use `models`")
+            raise FamilyError(f"MJX cannot have {', '.join(lost)} as a number: {why}", "fix it with `at`, or use `models`")
         self.names, self.start, self.units, self.bounds = function.names, function.start, function.units, function.bounds
         by = [plan.free.index(read.names.index(name)) for name in self.names]
         self._run = jax_function(plan.program, by, [read.values[at] for at in plan.free], dtype, "models")
@@ -66,7 +66,7 @@ class FamilyMjx:
         self._many = jax.jit(jax.vmap(self._fields))
         for name in self._writes:
             if not isinstance(attrgetter(name)(self.base), jax.Array) or (name.startswith("opt.") and name not in OPTIONS):
-                raise FamilyError(self._fixed(f"MJX fixes `{name}` when it converts a model"))
+                raise self._fixed(f"MJX fixes `{name}` when it converts a model")
 
     def __repr__(self) -> str:
         return f"FamilyMjx({', '.join(self.names)} -> {', '.join(self.varied)})"
@@ -123,7 +123,7 @@ class FamilyMjx:
         try:
             placed, inertials = places(root, template.places, model, geometry=True)
         except NotAnArrayEntry as fault:
-            raise FamilyError(self._fixed(f"MuJoCo uses `{fault.attribute}` at compile time")) from None
+            raise self._fixed(f"MuJoCo uses `{fault.attribute}` at compile time") from None
         by_field: dict[str, list[tuple[int, Entry]]] = {}
         for column, entry in placed:
             if not entry.field.startswith(IGNORED):
@@ -150,8 +150,8 @@ class FamilyMjx:
         write = self._writes.get(name)
         return [] if write is None else sorted(set((write.at // getattr(self._model, name).shape[1]).tolist()))
 
-    def _fixed(self, why: str) -> str:
-        return f"{why}, and it depends on {', '.join(self.names)}: fix them with `at`, or use `models`"
+    def _fixed(self, why: str) -> FamilyError:
+        return FamilyError(f"{why}, and it depends on {', '.join(self.names)}", "fix them with `at`, or use `models`")
 
     def _put_base(self, mode: str) -> mjx.Model:
         """Convert the model for `start`, so that it can have the fields of the other models."""
@@ -166,7 +166,8 @@ class FamilyMjx:
         if model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST and len(limited):
             raise FamilyError(
                 f"MJX integrates the damping of `{model.actuator(limited[0]).name}` with `implicitfast` even at its greatest force, unlike "
-                "MuJoCo: use `at={\"simulation.integrator\": \"euler\"}`, or remove the effort or the damping of the drive"
+                "MuJoCo",
+                "use `at={\"simulation.integrator\": \"euler\"}`, or remove the effort or the damping of the drive"
             )
         try:
             if model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC and not mjx.make_data(model)._impl.contact.dist.size:
@@ -174,7 +175,8 @@ class FamilyMjx:
             base = mjx.put_model(model)
         except NotImplementedError as fault:
             raise FamilyError(
-                f"MJX does not support a feature of mode `{mode}`: {fault}; open the family with `compat=\"mjx\"`, or choose another mode"
+                f"MJX does not support a feature of mode `{mode}`: {fault}",
+                "open the family with `compat=\"mjx\"`, or choose another mode"
             ) from None
         return base.tree_replace({name: jnp.asarray(getattr(self._model, name)) for name in FRICTION if name in self._writes})
 

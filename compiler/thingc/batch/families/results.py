@@ -44,7 +44,7 @@ class Evaluated(OneLineRepr, FrozenStruct):
         refused = next((one.message for one in self.problems if one.severity is Severity.ERROR), None)
         if refused is not None and not self.results:
             raise UnknownVariant(f"there is no `{name}`: the settings {dict(self.settings)} are rejected: {refused}")
-        raise UnknownVariant(f"there is no result `{name}`: {did_you_mean(str(name), self.results, what='results')}")
+        raise UnknownVariant(f"there is no result `{name}`", did_you_mean(str(name), self.results, what="results"))
 
 
 class NoModel(OneLineRepr, FrozenStruct):

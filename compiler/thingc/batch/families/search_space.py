@@ -50,7 +50,7 @@ class SearchSpace(Sequence[SpaceDimension]):
             for dimension in self:
                 if dimension.name == key:
                     return dimension
-            raise UnknownVariant(f"there is no setting `{key}`: {did_you_mean(key, self.names)}")
+            raise UnknownVariant(f"there is no setting `{key}`", did_you_mean(key, self.names))
         return self._dimensions[key]
 
     def __repr__(self) -> str:

@@ -68,7 +68,7 @@ def rules(
     """
     if isinstance(reward, str):
         if reward not in TASKS:
-            raise UnknownVariant(f"there is no task `{reward}`: {did_you_mean(reward, TASKS, what='tasks')}")
+            raise UnknownVariant(f"there is no task `{reward}`", did_you_mean(reward, TASKS, what="tasks"))
         reward = TASKS[reward]
     for name, called in (("reward", reward), ("terminated", terminated)):
         if not callable(called) and (called is not None or name == "reward"):
@@ -88,7 +88,7 @@ def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> di
     options = dict(options or {})
     for name in options:
         if name not in known:
-            raise FamilyError(f"`reset` has no option `{name}`: {did_you_mean(str(name), known, what='options')}")
+            raise FamilyError(f"`reset` has no option `{name}`", did_you_mean(str(name), known, what="options"))
     return options
 
 
@@ -295,7 +295,7 @@ def _reset(simulation: ModeSimulation, pose: str | None, name: str) -> None:
 def _keyframe(model: mujoco.MjModel, pose: str, name: str) -> int:
     names = [model.key(k).name for k in range(model.nkey)]
     if pose not in names:
-        raise UnknownVariant(f"variant `{name}` has no pose `{pose}`: {did_you_mean(str(pose), names, what='poses')}")
+        raise UnknownVariant(f"variant `{name}` has no pose `{pose}`", did_you_mean(str(pose), names, what="poses"))
     return names.index(pose)
 
 

@@ -157,7 +157,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         self._open()
         modes, actions = self._split(actions)
         if self._autoreset is AutoresetMode.DISABLED and self._ended.any():
-            raise FamilyError(f"the episodes of the worlds {np.flatnonzero(self._ended).tolist()} have ended: reset them")
+            raise FamilyError(f"the episodes of the worlds {np.flatnonzero(self._ended).tolist()} have ended", "reset them")
         infos: dict[str, Any] = {}
         rewards = np.zeros(self.num_envs)
         terminated, truncated = np.zeros(self.num_envs, dtype=bool), np.zeros(self.num_envs, dtype=bool)
@@ -335,7 +335,7 @@ def make_vec_env(
     at_least(1, num_envs=num_envs, cache=cache, threads=threads)
     resetting = [mode.value for mode in AutoresetMode]
     if autoreset_mode not in (*AutoresetMode, *resetting):
-        raise FamilyError(f"there is no `autoreset_mode` `{autoreset_mode}`: {did_you_mean(str(autoreset_mode), resetting, what='modes')}")
+        raise FamilyError(f"there is no `autoreset_mode` `{autoreset_mode}`", did_you_mean(str(autoreset_mode), resetting, what="modes"))
     render_mode, modes = given["render_mode"], as_names(modes=given["modes"])
     if render_mode not in (None, "rgb_array"):
         raise FamilyError(f"expected `render_mode` to be \"rgb_array\" or None, found `{render_mode}`")

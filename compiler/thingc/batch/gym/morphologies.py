@@ -108,7 +108,7 @@ class Morphologies:
             return list(names).index(wanted)
         if isinstance(wanted, bool) or not isinstance(wanted, Integral) or not -count <= int(wanted) < count:
             known = did_you_mean(wanted, names, what="variants") if isinstance(wanted, str) and names else f"there are {count}"
-            raise UnknownVariant(f"there is no variant `{wanted}`: {known}")
+            raise UnknownVariant(f"there is no variant `{wanted}`", known)
         return int(wanted) % count
 
     def made(self, keys: Sequence[Any], many: Sequence[Settings]) -> list[Morphology | NoModel]:
@@ -178,7 +178,7 @@ def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None
     planned = [variant for variant in variants if variant.failed is None]
     kept = [variant for variant, evaluated in zip(planned, family.evaluate(planned)) if evaluated.kept]
     if not kept:
-        raise FamilyError(f"`{family.name}` has no valid variants that satisfy the rules: use `settings` to specify what may be set")
+        raise FamilyError(f"`{family.name}` has no valid variants that satisfy the rules", "use `settings` to specify what may be set")
     return MorphologyDistribution(
         many=[{**one.parameters, **one.choices} for one in kept], ids=[one.id for one in kept], names=[one.name for one in kept],
     )

@@ -27,7 +27,7 @@ def _joints(episode: Episode) -> Array:
     from thingc.modes.mjdata import map_model
 
     if episode.robot is None:
-        raise FamilyError("expected `modes` for the observation `joints`: use `qpos` and `qvel` in one mode")
+        raise FamilyError("expected `modes` for the observation `joints`", "use `qpos` and `qvel` in one mode")
     own = episode.simulations[episode.mode]
     return np.concatenate(map_model(episode.robot[own.name], own.model).addresses.read(own.data.qpos, own.data.qvel))
 
@@ -65,7 +65,7 @@ class Observer:
         given = noise if isinstance(noise, Mapping) else {name: noise for name in names if name not in EXACT}
         for name in (*names, *given):
             if name not in TERMS:
-                raise UnknownVariant(f"there is no observation `{name}`: {did_you_mean(str(name), TERMS, what='observations')}")
+                raise UnknownVariant(f"there is no observation `{name}`", did_you_mean(str(name), TERMS, what="observations"))
         for name, value in given.items():
             if not is_number(value) or not 0.0 <= value < np.inf:
                 raise FamilyError(f"expected `observation_noise` to be numbers of at least 0, found {value} for `{name}`")

@@ -74,7 +74,7 @@ class Descriptor:
         spans: list[tuple[float, float]] = []
         for name in names:
             if name not in known:
-                raise UnknownVariant(f"`{family.name}` has no setting `{name}`: {did_you_mean(str(name), known, what='names')}")
+                raise UnknownVariant(f"`{family.name}` has no setting `{name}`", did_you_mean(str(name), known, what="names"))
             one = family.space[name]
             numbers = [value for value in one.choices if isinstance(value, int | float)] or [one.low, one.high]
             if None in numbers or len(numbers) < len(one.choices):

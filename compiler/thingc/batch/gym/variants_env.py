@@ -176,7 +176,7 @@ def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
         other = next((k for k, value in enumerate(values) if value != values[0]), None)
         if other is not None:
             raise FamilyError(
-                f"in mode `{mode}` variant `{family[0].name}` has {name} = {values[0]}, but `{family[other].name}` has {values[other]}: "
+                f"in mode `{mode}` variant `{family[0].name}` has {name} = {values[0]}, but `{family[other].name}` has {values[other]}",
                 "select equal variants (`load(..., where=...)`), or use `pad=True`"
             )
     return Sizes(nq=max(one.nq for one in sizes), nv=max(one.nv for one in sizes), nu=max(one.nu for one in sizes))
