@@ -18,6 +18,7 @@ from gymnasium.utils.env_checker import check_env
 
 import thingc
 from thingc.batch import FamilyError, UnknownVariant
+from thingc.batch.gym.env_options import EnvOptions, EnvRules
 from thingc.batch.gym.family_env import ENVIRONMENT, make_env, make_vec_env
 
 INERTIA = "inertia: {ixx: 2e-3 kg*m^2, iyy: 3e-3 kg*m^2, izz: 4e-3 kg*m^2}"
@@ -279,6 +280,7 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily) -> None:
             env.step(acting(2))
     with pytest.raises(TypeError, match="environments have no option `rewards`: did you mean `reward`"):
         make_env(family, rewards="hold")  # type: ignore[call-arg]
+    assert list(EnvOptions.__annotations__) == list(EnvRules.__struct_fields__)
     env = make_env(family, modes=MODES)
     env.reset(seed=1)
     for action, words in (

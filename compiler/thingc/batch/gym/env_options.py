@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TypedDict
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypedDict
 
+import numpy as np
+
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
-from thingc.batch.gym.episode import EpisodeRules, MaySwitch, rules
-from thingc.batch.gym.morphologies import Draw, Settings
-from thingc.batch.gym.rewards import Reward, Terminated
-from thingc.batch.results import FamilyError
-from thingc.batch.run_options import is_number, is_whole
+from thingc.batch.gym.rewards import TASKS, Reward, Terminated
+from thingc.batch.results import FamilyError, UnknownVariant
+from thingc.batch.run_options import at_least, is_number, is_whole
 from thingc.modes.robot import CHOICES, OnMotion
+
+if TYPE_CHECKING:
+    import mujoco
+
+Settings = Mapping[str, Any]
+Draw = Callable[[np.random.Generator], Settings]
+MaySwitch = Callable[["mujoco.MjData", str, str], bool]
 
 CACHED = 1024
 """Default number of cached morphologies, in addition to the morphologies that are being simulated."""
@@ -75,34 +84,74 @@ class EnvOptions(TypedDict, total=False):
     render_mode: str | None
 
 
-DEFAULTS: EnvOptions = {
-    "settings": None, "mode": None, "modes": (), "on_motion": "impact", "may_switch": None, "floor": True, "visual": None, "reward": "hold",
-    "terminated": None, "frame_skip": 5, "max_steps": 1000, "observation": None, "observation_noise": 0.0, "descriptor": (),
-    "action_scale": None, "action_offset": None, "action_delay": 0, "push": None, "pose": None, "noise": 0.0, "cache": CACHED, "seed": None,
-    "render_mode": None,
-}
+class EnvRules(FrozenStruct):
+    """The options of environments with their defaults. `EnvOptions` describes them.
+
+    Raises `UnknownVariant` for an unknown task, and `FamilyError` for invalid values.
+    """
+
+    settings: Iterable[Settings] | Draw | None = None
+    mode: str | None = None
+    modes: Sequence[str] = ()
+    on_motion: OnMotion = "impact"
+    may_switch: MaySwitch | None = None
+    floor: bool = True
+    visual: bool | None = None
+    reward: Reward | str = "hold"
+    terminated: Terminated | None = None
+    frame_skip: int = 5
+    max_steps: int = 1000
+    observation: Sequence[str] | str | None = None
+    observation_noise: float | Mapping[str, float] = 0.0
+    descriptor: Sequence[str] | str = ()
+    action_scale: float | Sequence[float] | None = None
+    action_offset: Sequence[float] | None = None
+    action_delay: int | tuple[int, int] = 0
+    push: tuple[int, float] | None = None
+    pose: str | None = None
+    noise: float = 0.0
+    cache: int = CACHED
+    seed: int | None = None
+    render_mode: str | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.reward, str) and self.reward not in TASKS:
+            raise UnknownVariant(f"there is no task `{self.reward}`", did_you_mean(self.reward, TASKS, what="tasks"))
+        for name, called in (("reward", self.reward_function), ("terminated", self.terminated)):
+            if not callable(called) and (called is not None or name == "reward"):
+                raise FamilyError(f"expected `{name}` to be a function of a `StepInfo`, found `{called}`")
+        at_least(1, frame_skip=self.frame_skip, max_steps=self.max_steps, cache=self.cache)
+        if not is_number(self.noise) or not 0.0 <= self.noise < math.inf:
+            raise FamilyError(f"expected `noise` to be a number of at least 0, found {self.noise}")
+        delays, delay, push = self.delays, self.action_delay, self.push
+        if len(delays) != 2 or not all(is_whole(one, 0) for one in delays) or delays[0] > delays[1]:
+            raise FamilyError(f"expected `action_delay` to be a whole number of at least 0, or the smallest and largest one, found {delay}")
+        if push is not None and (len(push) != 2 or not is_whole(push[0], 1) or not is_number(push[1])):
+            raise FamilyError(f"expected `push` to be a number of actions and an impulse [N s], found {push}")
+        if self.on_motion not in CHOICES:
+            raise FamilyError(f"expected `on_motion` to be \"raise\", \"drop\" or \"impact\", found `{self.on_motion}`")
+        if self.render_mode not in (None, "rgb_array"):
+            raise FamilyError(f"expected `render_mode` to be \"rgb_array\" or None, found `{self.render_mode}`")
+
+    @property
+    def reward_function(self) -> Reward:
+        """The reward, which may be given as the name of a task."""
+        return TASKS[self.reward] if isinstance(self.reward, str) else self.reward
+
+    @property
+    def shows_visual(self) -> bool:
+        """Whether models have visual geometry."""
+        return self.render_mode is not None if self.visual is None else self.visual
+
+    @property
+    def delays(self) -> tuple[int, int]:
+        """The smallest and the largest delay of actions."""
+        return self.action_delay if isinstance(self.action_delay, tuple) else (self.action_delay, self.action_delay)
 
 
-def with_defaults(options: EnvOptions) -> EnvOptions:
+def env_rules(options: EnvOptions) -> EnvRules:
     """Return the options with defaults. Raises `TypeError` for an unknown option, as Python does for arguments."""
     for name in options:
-        if name not in DEFAULTS:
-            raise TypeError(f"environments have no option `{name}`: {did_you_mean(name, DEFAULTS, what='options')}")
-    return {**DEFAULTS, **options}
-
-
-def episode_rules(given: EnvOptions) -> EpisodeRules:
-    """Return the rules of episodes. Raises `FamilyError` for invalid options."""
-    delay, push = given["action_delay"], given["push"]
-    delays = delay if isinstance(delay, tuple) else (delay, delay)
-    if len(delays) != 2 or not all(is_whole(one, 0) for one in delays) or delays[0] > delays[1]:
-        raise FamilyError(f"expected `action_delay` to be a whole number of at least 0, or the smallest and largest one, found {delay}")
-    if push is not None and (len(push) != 2 or not is_whole(push[0], 1) or not is_number(push[1])):
-        raise FamilyError(f"expected `push` to be a number of actions and an impulse [N s], found {push}")
-    if given["on_motion"] not in CHOICES:
-        raise FamilyError(f"expected `on_motion` to be \"raise\", \"drop\" or \"impact\", found `{given['on_motion']}`")
-    return rules(
-        given["reward"], given["terminated"], given["frame_skip"], given["max_steps"], given["pose"], given["noise"],
-        on_motion=given["on_motion"], may_switch=given["may_switch"], action_scale=given["action_scale"],
-        action_offset=given["action_offset"], action_delay=delays, push=push,
-    )
+        if name not in EnvRules.__struct_fields__:
+            raise TypeError(f"environments have no option `{name}`: {did_you_mean(name, EnvRules.__struct_fields__, what='options')}")
+    return EnvRules(**options)

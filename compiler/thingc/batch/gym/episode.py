@@ -4,82 +4,20 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
-from thingc.batch.gym.rewards import TASKS, Array, Reward, StepInfo, Terminated
+from thingc.batch.gym.env_options import EnvRules
+from thingc.batch.gym.rewards import Array, StepInfo
 from thingc.batch.results import FamilyError, UnknownVariant
-from thingc.batch.run_options import at_least, is_number
 
 if TYPE_CHECKING:
     import mujoco
 
     from thingc.modes import Modes
-    from thingc.modes.robot import OnMotion
-
-MaySwitch = Callable[["mujoco.MjData", str, str], bool]
-
-
-class EpisodeRules(FrozenStruct):
-    """The rules of all episodes.
-
-    An action lasts `frame_skip` simulation steps, and an episode lasts `max_steps` actions. An episode starts in the keyframe `pose` (None:
-    the first keyframe), with a random change of each degree of freedom by at most `noise` [rad or m]. The other fields are the arguments
-    of `thingc.batch.gym.family_env.make_vec_env` with these names.
-    """
-
-    reward: Reward
-    terminated: Terminated | None
-    frame_skip: int
-    max_steps: int
-    pose: str | None
-    noise: float
-    on_motion: OnMotion = "impact"
-    may_switch: MaySwitch | None = None
-    action_scale: float | Sequence[float] | None = None
-    action_offset: Sequence[float] | None = None
-    action_delay: tuple[int, int] = (0, 0)
-    push: tuple[int, float] | None = None
-
-
-class SimulationStep(FrozenStruct):
-    """The models to simulate: the models of a `mode`, with or without floor (`floor`) and visual geometry (`visual`).
-
-    `cache` is the number of models to cache. If there are `modes`, robots switch between them, and start in the first.
-    """
-
-    mode: str
-    floor: bool
-    visual: bool
-    cache: int
-    modes: Sequence[str] = ()
-
-
-def rules(
-    reward: Reward | str, terminated: Terminated | None, frame_skip: int, max_steps: int, pose: str | None, noise: float, **more: Any,
-) -> EpisodeRules:
-    """Return the rules. `reward` can be the name of a task. `more` are other fields of `EpisodeRules`.
-
-    Raises `UnknownVariant` for an unknown task, and `FamilyError` for invalid values.
-    """
-    if isinstance(reward, str):
-        if reward not in TASKS:
-            raise UnknownVariant(f"there is no task `{reward}`", did_you_mean(reward, TASKS, what="tasks"))
-        reward = TASKS[reward]
-    for name, called in (("reward", reward), ("terminated", terminated)):
-        if not callable(called) and (called is not None or name == "reward"):
-            raise FamilyError(f"expected `{name}` to be a function of a `StepInfo`, found `{called}`")
-    at_least(1, frame_skip=frame_skip, max_steps=max_steps)
-    if not is_number(noise) or not 0.0 <= noise < math.inf:
-        raise FamilyError(f"expected `noise` to be a number of at least 0, found {noise}")
-    return EpisodeRules(
-        reward=reward, terminated=terminated, frame_skip=frame_skip, max_steps=max_steps, pose=pose, noise=noise, **more,
-    )
-
 
 def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
     """Return the options of `reset`. Raises `FamilyError` for unknown options."""
@@ -132,7 +70,7 @@ class Episode:
     )
 
     def __init__(
-        self, simulations: Sequence[ModeSimulation], variant: Any, rules: EpisodeRules, robot: Modes | None = None,
+        self, simulations: Sequence[ModeSimulation], variant: Any, rules: EnvRules, robot: Modes | None = None,
     ) -> None:
         self.simulations = simulations
         self.robot = robot
@@ -175,7 +113,7 @@ class Episode:
             mujoco.mj_integratePos(self.model, self.data.qpos, away, 1.0)
         mujoco.mj_forward(self.model, self.data)
         self.start = np.array(self.data.qpos)
-        first, last = self._rules.action_delay
+        first, last = self._rules.delays
         self._delayed = deque(maxlen=1 + (first if first == last else int(source.integers(first, last + 1))))
 
     def ask(self, action: Array, mode: int = 0) -> None:
@@ -268,7 +206,7 @@ class Episode:
             mode=self.simulations[self.mode].name, refused=self.refused,
         )
         ended = self._rules.terminated is not None and bool(self._rules.terminated(done))
-        return _number(self._rules.reward(done)), ended, self.steps >= self._rules.max_steps, infos
+        return _number(self._rules.reward_function(done)), ended, self.steps >= self._rules.max_steps, infos
 
 
 def _number(reward: Any) -> float:

@@ -19,17 +19,17 @@ from numbers import Integral
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
+from msgspec.structs import replace
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.families.family import RobotFamily
 from thingc.batch.families.family import family as family_of
 from thingc.batch.families.results import NoModel
-from thingc.batch.gym.env_options import CACHED, EnvOptions, episode_rules, with_defaults
-from thingc.batch.gym.episode import Episode, EpisodeRules, SimulationStep, as_actions, known_options
-from thingc.batch.gym.morphologies import Morphologies, Morphology, MorphologyDistribution, Settings, distribution, refusal
+from thingc.batch.gym.env_options import CACHED, EnvOptions, EnvRules, Settings, env_rules
+from thingc.batch.gym.episode import Episode, as_actions, known_options
+from thingc.batch.gym.morphologies import Morphologies, Morphology, distribution, refusal
 from thingc.batch.gym.observations import Observer
-from thingc.batch.gym.rewards import Array, Descriptor, Reward, StepInfo, Terminated
+from thingc.batch.gym.rewards import Array, Reward, StepInfo, Terminated
 from thingc.batch.results import FamilyError
 from thingc.batch.run_options import as_names, at_least
 from thingc.targets.render.picture import NoGraphics, ready
@@ -59,15 +59,6 @@ RENDERERS = 8
 """Maximum number of open renderers, one per model."""
 
 
-class WorldPool(FrozenStruct):
-    """The numbers of worlds and threads, the autoreset mode, and the seed of the first `reset` without a seed."""
-
-    count: int
-    threads: int
-    autoreset: AutoresetMode
-    seed: int | None
-
-
 class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
     """Worlds with robots of a family, which are stepped together in threads. Create it with `make_vec_env`.
 
@@ -79,38 +70,34 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}
 
     def __init__(
-        self, family: RobotFamily, worlds: WorldPool, choices: MorphologyDistribution, simulated: SimulationStep, rules: EpisodeRules, *,
-        descriptor: Sequence[str], observation: Sequence[str] | str | None, noise: float | Mapping[str, float], render_mode: str | None,
-        owned: bool,
+        self, family: RobotFamily, num_envs: int, rules: EnvRules, *, threads: int, autoreset: AutoresetMode, owned: bool,
     ) -> None:
-        num_envs = worlds.count
         self.family = family
         self.num_envs = num_envs
-        self.mode = simulated.mode
-        self.metadata = {**self.metadata, "autoreset_mode": worlds.autoreset}
-        self.render_mode = render_mode
-        self._rules = rules
-        self._modes = simulated.modes
-        self._autoreset = worlds.autoreset
-        self._seed = worlds.seed
+        self.metadata = {**self.metadata, "autoreset_mode": autoreset}
+        self.render_mode = rules.render_mode
+        self._modes = rules.modes
+        self._autoreset = autoreset
+        self._seed = rules.seed
         self._owned = owned
-        self._threads = min(worlds.threads, num_envs)
+        self._threads = min(threads, num_envs)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self._renderers: OrderedDict[int, tuple[Any, Any]] = OrderedDict()
         self._worlds: list[tuple[Any, Morphology, Episode] | None] = [None] * num_envs
         self._sources: list[np.random.Generator | None] = [None] * num_envs
         self._ended = np.zeros(num_envs, dtype=bool)
-        self._morphologies = Morphologies(family, choices, simulated, Descriptor(family, descriptor))
-        example = self._morphologies.episode(self._morphologies.first, rules, None)
+        self._morphologies = Morphologies(family, distribution(family, rules.settings), rules)
+        self.mode = self._morphologies.modes[0]
+        example = self._morphologies.episode(self._morphologies.first, None)
         self.metadata["render_fps"] = round(1.0 / (example.model.opt.timestep * rules.frame_skip))
-        self._controls = len(self._morphologies.actuators) if simulated.modes else example.model.nu
+        self._controls = len(self._morphologies.actuators) if rules.modes else example.model.nu
         example.action = np.zeros(self._controls)
-        self._observer = Observer(observation, noise, example)
-        length = self._observer.length + len(descriptor)
+        self._observer = Observer(rules.observation, rules.observation_noise, example)
+        length = self._observer.length + len(rules.descriptor)
         self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (length,), np.float64)
         joints = gymnasium.spaces.Box(-1.0, 1.0, (self._controls,), np.float64)
-        self.single_action_space = joints if not simulated.modes else gymnasium.spaces.Dict(
-            mode=gymnasium.spaces.Discrete(len(simulated.modes)), joints=joints,
+        self.single_action_space = joints if not rules.modes else gymnasium.spaces.Dict(
+            mode=gymnasium.spaces.Discrete(len(rules.modes)), joints=joints,
         )
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -277,7 +264,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
                     self.refused[morphology.reason] += 1
                     again.append(k)
                     continue
-                episode = self._morphologies.episode(morphology, self._rules, self._worlds[k])
+                episode = self._morphologies.episode(morphology, self._worlds[k])
                 self._worlds[k] = (key, morphology, episode)
                 episode.begin(self._source(k), self._name(key), self._controls)
                 self._see(k)
@@ -329,34 +316,24 @@ def make_vec_env(
     refused, `UnknownVariant` for an unknown task or descriptor, `UnknownChoice` for an unknown mode, and `CompileError` for a document with
     errors.
     """
-    given = with_defaults(options)
-    made = episode_rules(given)
-    threads, cache = threads or os.cpu_count() or 1, given["cache"]
-    at_least(1, num_envs=num_envs, cache=cache, threads=threads)
+    given = env_rules(options)
+    rules = replace(given, modes=as_names(modes=given.modes), descriptor=as_names(descriptor=given.descriptor))
+    threads = threads or os.cpu_count() or 1
+    at_least(1, num_envs=num_envs, threads=threads)
     resetting = [mode.value for mode in AutoresetMode]
     if autoreset_mode not in (*AutoresetMode, *resetting):
         raise FamilyError(f"there is no `autoreset_mode` `{autoreset_mode}`", did_you_mean(str(autoreset_mode), resetting, what="modes"))
-    render_mode, modes = given["render_mode"], as_names(modes=given["modes"])
-    if render_mode not in (None, "rgb_array"):
-        raise FamilyError(f"expected `render_mode` to be \"rgb_array\" or None, found `{render_mode}`")
-    if render_mode is not None:
+    if rules.render_mode is not None:
         try:
             ready()
         except NoGraphics as fault:
             raise FamilyError(str(fault), "set the environment variable `MUJOCO_GL=egl` before MuJoCo is imported") from fault
-    visual = render_mode is not None if given["visual"] is None else given["visual"]
     robots = family if isinstance(family, RobotFamily) else family_of(family)
-    mode = modes[0] if modes else robots.mode if given["mode"] is None else given["mode"]
+    owned = robots is not family
     try:
-        return FamilyVectorEnv(
-            robots, WorldPool(count=num_envs, threads=threads, autoreset=AutoresetMode(autoreset_mode), seed=given["seed"]),
-            distribution(robots, given["settings"]),
-            SimulationStep(mode=mode, floor=given["floor"], visual=visual, cache=cache, modes=modes), made,
-            descriptor=as_names(descriptor=given["descriptor"]), observation=given["observation"], noise=given["observation_noise"],
-            render_mode=render_mode, owned=robots is not family,
-        )
+        return FamilyVectorEnv(robots, num_envs, rules, threads=threads, autoreset=AutoresetMode(autoreset_mode), owned=owned)
     except BaseException:
-        if robots is not family:
+        if owned:
             robots.close()
         raise
 

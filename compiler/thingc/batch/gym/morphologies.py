@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,8 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.families.family import RobotFamily, as_many
 from thingc.batch.families.results import NoModel
-from thingc.batch.gym.episode import Episode, EpisodeRules, ModeSimulation, SimulationStep, spans_of
+from thingc.batch.gym.env_options import Draw, EnvRules, Settings
+from thingc.batch.gym.episode import Episode, ModeSimulation, spans_of
 from thingc.batch.gym.rewards import Array, Descriptor
 from thingc.batch.results import FamilyError, UnknownVariant
 
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     import mujoco
 
     from thingc.modes import Modes
-
-Settings = Mapping[str, Any]
-Draw = Callable[[np.random.Generator], Settings]
 
 
 class MorphologyDistribution(FrozenStruct):
@@ -65,13 +63,13 @@ class Morphology:
 class Morphologies:
     """The robots of a family, drawn from `choices` and simulated in `modes`. `refused` counts the refused settings by message."""
 
-    def __init__(self, family: RobotFamily, choices: MorphologyDistribution, simulated: SimulationStep, descriptor: Descriptor) -> None:
+    def __init__(self, family: RobotFamily, choices: MorphologyDistribution, rules: EnvRules) -> None:
         self.choices = choices
         self.refused: Counter[str] = Counter()
         self._family = family
-        self._simulated = simulated
-        self._modes = simulated.modes or (simulated.mode,)
-        self._descriptor = descriptor
+        self._rules = rules
+        self.modes = rules.modes or (family.mode if rules.mode is None else rules.mode,)
+        self._descriptor = Descriptor(family, rules.descriptor)
         self._kept: OrderedDict[Any, Morphology | NoModel] = OrderedDict()
         if choices.many:
             self._likely = np.full(len(choices.many), 1.0 / len(choices.many)).cumsum()  # as in `choice` of numpy
@@ -117,31 +115,31 @@ class Morphologies:
         Raises `FamilyError` if the sizes of a model differ from those of the first morphology.
         """
         new = {key: settings for key, settings in zip(keys, many) if key not in self._kept}
-        one = self._simulated
-        models = [self._family.models(new.values(), mode=mode, visual=one.visual, floor=one.floor) for mode in self._modes]
+        rules = self._rules
+        models = [self._family.models(new.values(), mode=mode, visual=rules.shows_visual, floor=rules.floor) for mode in self.modes]
         for (key, settings), *own in zip(new.items(), *models):
             self._kept[key] = self._morphology(settings, own)
         morphologies = [self._kept[key] for key in keys]
         for key in keys:
             self._kept.move_to_end(key)
-        while len(self._kept) > one.cache:
+        while len(self._kept) > rules.cache:
             self._kept.popitem(last=False)
         return morphologies
 
     def _morphology(self, settings: Settings, models: Sequence[mujoco.MjModel | NoModel]) -> Morphology | NoModel:
-        robot = self._family.modes(settings, *self._modes) if self._simulated.modes else None
+        robot = self._family.modes(settings, *self.modes) if self._rules.modes else None
         built = [one for one in models if not isinstance(one, NoModel)]
         for one in (*models, robot):
             if isinstance(one, NoModel):
                 return one
         made = Morphology(built, None if isinstance(robot, NoModel) else robot, settings, self._descriptor(settings))
-        for mode, mine, others in zip(self._modes, made.sizes, made.sizes if self._first is None else self._first.sizes):
+        for mode, mine, others in zip(self.modes, made.sizes, made.sizes if self._first is None else self._first.sizes):
             if mine != others:
                 sizes = [f"nq, nv, nu = {', '.join(map(str, one))}" for one in (mine, others)]
                 raise FamilyError(f"in mode `{mode}` the settings {dict(settings)} have {sizes[0]}, but others {sizes[1]}")
         return made
 
-    def episode(self, morphology: Morphology, rules: EpisodeRules, before: tuple[Any, Morphology, Episode] | None) -> Episode:
+    def episode(self, morphology: Morphology, before: tuple[Any, Morphology, Episode] | None) -> Episode:
         """Return an episode of a morphology. Its states are those of the episode `before`, if the models have the same layout."""
         import mujoco
 
@@ -151,9 +149,9 @@ class Morphologies:
             states = [mujoco.MjData(model) for model in morphology.models]
         simulations = [
             ModeSimulation(mode, model, data, spans, self._controls(model) if morphology.robot is not None else None)
-            for mode, model, data, spans in zip(self._modes, morphology.models, states, morphology.spans, strict=True)
+            for mode, model, data, spans in zip(self.modes, morphology.models, states, morphology.spans, strict=True)
         ]
-        return Episode(simulations, morphology.settings, rules, morphology.robot)
+        return Episode(simulations, morphology.settings, self._rules, morphology.robot)
 
     def _controls(self, model: mujoco.MjModel) -> Any:
         """Return the index of each control of a model in actions, which have one number for each actuator of any mode."""

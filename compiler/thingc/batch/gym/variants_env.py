@@ -19,10 +19,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.batch.gym.episode import Episode, EpisodeRules, ModeSimulation, SimulationStep, as_actions, known_options, rules, spans_of
+from thingc.batch.gym.env_options import EnvRules
+from thingc.batch.gym.episode import Episode, ModeSimulation, as_actions, known_options, spans_of
 from thingc.batch.gym.rewards import TASKS, Array, Reward, StepInfo, Terminated
 from thingc.batch.results import BatchResults, BuiltVariant, FamilyError, Sizes, load
-from thingc.batch.run_options import as_names, at_least
+from thingc.batch.run_options import as_names
 
 try:
     import gymnasium
@@ -49,20 +50,16 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
     metadata: dict[str, Any] = {"render_modes": []}
     render_mode = None
 
-    def __init__(
-        self, family: BatchResults, simulated: SimulationStep, rules: EpisodeRules, *, descriptor: Sequence[str], weights: Array,
-        pad: bool, seed: int | None,
-    ) -> None:
+    def __init__(self, family: BatchResults, rules: EnvRules, *, weights: Array, pad: bool) -> None:
         self.family = family
-        self.mode = simulated.mode
-        self._simulated = simulated
+        self.mode = family.chosen(rules.mode)
         self._rules = rules
         self._weights = weights
-        self._seed = seed
+        self._seed = rules.seed
         self._episodes: OrderedDict[str, Episode] = OrderedDict()
-        self.sizes = _sizes(family, simulated.mode, pad)
-        self._descriptors = _descriptors(family, descriptor)
-        self._length = self.sizes.nq + self.sizes.nv + len(descriptor)
+        self.sizes = _sizes(family, self.mode, pad)
+        self._descriptors = _descriptors(family, rules.descriptor)
+        self._length = self.sizes.nq + self.sizes.nv + len(rules.descriptor)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self._length,), np.float64)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (self.sizes.nu,), np.float64)
         self.variant: BuiltVariant | None = None
@@ -119,11 +116,10 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
 
         episode = self._episodes.get(variant.id)
         if episode is None:
-            one = self._simulated
-            (model,) = self.family.models([variant], one.mode, scene=one.floor, visual=one.visual)
-            simulation = ModeSimulation(one.mode, model, mujoco.MjData(model), spans_of(model))
+            (model,) = self.family.models([variant], self.mode, scene=self._rules.floor, visual=self._rules.shows_visual)
+            simulation = ModeSimulation(self.mode, model, mujoco.MjData(model), spans_of(model))
             episode = self._episodes[variant.id] = Episode([simulation], variant, self._rules)
-            while len(self._episodes) > self._simulated.cache:
+            while len(self._episodes) > self._rules.cache:
                 self._episodes.popitem(last=False)
         self._episodes.move_to_end(variant.id)
         return episode
@@ -160,12 +156,11 @@ def make_env(
     family = folder if isinstance(folder, BatchResults) else load(folder)
     if not len(family):
         raise FamilyError(f"batch `{family.name}` has no built variant to simulate")
-    at_least(1, cache=cache)
-    return VariantsEnv(
-        family, SimulationStep(mode=family.chosen(mode), floor=scene, visual=visual, cache=cache),
-        rules(reward, terminated, frame_skip, max_steps, pose, noise), descriptor=as_names(descriptor=descriptor),
-        weights=_weights(family, weights), pad=pad, seed=seed,
+    rules = EnvRules(
+        mode=mode, floor=scene, visual=visual, reward=reward, terminated=terminated, frame_skip=frame_skip, max_steps=max_steps,
+        descriptor=as_names(descriptor=descriptor), pose=pose, noise=noise, cache=cache, seed=seed,
     )
+    return VariantsEnv(family, rules, weights=_weights(family, weights), pad=pad)
 
 
 def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
