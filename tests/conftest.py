@@ -51,6 +51,16 @@ def shared_store(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(store)
 
 
+@pytest.fixture
+def in_double_precision() -> Iterator[None]:
+    """JAX computes with 64-bit numbers."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    yield
+    jax.config.update("jax_enable_x64", False)
+
+
 class _Kept(Workers):
     """Workers that no service ends."""
 

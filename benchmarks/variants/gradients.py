@@ -39,6 +39,7 @@ import jax
 import mpmath
 import mujoco
 import numpy as np
+from mjx_fields import leaves, one_of
 from mujoco import mjx
 
 import thingc
@@ -49,7 +50,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
 
 from families.documents import WORKSPACE  # noqa: E402
-from families.mjx_fields import leaves, one_of  # noqa: E402
 
 ALL = ("mass", "centre", "inertia")
 ROBOTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {

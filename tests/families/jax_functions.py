@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
 
 import jax
 import jax.numpy as jnp
@@ -19,12 +18,7 @@ from thingc.batch.plans.program import program_of
 from thingc.batch.plans.tape import Tape
 from thingc.batch.results import FamilyError
 
-
-@pytest.fixture(autouse=True)
-def in_double_precision() -> Iterator[None]:
-    jax.config.update("jax_enable_x64", True)
-    yield
-    jax.config.update("jax_enable_x64", False)
+pytestmark = pytest.mark.usefixtures("in_double_precision")
 
 
 @pytest.mark.parametrize("name", OPERATIONS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,19 +16,16 @@ from mujoco.mjx._src import math
 import thingc
 from families.crane import CRANE, LEVER
 from families.documents import WORKSPACE
-from families.mjx_fields import leaves, one_of
 from thingc.batch.families.mjx_constants import principal_axes
 from thingc.batch.results import FamilyError
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks" / "variants"))
+
+from mjx_fields import leaves, one_of
+
+pytestmark = pytest.mark.usefixtures("in_double_precision")
 NAMES = ["length", "load", "radius", "skew", "stiff", "rubbing"]
 LOW, HIGH = [0.2, 0.1, 0.01, -0.002, 10.0, 0.0], [0.5, 0.9, 0.03, 0.002, 50.0, 0.1]
-
-
-@pytest.fixture(autouse=True)
-def in_double_precision() -> Iterator[None]:
-    jax.config.update("jax_enable_x64", True)
-    yield
-    jax.config.update("jax_enable_x64", False)
 
 
 @pytest.fixture(scope="module")

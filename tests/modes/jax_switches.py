@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
@@ -21,15 +21,8 @@ from thingc.modes import Mode, Modes, ModesError
 from thingc.modes.frames import pose, rotation_of
 from thingc.modes.jax import State, switch
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("in_double_precision")]
 WORLDS = 6
-
-
-@pytest.fixture(autouse=True)
-def in_double_precision() -> Iterator[None]:
-    jax.config.update("jax_enable_x64", True)
-    yield
-    jax.config.update("jax_enable_x64", False)
 
 
 @pytest.fixture(scope="module")
