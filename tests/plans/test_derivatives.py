@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from plans.operations import OPERATIONS
+from thingc.base import inertia, numeric, pose
 from thingc.base.inertia import principal_moments
 from thingc.base.numeric import hypot, maximum, minimum, rounded, sin, sqrt
 from thingc.batch.plans import derivatives
@@ -58,6 +59,11 @@ def test_every_rule_is_tested() -> None:
         line = program(function(*traced(*draw(random.Random(1))))).statements
         used |= {one.operation for one in line if isinstance(one, Operation)}
     assert set(RULES) - used == {"negative", "cosine of", "sine of", "round", "rounded"}  # tested as `-`, `quarter_exact`, and below
+
+
+def test_every_smooth_operation_has_a_rule() -> None:
+    without = (numeric.isfinite, numeric.isinf, pose.quarter_exact, inertia._principal_moments, inertia._principal_axes)
+    assert set(numeric.OPERATIONS) - set(RULES) == {one.__name__ for one in without}
 
 
 def composed(a: Any, b: Any, c: Any) -> list[Any]:

@@ -64,10 +64,6 @@ def _value(argument: Argument, known: Mapping[int, Any]) -> Any:
     return known[int(argument)] if isinstance(argument, Ref) else argument.value
 
 
-def _minus(first: Any, *second: Any) -> Any:
-    return first - second[0] if second else -first
-
-
 def _hypot(*components: Any) -> Any:
     return jnp.sqrt(reduce(operator.add, [one * one for one in components]))
 
@@ -82,7 +78,7 @@ def _moments(*entries: Any) -> Any:
 
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    **{name: function for name, function in OPERATORS.items() if name != "-"}, "-": _minus, "abs": jnp.abs, "sqrt": jnp.sqrt,
+    **OPERATORS, "abs": jnp.abs, "sqrt": jnp.sqrt,
     "sin": jnp.sin, "cos": jnp.cos, "tan": jnp.tan, "asin": jnp.arcsin, "acos": jnp.arccos, "atan": jnp.arctan, "atan2": jnp.arctan2,
     "radians": jnp.radians, "degrees": jnp.degrees, "copysign": jnp.copysign, "remainder": _remainder, "round": jnp.round,
     "isfinite": jnp.isfinite, "isinf": jnp.isinf, "hypot": _hypot, "_fsum": lambda *values: reduce(operator.add, values),

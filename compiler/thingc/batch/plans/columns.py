@@ -251,10 +251,6 @@ def _power(base: float, exponent: float) -> float:
     return result
 
 
-def _minus(first: Any, *second: Any) -> Any:
-    return first - second[0] if second else -first
-
-
 def _minimum(first: Any, *others: Any) -> Any:
     """Return the first of the least values, as `min` does: it matters for zeros with different signs, and if one is not a number."""
     for one in others:
@@ -269,7 +265,7 @@ def _maximum(first: Any, *others: Any) -> Any:
 
 
 EXACT: dict[str, Callable[..., Any]] = {
-    **{name: OPERATORS[name] for name in ("+", "*", "<", "<=", ">", ">=", "==", "!=")}, "-": _minus,
+    **{name: OPERATORS[name] for name in ("+", "-", "*", "<", "<=", ">", ">=", "==", "!=")},
     "abs": operator.abs, "copysign": np.copysign, "isfinite": np.isfinite, "isinf": np.isinf, "min": _minimum, "max": _maximum,
 }
 """Operations with the same results in NumPy, which never fail."""

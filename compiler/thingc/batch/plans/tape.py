@@ -225,11 +225,15 @@ def _compared(operation: str, left: Traced, right: Number) -> Any:
     return left.tape.guard(operation, (left, right), bool(OPERATORS[operation](value_of(left), value_of(right))))
 
 
-OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "**": operator.pow, "%": operator.mod,
+def _minus(first: Any, *second: Any) -> Any:
+    return first - second[0] if second else -first
+
+
+OPERATORS: dict[str, Callable[..., Any]] = {
+    "+": operator.add, "-": _minus, "*": operator.mul, "/": operator.truediv, "**": operator.pow, "%": operator.mod,
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
 }
-"""Operators of two numbers."""
+"""Operators of two numbers; `-` also of one."""
 
 
 def variables_of(tape: Tape, number: Traced) -> list[int]:
