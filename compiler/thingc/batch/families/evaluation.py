@@ -14,13 +14,12 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.memo import Memo
 from thingc.batch.families.results import Evaluated
 from thingc.batch.measurements import Results, UnknownMount, measure, measure_tests
-from thingc.batch.plans import numeric_plan
-from thingc.batch.plans.numeric_plan import MOST, NumericPlan, PlanCache, PlanCaches, TracedResults
+from thingc.batch.plans.numeric_plan import MOST, NumericPlan, PlanCache, PlanCaches, TracedResults, Tracing
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.refusals import Refusals
 from thingc.batch.plans.searches import SearchMemo
 from thingc.batch.plans.tape import Tape
-from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, trace_compilation
+from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult
 from thingc.batch.rules import unkept
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.driver import pipeline
@@ -146,21 +145,11 @@ class Evaluation:
             form.plans, known = [plan, *form.plans[: MOST - 1]], (plan, outputs)
         return (None if known is None else known[0]), "; ".join(f"`{name}`: {why}" for name, why in form.why.items()) or form.refused or ""
 
-    def _plan(self, read: ParsedSettings, form: PlanCache[ResultsShape], *, nearby: bool = True) -> NumericPlan[ResultsShape] | None:
-        """Return a plan that gives the same results as compilations, or None with the reason in `form`.
-
-        If a plan that is traced near the settings does not apply to them (such as to whole numbers), it is traced at the settings.
-        """
+    def _plan(self, read: ParsedSettings, form: PlanCache[ResultsShape]) -> NumericPlan[ResultsShape] | None:
+        """Return a plan that gives the same results as compilations, or None with the reason in `form`."""
         first = self._measured(read)
         if not first[0]:
             return None
-
-        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
-            return trace_compilation(self.session, (self.mode,), numbers, texts, self._traced, exact)
-
-        def exchanged(rehearsal: TraceResult) -> Exchange:
-            assert rehearsal.parts is not None
-            return Exchange(rehearsal.parts, self.session.environment.parts, {})
 
         def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], ResultsShape]:
             if exchange is not None and first[1]:
@@ -168,21 +157,15 @@ class Evaluation:
             shape = ResultsShape(rehearsal.made, first[1])
             return shape.outputs, shape
 
-        plan = numeric_plan.make(read, self.reader, attempt, finish, form, exchanged, nearby=nearby)
-        if plan is None:
-            return None
-        if nearby and plan.outputs(read.values) is None:
-            return self._plan(read, form, nearby=False)
-        for sample in numeric_plan.samples(read, self.reader, form):
-            outputs = plan.outputs(sample.values)
+        def differs(plan: NumericPlan[ResultsShape], sample: ParsedSettings, outputs: Sequence[float]) -> bool:
             whole = first if sample is read else self._measured(sample)
-            if outputs is not None and whole[0] and whole != (plan.made.of(outputs), plan.made.problems):
-                form.refused = "a plan gave different results"
-                return None
-        return plan
+            return bool(whole[0]) and whole != (plan.made.of(outputs), plan.made.problems)
 
-    def _traced(self, compilation: Compilation, tape: Tape) -> Results:
-        return self._results(compilation, SearchMemo(tape))
+        def traced(compilation: Compilation, tape: Tape) -> Results:
+            return self._results(compilation, SearchMemo(tape))
+
+        tracing = Tracing(session=self.session, reader=self.reader, modes=(self.mode,), make=traced, assets=lambda made: {})
+        return tracing.checked(tracing.plan_for(read, finish, form), read, form, differs, "results")
 
     def _results(self, compilation: Compilation, memo: Memo | None = None) -> Results:
         if self.tests:

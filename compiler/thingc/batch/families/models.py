@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import copy
 from collections import OrderedDict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, cast
 from weakref import WeakKeyDictionary
 
@@ -15,11 +16,10 @@ from thingc.batch.families.results import NoModel
 from thingc.batch.mujoco_arrays.arrays import TOGETHER, Arrays
 from thingc.batch.mujoco_arrays.entries import NotAnArrayEntry
 from thingc.batch.mujoco_arrays.equality import different_fields
-from thingc.batch.plans import numeric_plan
-from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, Tracing
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.refusals import Refusals
-from thingc.batch.plans.trace_compilation import TraceResult, trace_compilation, written
+from thingc.batch.plans.trace_compilation import TraceResult, written
 from thingc.driver import pipeline
 from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.geometry.store.local import BlobMissing, StoreUnusable
@@ -109,13 +109,6 @@ class ModelsOfMode:
         if isinstance(first, tuple):  # refused settings do not prove that other settings have no plan
             return None
 
-        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
-            return trace_compilation(self.session, (self.mode,), numbers, texts, written(self.session, self.mode, floor=self.floor), exact)
-
-        def exchanged(rehearsal: TraceResult) -> Exchange:
-            assert rehearsal.parts is not None
-            return Exchange(rehearsal.parts, self.session.environment.parts, rehearsal.made[1])
-
         slower = ""
 
         def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], Arrays | ModelTemplate]:
@@ -134,11 +127,15 @@ class ModelsOfMode:
             template.why = slower
             return template.outputs, template
 
+        tracing = Tracing(
+            session=self.session, reader=self.reader, modes=(self.mode,), make=written(self.session, self.mode, floor=self.floor),
+            assets=None if text else itemgetter(1),
+        )
         while True:
-            plan = numeric_plan.make(read, self.reader, attempt, finish, form, None if text else exchanged, nearby=nearby)
+            plan = tracing.plan(read, finish, form, nearby=nearby)
             if plan is None:
                 return None
-            wrong = self._compared(plan, numeric_plan.samples(read, self.reader, form), first)
+            wrong = self._compared(plan, tracing.samples(read, form), first)
             if not wrong:
                 return plan
             if isinstance(plan.made, ModelTemplate):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from json.encoder import encode_basestring
 from typing import Any, cast
@@ -17,13 +17,12 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.safe_text import json_text
 from thingc.base.zip_files import MODEL, entries, inflate, zipped
-from thingc.batch.plans import numeric_plan
-from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults, Tracing
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.refusals import Refusals
 from thingc.batch.plans.tape import Tape, Traced, slot
 from thingc.batch.plans.text_templates import NumberSlots, TextTemplate
-from thingc.batch.plans.trace_compilation import TraceResult, trace_compilation
+from thingc.batch.plans.trace_compilation import TraceResult
 from thingc.driver import pipeline
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
@@ -163,25 +162,18 @@ class Builds:
         if first is None:
             return None
 
-        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
-            return trace_compilation(self._session, self._modes, numbers, texts, partial(self._written, read), exact)
-
         def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], _Template]:
             template = _Template(rehearsal, first)
             return template.outputs, template
 
-        plan = numeric_plan.make(read, self._reader, attempt, finish, form)
-        if plan is None:
-            return None
-        for sample in numeric_plan.samples(read, self._reader, form):
+        def differs(plan: NumericPlan[_Template], sample: ParsedSettings, outputs: Sequence[float]) -> bool:
             settings = self._reader.settings(sample)
             whole = first if sample is read else self._passed(settings, verify=0)[0]
-            outputs = plan.outputs(sample.values)
-            made = plan.made.build(outputs, settings) if outputs is not None else None
-            if whole is not None and made is not None and not _same(made, whole):
-                form.refused = "a plan gave different files"
-                return None
-        return plan
+            made = plan.made.build(outputs, settings)
+            return whole is not None and made is not None and not _same(made, whole)
+
+        tracing = Tracing(session=self._session, reader=self._reader, modes=self._modes, make=partial(self._written, read))
+        return tracing.checked(tracing.plan(read, finish, form), read, form, differs, "files")
 
     def _written(self, read: ParsedSettings, compilation: Compilation, tape: Tape) -> tuple[Mapping[str, Content], Mapping[str, Any]]:
         """Return the files with slots for numbers and texts of settings, and results with traced numbers (for `trace_compilation`)."""

@@ -7,29 +7,23 @@ from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, S
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import count
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import nan
 from thingc.base.units import Quantity
 from thingc.batch.plans.columns import Booleans, ColumnFunction, Floats, column_function
 from thingc.batch.plans.part_exchange import Exchange, Exchanged
 from thingc.batch.plans.program import Argument, Program, program_of
-from thingc.batch.plans.tape import Const, Traced
-from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, pinned
+from thingc.batch.plans.tape import Const, Tape, Traced
+from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, pinned, trace_compilation
 from thingc.documents.expressions.value_text import text_of
+from thingc.driver.pipeline import Compilation
+from thingc.driver.session import Session
 from thingc.driver.settings import ParsedSettings, SettingsReader
+from thingc.targets.artifact import StoredArtifact
 
 Made = TypeVar("Made")
-
-Attempt = Callable[[Mapping[str, Quantity], Mapping[str, str]], "tuple[TraceResult | None, NotTraceable | None]"]
-
-
-class Rehearse(Protocol):
-    """A function that traces a compilation."""
-
-    def __call__(self, numbers: Mapping[str, Quantity], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
-        """Trace numbers; texts are not traced. Parts may depend on numbers in `exact`. Raises `NotTraceable`."""
-
 
 MOST = 32
 """Maximum number of plans for settings with the same names and texts; the least recently used are dropped."""
@@ -223,95 +217,125 @@ class TracedResults:
         return {**self._all, **dict(zip(self._names, outputs, strict=True))}
 
 
-def make(
-    read: ParsedSettings, reader: SettingsReader, rehearse: Rehearse,
-    finish: Callable[[TraceResult, Exchange | None], tuple[Sequence[Any], Made]], form: PlanCache[Made],
-    exchanged: Callable[[TraceResult], Exchange] | None = None, *, nearby: bool = True,
-) -> NumericPlan[Made] | None:
-    """Return a plan for these settings; None, with the reason in `form`, if there is none.
+Finish = Callable[[TraceResult, Exchange | None], tuple[Sequence[Any], Made]]
+"""Returns the inputs that a plan computes, and the object that uses them."""
+Differs = Callable[[NumericPlan[Made], ParsedSettings, tuple[float, ...]], bool]
+"""Returns whether a plan, with these outputs for settings, gives something else than their compilation."""
 
-    `finish` returns the inputs that a plan computes, and the object that uses them. `exchanged` returns the exchange of records, if parts
-    depend on traced numbers; None: such numbers are not traced. `nearby`: trace numbers near these, which may be special.
+
+class Tracing(FrozenStruct):
+    """Makes plans from traced compilations of `modes` (none: all), which may fail if `refused`, and what `make` computes from them.
+
+    `assets` returns the meshes of a traced model; None: parts may not depend on traced numbers.
     """
-    while form.refused is None:
-        free = [name for name in read.names if name not in form.why]
-        if not free:
-            form.refused = "no number can be traced"
-            break
-        rehearsal = _rehearsed(read, reader, rehearse, form, exchanging=exchanged is not None, nearby=nearby)
-        if rehearsal is None:  # retry with fewer numbers
-            continue
-        exchange = exchanged(rehearsal) if exchanged is not None and rehearsal.parts is not None else None
+
+    session: Session
+    reader: SettingsReader
+    modes: Sequence[str]
+    make: Callable[[Compilation, Tape], Any]
+    refused: bool = False
+    assets: Callable[[Any], Mapping[str, StoredArtifact]] | None = None
+
+    def plan(self, read: ParsedSettings, finish: Finish[Made], form: PlanCache[Made], *, nearby: bool = True) -> NumericPlan[Made] | None:
+        """Return a plan for these settings; None, with the reason in `form`, if there is none.
+
+        `nearby`: trace numbers near these, which may be special.
+        """
+        while form.refused is None:
+            free = [name for name in read.names if name not in form.why]
+            if not free:
+                form.refused = "no number can be traced"
+                break
+            rehearsal = self._rehearse(read, form, nearby=nearby)
+            if rehearsal is None:  # retry with fewer numbers
+                continue
+            exchange: Exchange | None = None
+            if self.assets is not None and rehearsal.parts is not None:
+                exchange = Exchange(rehearsal.parts, self.session.environment.parts, self.assets(rehearsal.made))
+            try:
+                outputs, made = finish(rehearsal, exchange)
+            except NotTraceable as fault:
+                form.give_up(fault.names, fault.why)
+                continue
+            return NumericPlan(
+                free=tuple(read.names.index(name) for name in free),
+                fixed=tuple((at, read.values[at]) for at, name in enumerate(read.names) if name in form.why),
+                program=program_of(rehearsal.tape, outputs), made=made, exchange=exchange,
+            )
+        return None
+
+    def plan_for(self, read: ParsedSettings, finish: Finish[Made], form: PlanCache[Made]) -> NumericPlan[Made] | None:
+        """Return a plan that is traced near the settings, or at them if it does not apply to them, such as to whole numbers."""
+        plan = self.plan(read, finish, form)
+        if plan is not None and plan.outputs(read.values) is None:
+            return self.plan(read, finish, form, nearby=False)
+        return plan
+
+    def checked(
+        self, plan: NumericPlan[Made] | None, read: ParsedSettings, form: PlanCache[Made], differs: Differs[Made], what: str,
+    ) -> NumericPlan[Made] | None:
+        """Return a plan if `what` it computes differs for no sample; else None, and make no more plans."""
+        if plan is None:
+            return None
+        for sample in self.samples(read, form):
+            outputs = plan.outputs(sample.values)
+            if outputs is not None and differs(plan, sample, outputs):
+                form.refused = f"a plan gave different {what}"
+                return None
+        return plan
+
+    def samples(self, read: ParsedSettings, form: PlanCache[Any]) -> list[ParsedSettings]:
+        """Return settings for checking a plan: these, then some near them that use the same parts."""
+        settings = [read]
+        for side in SIDES:
+            source = random.Random(0)
+            quantities = self.reader.quantities(read)
+            values = [
+                read.values[at] if name in form.why or name in form.modelled else _near(quantities[name], source, side).value
+                for at, name in enumerate(read.names)
+            ]
+            settings.append(ParsedSettings(names=read.names, values=tuple(values), texts=read.texts))
+        return list(dict.fromkeys(settings))
+
+    def _rehearse(self, read: ParsedSettings, form: PlanCache[Any], *, nearby: bool) -> TraceResult | None:
+        """Trace the numbers that `form` does not exclude; None if `form` was changed, and another attempt is necessary."""
+        quantities = self.reader.quantities(read)
+        free = {name: quantities[name] for name in read.names if name not in form.why}
+        texts = {**{name: text_of(one) for name, one in quantities.items()}, **dict(read.texts)}  # ordered as in `SettingsReader`
+        exact = [name for name in free if name in form.modelled]
+        near = {name: one if name in exact or not nearby else _near(one, random.Random(name)) for name, one in free.items()}
+        rehearsal, fault = self._attempt(near, texts, exact)
+        if fault is not None:
+            rehearsal, other = self._attempt(free, texts, exact)
+            fault = fault if other is not None and other.unused else other  # the document already has this value, so no pass asks for it
+        if fault is not None:
+            named = [name for name in fault.names if name in free]
+            if fault.modelled and self.assets is not None and (new := [name for name in named if name not in exact]):
+                form.modelled.update(dict.fromkeys(new, fault.why))
+            else:
+                form.give_up(named or exact or self._culprits(near, texts), fault.why)
+            return None
+        assert rehearsal is not None
+        if known := pinned(rehearsal):
+            form.give_up(known, "a pass needs the exact value")
+            return None
+        return rehearsal
+
+    def _attempt(
+        self, numbers: Mapping[str, Quantity], texts: Mapping[str, str], exact: Collection[str] = (),
+    ) -> tuple[TraceResult | None, NotTraceable | None]:
+        """Trace numbers; return the result, or why it is impossible. Texts are not traced. Parts may depend on numbers in `exact`."""
         try:
-            outputs, made = finish(rehearsal, exchange)
+            return trace_compilation(self.session, self.modes, numbers, texts, self.make, exact, refused=self.refused), None
         except NotTraceable as fault:
-            form.give_up(fault.names, fault.why)
-            continue
-        return NumericPlan(
-            free=tuple(read.names.index(name) for name in free),
-            fixed=tuple((at, read.values[at]) for at, name in enumerate(read.names) if name in form.why),
-            program=program_of(rehearsal.tape, outputs), made=made, exchange=exchange,
-        )
-    return None
+            return None, fault
 
-
-def _rehearsed(
-    read: ParsedSettings, reader: SettingsReader, rehearse: Rehearse, form: PlanCache[Any], *, exchanging: bool, nearby: bool,
-) -> TraceResult | None:
-    """Trace the numbers that `form` does not exclude; None if `form` was changed, and another attempt is necessary."""
-    quantities = reader.quantities(read)
-    free = {name: quantities[name] for name in read.names if name not in form.why}
-    texts = {**{name: text_of(one) for name, one in quantities.items()}, **dict(read.texts)}  # in the order of `SettingsReader.settings`
-    exact = [name for name in free if name in form.modelled]
-    near = {name: one if name in exact or not nearby else _near(one, random.Random(name)) for name, one in free.items()}
-    attempt = partial(_attempt, partial(rehearse, exact=exact))
-    rehearsal, fault = attempt(near, texts)
-    if fault is not None:
-        rehearsal, other = attempt(free, texts)
-        fault = fault if other is not None and other.unused else other  # the document already has this value, so no pass asks for it
-    if fault is not None:
-        named = [name for name in fault.names if name in free]
-        if fault.modelled and exchanging and (new := [name for name in named if name not in exact]):
-            form.modelled.update(dict.fromkeys(new, fault.why))
-        else:
-            form.give_up(named or exact or _culprits(attempt, near, texts), fault.why)
-        return None
-    assert rehearsal is not None
-    if known := pinned(rehearsal):
-        form.give_up(known, "a pass needs the exact value")
-        return None
-    return rehearsal
-
-
-def samples(read: ParsedSettings, reader: SettingsReader, form: PlanCache[Any]) -> list[ParsedSettings]:
-    """Return settings for checking a plan: these, then some near them that use the same parts."""
-    settings = [read]
-    for side in SIDES:
-        source = random.Random(0)
-        quantities = reader.quantities(read)
-        values = [
-            read.values[at] if name in form.why or name in form.modelled else _near(quantities[name], source, side).value
-            for at, name in enumerate(read.names)
-        ]
-        settings.append(ParsedSettings(names=read.names, values=tuple(values), texts=read.texts))
-    return list(dict.fromkeys(settings))
-
-
-def _attempt(
-    rehearse: Callable[[Mapping[str, Quantity], Mapping[str, str]], TraceResult], numbers: Mapping[str, Quantity], texts: Mapping[str, str],
-) -> tuple[TraceResult | None, NotTraceable | None]:
-    try:
-        return rehearse(numbers, texts), None
-    except NotTraceable as fault:
-        return None, fault
-
-
-def _culprits(attempt: Attempt, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> list[str]:
-    """Return the numbers that cannot be traced even alone."""
-    if len(numbers) == 1:
-        return list(numbers)
-    alone = {name: {**texts, **{other: text_of(one) for other, one in numbers.items() if other != name}} for name in numbers}
-    return [name for name, others in alone.items() if attempt({name: numbers[name]}, others)[0] is None]
+    def _culprits(self, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> list[str]:
+        """Return the numbers that cannot be traced even alone."""
+        if len(numbers) == 1:
+            return list(numbers)
+        alone = {name: {**texts, **{other: text_of(one) for other, one in numbers.items() if other != name}} for name in numbers}
+        return [name for name, others in alone.items() if self._attempt({name: numbers[name]}, others)[0] is None]
 
 
 def _near(quantity: Quantity, source: random.Random, side: float = 1.0) -> Quantity:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
-from thingc.batch.plans import numeric_plan
-from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache
+from thingc.batch.plans.numeric_plan import MOST, NumericPlan, PlanCache, Tracing
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.tape import Tape
 from thingc.batch.plans.text_templates import NumberSlots, TextTemplate
-from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, trace_compilation
+from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
 from thingc.driver.settings import ParsedSettings, SettingsReader
@@ -69,7 +68,7 @@ class Refusals:
         form = self.causes.pop(key, None) or PlanCache(PATIENCE)
         self.causes = dict([*self.causes.items(), (key, form)][-CAUSES:])
         if form.worth_it(read) and (plan := self._plan(read, problems, form)) is not None:
-            form.plans = [plan, *form.plans[: numeric_plan.MOST - 1]]
+            form.plans = [plan, *form.plans[: MOST - 1]]
 
     def _problems(self, read: ParsedSettings) -> Diagnostics | None:
         for key, form in reversed(self.causes.items()):
@@ -102,28 +101,17 @@ class Refusals:
                 raise NotTraceable("it has other diagnostics there")
             return found, len(compilation.decisions)
 
-        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> TraceResult:
-            return trace_compilation(self._session, self._modes, numbers, texts, reported, exact, refused=True)
-
-        def exchanged(rehearsal: TraceResult) -> Exchange:
-            assert rehearsal.parts is not None
-            return Exchange(rehearsal.parts, self._session.environment.parts, {})
-
         def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], DiagnosticsTemplate]:
             template = DiagnosticsTemplate(rehearsal)
             return template.numbers.outputs, template
 
-        plan = numeric_plan.make(read, self._reader, attempt, finish, form, exchanged)
-        if plan is not None and plan.outputs(read.values) is None:  # such as for whole numbers
-            plan = numeric_plan.make(read, self._reader, attempt, finish, form, exchanged, nearby=False)
-        if plan is None:
-            return None
-        for sample in numeric_plan.samples(read, self._reader, form):
-            outputs = plan.outputs(sample.values)
-            if outputs is not None and plan.made.diagnostics(outputs) != (problems if sample is read else self._compiled(sample)):
-                form.refused = "a plan gave different diagnostics"
-                return None
-        return plan
+        def differs(plan: NumericPlan[DiagnosticsTemplate], sample: ParsedSettings, outputs: Sequence[float]) -> bool:
+            return plan.made.diagnostics(outputs) != (problems if sample is read else self._compiled(sample))
+
+        tracing = Tracing(
+            session=self._session, reader=self._reader, modes=self._modes, make=reported, refused=True, assets=lambda made: {},
+        )
+        return tracing.checked(tracing.plan_for(read, finish, form), read, form, differs, "diagnostics")
 
 
 class DiagnosticsTemplate:
