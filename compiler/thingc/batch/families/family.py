@@ -378,9 +378,7 @@ class RobotFamily:
         key = (self.mode if mode is None else self._known(mode), visual, floor)
         if key not in self._models:
             refusals = self._refusals_of(key[0])
-            self._models[key] = ModelsOfMode(
-                self._session, self._reader, key[0], refusals, visual=visual, floor=floor, verify=self._verify,
-            )
+            self._models[key] = ModelsOfMode(self._session, self._reader, key[0], refusals, visual=visual, floor=floor, verify=self._verify)
         return self._models[key]
 
     def _refusals_of(self, mode: str) -> Refusals:

@@ -69,9 +69,7 @@ class Episode:
         "unstable", "variant",
     )
 
-    def __init__(
-        self, simulations: Sequence[ModeSimulation], variant: Any, rules: EnvRules, robot: Modes | None = None,
-    ) -> None:
+    def __init__(self, simulations: Sequence[ModeSimulation], variant: Any, rules: EnvRules, robot: Modes | None = None) -> None:
         self.simulations = simulations
         self.robot = robot
         self.variant = variant

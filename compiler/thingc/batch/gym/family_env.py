@@ -69,9 +69,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}
 
-    def __init__(
-        self, family: RobotFamily, num_envs: int, rules: EnvRules, *, threads: int, autoreset: AutoresetMode, owned: bool,
-    ) -> None:
+    def __init__(self, family: RobotFamily, num_envs: int, rules: EnvRules, *, threads: int, autoreset: AutoresetMode, owned: bool) -> None:
         self.family = family
         self.num_envs = num_envs
         self.metadata = {**self.metadata, "autoreset_mode": autoreset}

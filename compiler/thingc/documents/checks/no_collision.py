@@ -100,17 +100,12 @@ class CollisionCheck(OneLineRepr, FrozenStruct):
 
 def read_no_collision(written: NoCollisionTest, reader: Reader) -> CollisionCheck:
     """Read a `no_collision` test."""
-    samples = SAMPLES
-    if written.samples is not None:
-        wanted = reader.number(written.samples, "samples", NUMBER, least=1.0, most=float(MOST_SAMPLES))
-        if wanted % 1.0 > 0.0:
-            reader.error(Code.VALUE_KIND, f"`samples` must be a whole number, found {wanted:g}", "samples")
-        samples = int(wanted) if reader.sound else SAMPLES
-    clearance = 0.0
-    if written.clearance is not None:
-        clearance = reader.number(written.clearance, "clearance", LENGTH, least=0.0)
+    samples = reader.number(written.samples, "samples", NUMBER, least=1.0, most=float(MOST_SAMPLES), default=float(SAMPLES))
+    if samples % 1.0 > 0.0:
+        reader.error(Code.VALUE_KIND, f"`samples` must be a whole number, found {samples:g}", "samples")
     return CollisionCheck(
-        ranges=tuple(reader.ranges(written.joints, "joints")), samples=samples, clearance=clearance,
+        samples=int(samples) if reader.sound else SAMPLES, ranges=tuple(reader.ranges(written.joints, "joints")),
+        clearance=reader.number(written.clearance, "clearance", LENGTH, least=0.0, default=0.0),
         allow=tuple(_allowance(said, reader, index) for index, said in enumerate(written.allow)),
     )
 

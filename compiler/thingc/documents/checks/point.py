@@ -78,19 +78,15 @@ def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
     mount, frame = reader.mount(written.mount, "mount"), reader.mount(written.in_, "in")
     at = reader.vector(written.at, "at", LENGTH)
     within = reader.number(written.within, "within", LENGTH, above=0.0)
-    direction, angle = None, ANGLE_OFF
+    direction = None
     if written.direction is not None:
-        x, y, z = (
-            reader.number(
-                value, ("direction", index), NUMBER, "a component of `direction`") for index, value in enumerate(written.direction,
-            )
-        )
+        what = "a component of `direction`"
+        x, y, z = (reader.number(value, ("direction", index), NUMBER, what) for index, value in enumerate(written.direction))
         length = hypot(x, y, z)
         if length == 0.0:
             reader.error(Code.OUT_OF_RANGE, "`direction` must not be zero", "direction", help="write for example `direction: [0, 0, -1]`")
         direction = (x / length, y / length, z / length) if length > 0.0 else None
-    if written.angle is not None:
-        angle = reader.number(written.angle, "angle", ANGLE, above=0.0)
+    angle = reader.number(written.angle, "angle", ANGLE, above=0.0, default=ANGLE_OFF)
     if mount is None or at is None:
         return None
     return PointCheck(mount=mount, point=at, frame=frame, within=within, direction=direction, angle=angle)

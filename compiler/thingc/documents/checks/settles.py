@@ -71,14 +71,9 @@ def read_settles(written: SettlesTest, reader: Reader) -> SettleCheck:
     """Read a `settles` test."""
     within = reader.number(written.within, "within", TIME, above=0.0, most=LONGEST)
     drift = reader.number(written.drift, "drift", LENGTH, above=0.0)
-    hold = HOLD
-    if written.for_ is not None:
-        hold = reader.number(written.for_, "for", TIME, above=0.0, most=LONGEST)
-    moved, penetration = None, GIVES
-    if written.moved is not None:
-        moved = reader.number(written.moved, "moved", LENGTH, above=0.0)
-    if written.penetration is not None:
-        penetration = reader.number(written.penetration, "penetration", LENGTH, above=0.0)
+    hold = reader.number(written.for_, "for", TIME, above=0.0, most=LONGEST, default=HOLD)
+    moved = None if written.moved is None else reader.number(written.moved, "moved", LENGTH, above=0.0)
+    penetration = reader.number(written.penetration, "penetration", LENGTH, above=0.0, default=GIVES)
     return SettleCheck(within=within, drift=drift, hold=hold, moved=moved, penetration=penetration, floor=written.floor)
 
 

@@ -163,9 +163,7 @@ def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: 
     except UnitError as error:
         comma = re.fullmatch(r"\s*([-+]?\d+),(\d.*)", text)
         if comma is not None:
-            raise UnitError(
-                "use a decimal point, not a comma", help=decimal_point(text.strip(), comma.group(1), comma.group(2)),
-            ) from None
+            raise UnitError("use a decimal point, not a comma", help=decimal_point(text.strip(), comma.group(1), comma.group(2))) from None
         if error.help is None and re.search(r"[*/(]", text):
             error.help = expression_hint(text)
         raise

@@ -205,9 +205,7 @@ class Tree:
         while instance.assembly is not None:
             definition = instance.assembly
             if (instance.path, name) in met:
-                return _Fault(
-                    message=f"the mount `{name}` of `{definition.label}` refers to itself", help="use a mount of a component",
-                )
+                return _Fault(message=f"the mount `{name}` of `{definition.label}` refers to itself", help="use a mount of a component")
             met.add((instance.path, name))
             component = instance.component
             if name == "origin":

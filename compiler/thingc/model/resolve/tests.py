@@ -93,12 +93,14 @@ class Reader:
 
     def number(
         self, raw: Any, key: Key, dimension: Dimension, what: str | None = None, *, above: float | None = None,
-        least: float | None = None, most: float | None = None,
+        least: float | None = None, most: float | None = None, default: float = numeric.nan,
     ) -> float:
-        """Return the SI value. Report an invalid value and return NaN, so that all comparisons are false.
+        """Return the SI value, or the default for None. Report an invalid value and return NaN, so that all comparisons are false.
 
         `what` is the name of the value in messages, by default the key.
         """
+        if raw is None:
+            return default
         what = f"`{key}`" if what is None else what
         value = self.scope.number(raw, self.at(key), dimension, what, above=above, least=least)
         if value is not None and most is not None and value > most:

@@ -94,9 +94,7 @@ def balance(
     )
 
 
-def _feet(
-    following: Mapping[str, tuple[str, float, float]], stands: Support, column: Mapping[str, int], size: float,
-) -> list[Array]:
+def _feet(following: Mapping[str, tuple[str, float, float]], stands: Support, column: Mapping[str, int], size: float) -> list[Array]:
     """Return the motion [m] of each foot at `q` per change of the coordinates (3 x n).
 
     The coordinates are joints, then three translations of the base (in lengths of `size` [m]) and three rotations about its

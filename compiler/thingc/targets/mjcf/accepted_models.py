@@ -200,10 +200,7 @@ class _Limits:
         choice = occurrence.overrides.collision
         if has_inside(piece):
             return True
-        self.flat(occurrence, (
-            f"its enclosing {choice} has no volume" if isinstance(piece, Primitive)
-            else "its collision mesh is flat"
-        ))
+        self.flat(occurrence, (f"its enclosing {choice} has no volume" if isinstance(piece, Primitive) else "its collision mesh is flat"))
         return False
 
     def flat(self, occurrence: Occurrence, why: str) -> None:

@@ -15,9 +15,7 @@ ShapeForm = Literal["itself", "cylinder and balls"]
 
 _EACH: Supported[JointForm] = Supported("each")
 _CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": its coordinates are separate joints, with links of 1e-9 kg between")
-_BALL: Lossy[JointForm] = Lossy(
-    "each", "approximated", ": three hinges in series, whose angles are not its coordinates",
-)
+_BALL: Lossy[JointForm] = Lossy("each", "approximated", ": three hinges in series, whose angles are not its coordinates")
 _LOOP = Omitted(", which stays open: URDF only supports trees")
 _GAINS: Lossy[DriveForm] = Lossy("transmission", "approximated", ": a transmission without gains")
 _NONE = Omitted(": URDF has none")

@@ -106,6 +106,4 @@ class _Order:
                 return match[0]
             return b"#%d" % numbers[int(match[1])]
 
-        return b"".join(
-            b"#%d = %s;\n" % (new, _REFERENCE.sub(renumbered, self.entities[old])) for old, new in numbers.items()
-        )
+        return b"".join(b"#%d = %s;\n" % (new, _REFERENCE.sub(renumbered, self.entities[old])) for old, new in numbers.items())
