@@ -190,12 +190,11 @@ def _said(cell: Cell[Any], notes: Notes) -> str:
 
 
 def tests() -> str:
-    """Return the page of tests with the texts of all kinds of tests."""
+    """Return the page of tests with the table of all kinds of tests."""
     rows = ["<!-- keys: TestSpec -->", "| Key | Type | Default | Description |", "|---|---|---|---|"]
     for kind in kinds().values():
         rows.append(f"| `{kind.name}` | mapping | | {_cell(kind.summary[0].lower() + kind.summary[1:].removesuffix('.'))} |")
-    parts = {"kinds of tests": "\n".join(rows), "pages of tests": "\n\n".join(kind.page.strip("\n") for kind in kinds().values())}
-    return _marked(_read(TESTS), parts)
+    return _marked(_read(TESTS), {"kinds of tests": "\n".join(rows)})
 
 
 def command_pages() -> dict[Path, str]:

@@ -1,7 +1,7 @@
 """Kinds of tests that a document can define under `tests:`.
 
-Every module of this folder with a `KIND` defines a kind. The module determines the keys of the test, its schema, its codes, its page in the
-documentation, its references, and how it is linked. The module of the same name in `driver/testing/kinds/` measures the test.
+Every module of this folder with a `KIND` defines a kind. The module determines the keys of the test, its schema, its codes, its references,
+and how it is linked. The module of the same name in `driver/testing/kinds/` measures the test.
 """
 
 from __future__ import annotations

@@ -81,27 +81,7 @@ def read_centre(written: CentreTest, reader: Reader) -> CentreCheck:
     return CentreCheck(of=reader.components(written.of, "of"), frame=reader.mount(written.in_, "in"), box=box)
 
 
-PAGE = """\
-## Centre of mass
-
-<!-- keys: CentreTest -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `of` | a component, or a pattern | the whole robot | components to include |
-| `in` | a mount | the world of the mode | reference frame |
-| `mode` | modes | the first mode | |
-| `pose` | poses | the mode's own pose | |
-| `within` | mapping | required | a box in this frame |
-
-<!-- keys: WithinSpec -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `x` | two lengths | no bound | smallest and largest x; at least one axis is required |
-| `y` | two lengths | no bound | smallest and largest y |
-| `z` | two lengths | no bound | smallest and largest z |
-"""
-
 KIND = CheckKind(
     name="centre", position=2, summary="The centre of mass is inside a box.", examples=[{"within": {"x": ["-10 mm", "10 mm"]}}],
-    stub={"within": {"z": ["-1 m", "1 m"]}}, page=PAGE, model=CentreTest, read=read_centre, codes=CentreCode,
+    stub={"within": {"z": ["-1 m", "1 m"]}}, model=CentreTest, read=read_centre, codes=CentreCode,
 )

@@ -59,26 +59,8 @@ def read_ground_clearance(written: GroundClearanceTest, reader: Reader) -> Groun
     return GroundClearance(plane=plane, least=least, spared=tuple(spared))
 
 
-PAGE = """\
-## Ground clearance
-
-Checks the height of the lowest part above a horizontal plane. The test uses the true shapes of parts, tessellated with the workspace's
-`mesh` tolerance. For [links of shapes](shapes.md#links-of-shapes), it uses the collision shapes, or the visual shapes if the link has
-no collision shapes, without planes. Add feet, wheels and other components that touch the floor to `except`.
-
-<!-- keys: GroundClearanceTest -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `mode` | modes | the first mode | |
-| `pose` | poses | the mode's own pose | |
-| `plane` | a length | `0` | z of the plane in the world of the mode |
-| `at_least` | a length | required | smallest allowed height |
-| `except` | list of components, patterns allowed | none | components that may come closer; a nested assembly counts as a whole |
-"""
-
 KIND = CheckKind(
     name="ground_clearance", position=8, summary="The robot keeps a distance from a level plane.",
-    examples=[{"at_least": "5 mm", "except": ["foot"]}],
-    stub={"at_least": "0"}, lengths=("ground_clearance", "clearance"),
-    page=PAGE, model=GroundClearanceTest, read=read_ground_clearance, codes=ClearanceCode,
+    examples=[{"at_least": "5 mm", "except": ["foot"]}], stub={"at_least": "0"}, lengths=("ground_clearance", "clearance"),
+    model=GroundClearanceTest, read=read_ground_clearance, codes=ClearanceCode,
 )

@@ -44,8 +44,8 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
 
     `position` is the position of the kind in the documentation; `summary` is one sentence for a schema and a table; `examples` are values
     of the key; `stub` is the content of a new test of this kind, with the placeholders `$mount` and `$base` for mounts; the test is valid
-    in any robot; `page` is the documentation, with a table of keys for each model of the file. `lengths` are the names of the values that
-    are lengths [m]: `thingc diff` prints these values with a unit. `of_limits` is True if the specification depends on joint limits.
+    in any robot. `lengths` are the names of the values that are lengths [m]: `thingc diff` prints these values with a unit. `of_limits` is
+    True if the specification depends on joint limits.
     """
 
     name: str
@@ -53,7 +53,6 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     summary: str
     examples: Sequence[Mapping[str, Any]]
     stub: Mapping[str, str | Sequence[str] | Mapping[str, Sequence[str]]]
-    page: str
     model: type[Written]
     codes: type[DiagnosticCode]
     read: Callable[[Written, Reader], Stated | None]

@@ -58,20 +58,7 @@ def read_mass(written: MassTest, reader: Reader) -> MassCheck:
     return MassCheck(of=reader.components(written.of, "of"), minimum=low, maximum=high)
 
 
-PAGE = """\
-## Mass
-
-Checks the total mass of the components, as shown by `thingc info`.
-
-<!-- keys: MassTest -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `of` | a component, or a pattern | the whole robot | components to include |
-| `min` | a mass | no bound | smallest allowed mass; `min`, `max` or both are required |
-| `max` | a mass | no bound | largest allowed mass |
-"""
-
 KIND = CheckKind(
-    name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}], stub={"max": "10 kg"}, page=PAGE,
+    name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}], stub={"max": "10 kg"},
     model=MassTest, read=read_mass, codes=MassCode,
 )

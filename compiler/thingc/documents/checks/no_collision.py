@@ -119,52 +119,9 @@ def _allowance(said: AllowSpec, reader: Reader, index: int) -> AllowedContact:
     )
 
 
-PAGE = """\
-## No collision
-
-Compares the true shapes of all pairs of parts, tessellated with the workspace's `mesh` tolerance. [Collision
-shapes](shapes.md#collision) and `contacts.exclude` are ignored. Parts can touch. An overlap fails the test if its mean depth (twice its
-volume divided by its surface) is more than twice the linear mesh tolerance.
-
-- Parts on the same link, or on two links connected by a joint, are expected to touch. For these pairs, only overlaps fail the test.
-- For all other pairs, the gap is also measured. With `clearance`, a smaller gap fails the test. To measure the gap of an open mesh,
-  thingc uses its convex hull.
-- For a [link of shapes](shapes.md#links-of-shapes), the test uses the collision shapes, or the visual shapes if the link has no
-  collision shapes. Boxes, spheres and capsules are exact. Cylinders and ellipsoids are approximated to 0.1 % of their radius. Planes
-  are infinite.
-- To allow an intended overlap, such as a press fit, add `allow: {TC520: reason}` to one of the two components or to the joint between
-  them. This test and [`build`](../codes/TC520.md) then accept the overlap. To allow a pair only in this test, use `allow` of the test.
-- The result lists skipped pairs with the reason (`skipped` in the JSON output). Allowed overlaps are skipped, and pairs that are
-  expected to touch if a shape is approximate or its surface is open.
-
-With `joints`, the test moves these joints through their ranges; the others stay in the pose. A single joint moves in equal steps. For
-several joints, the test checks the corners of their ranges, then evenly distributed positions. The positions are the same in every run.
-Positions between them are not checked. For pairs that are expected to touch, positions that differ by less than about 6 degrees and 2
-mm are checked only once.
-
-<!-- keys: NoCollisionTest -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `mode` | modes | the first mode | |
-| `pose` | poses | the mode's own pose | |
-| `joints` | mapping of joints to `all` or two positions | none | joints to move; patterns allowed; an exact name takes precedence |
-| `samples` | a whole number | `200` | number of positions, at most 10 000 |
-| `clearance` | a length | `0` | smallest allowed gap |
-| `allow` | list | none | pairs that may come closer |
-
-<!-- keys: AllowSpec -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `pair` | two components, patterns allowed | required | a nested assembly means all of its components |
-| `reason` | string | required | why this is intended |
-
-An unused entry of `allow` is a warning.
-"""
-
 KIND = CheckKind(
     name="no_collision", position=5, summary="No parts overlap, in poses or over ranges of joints.",
     examples=[{"pose": "all"}, {"joints": {"elbow": "all"}, "clearance": "1 mm"}],
-    stub={"pose": "all"}, lengths=("clearance", "gap", "overlap"),
-    page=PAGE, model=NoCollisionTest, read=read_no_collision,
-    of_limits=True, codes=CollisionCode,
+    stub={"pose": "all"}, lengths=("clearance", "gap", "overlap"), model=NoCollisionTest, read=read_no_collision, of_limits=True,
+    codes=CollisionCode,
 )

@@ -92,28 +92,9 @@ def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
     return PointCheck(mount=mount, point=at, frame=frame, within=within, direction=direction, angle=angle)
 
 
-PAGE = """\
-## Point
-
-Searches for joint positions within the limits that bring a mount to a point. It runs trust-region least squares from the start pose of
-the mode, from the middle of the ranges and from 24 fixed samples, until a solution is close enough. Holds and loops of the mode stay
-closed. A `free` base does not move.
-
-<!-- keys: PointTest -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `mount` | a mount | required | the mount to move |
-| `mode` | modes | the first mode | |
-| `in` | a mount | the world of the mode | frame of `at` and `direction` |
-| `at` | three lengths | required | the point |
-| `within` | a length | required | largest distance between the mount's origin and the point |
-| `direction` | three numbers | any | required direction of the mount's z axis |
-| `angle` | an angle | `1 deg` | largest deviation from `direction` |
-"""
-
 KIND = CheckKind(
     name="point", position=4, summary="A mount can be brought to a point.",
     examples=[{"mount": "hand.tip", "at": "200 0 50 mm", "within": "1 mm"}],
     stub={"mount": "$mount", "at": ["0", "0", "0"], "within": "1 m"}, lengths=("point", "distance"),
-    page=PAGE, model=PointTest, read=read_point, codes=PointCode,
+    model=PointTest, read=read_point, codes=PointCode,
 )

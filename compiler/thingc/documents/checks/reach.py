@@ -61,28 +61,9 @@ def read_reach(written: ReachTest, reader: Reader) -> ReachCheck | None:
     return ReachCheck(of=of, base=base, minimum=low, maximum=high) if of is not None and base is not None else None
 
 
-PAGE = """\
-## Reach
-
-Checks the greatest distance between two mounts over the ranges of all joints (one turn for a joint without limits). thingc samples 1
-000 positions and optimizes the best ones within the limits. For a robot with loops, it starts from the poses of the document and from
-100 positions of the driven joints, and keeps the loops closed. The result does not depend on a mode. Collisions are ignored.
-
-The robot can always reach the reported distance, but the true maximum can be larger. Therefore, a passed `min` is proven, and a passed
-`max` is not.
-
-<!-- keys: ReachTest -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `of` | a mount | required | the mount that reaches |
-| `from` | a mount | required | the mount from which the distance is measured |
-| `min` | a length | no bound | smallest allowed reach; `min`, `max` or both are required |
-| `max` | a length | no bound | largest allowed reach |
-"""
-
 KIND = CheckKind(
     name="reach", position=3, summary="The greatest distance between two mounts is within bounds.",
     examples=[{"of": "hand.tip", "from": "plate.bottom", "min": "300 mm"}],
     stub={"of": "$mount", "from": "$base", "min": "1 mm"}, lengths=("reach",),
-    page=PAGE, model=ReachTest, read=read_reach, codes=ReachCode,
+    model=ReachTest, read=read_reach, codes=ReachCode,
 )

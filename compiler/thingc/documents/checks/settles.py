@@ -77,29 +77,8 @@ def read_settles(written: SettlesTest, reader: Reader) -> SettleCheck:
     return SettleCheck(within=within, drift=drift, hold=hold, moved=moved, penetration=penetration, floor=written.floor)
 
 
-PAGE = """\
-## Settles
-
-Simulates the mode's MuJoCo scene, as written by `build`. The simulation starts in the keyframe of the pose, and the drives receive the
-commands of this keyframe. After the time `within`, the robot must be at rest and stay at rest for the time `for`. The test measures the
-motion of the corners of the bounding boxes of all parts.
-
-<!-- keys: SettlesTest -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `mode` | modes | the first mode | |
-| `pose` | poses | the mode's own pose | |
-| `within` | a time, at most 600 s | required | time until the robot must be at rest |
-| `for` | a time, at most 600 s | `1 s` | time for which the robot must stay at rest |
-| `drift` | a length | required | largest distance of a corner from its final position, during the time `for` |
-| `moved` | a length | no bound | largest distance between the final and the initial position of a corner |
-| `penetration` | a length | `5 mm` | largest penetration of contacts at rest |
-| `floor` | boolean | `true` | adds the floor of the scene, which is the plane z = 0 of the world |
-"""
-
 KIND = CheckKind(
     name="settles", position=7, summary="The simulated robot comes to rest.", examples=[{"within": "2 s", "drift": "1 mm"}],
     stub={"within": "2 s", "drift": "1 mm"}, lengths=("drift", "moved", "penetration"),
-    page=PAGE,
     model=SettlesTest, read=read_settles, codes=SettleCode,
 )

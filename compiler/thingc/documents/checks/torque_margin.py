@@ -97,45 +97,8 @@ def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findin
             )
 
 
-PAGE = """\
-## Torque margin
-
-The torque margin is the effort limit of a drive divided by the effort that it needs to hold the robot still. This effort balances
-gravity and springs, without joint friction. A joint that mimics another adds its load to the joint that it follows. The base supports
-the robot; a `free` base requires [feet](modes.md#feet) or [holds](loops.md#holds). The test fails if no efforts can hold the robot in
-the pose.
-
-With loops, holds, feet or several drives, different efforts can hold the robot. The test then minimizes the sum of the squares of
-effort divided by limit, and reports this. A controller can apply these efforts. The best possible margin may be larger.
-
-Forces at the feet must be inside friction cones, which are approximated by inscribed pyramids with 16 edges. If no such forces support
-the robot, the test fails. It reports the distance of the centre of mass from the support polygon, or that the robot slides. A foot does
-not support the robot if it is higher than the lowest foot by more than 2 % of the greatest distance between feet.
-
-These efforts require a controller that controls the horizontal forces at the feet. Position drives at rest need about the same efforts
-as without friction. The test also reports the margin without friction. To require this margin, set `friction: 0`. The table shows the
-margins of a hexapod of 1.3 kg on three legs with servos of 1.5 N m (`tests/statics/hexapod`), computed by `thingc test` and MuJoCo:
-
-<!-- hexapod -->
-| Case | Smallest margin |
-|---|---|
-| least squares within the cones, friction 0.8 | 8.27 |
-| the same without friction | 5.24 |
-| MuJoCo, position drives at rest on the scene's floor | 5.21 |
-| three points held (`carries: force`) | 8.27 |
-| three clamps | 67.4 |
-
-<!-- keys: TorqueMarginTest -->
-| Key | Type | Default | Description |
-|---|---|---|---|
-| `drive` | driven joints, patterns allowed | required | drives to check; each must have an effort limit |
-| `mode` | modes | the first mode | |
-| `pose` | poses | the mode's own pose | |
-| `min` | a number | required | smallest allowed margin |
-"""
-
 KIND = CheckKind(
     name="torque_margin", position=6, summary="Drives hold the robot still against gravity, with a margin.",
-    examples=[{"drive": "shoulder", "min": 1.5, "pose": "stretched"}], stub={"drive": "*", "min": "2"}, page=PAGE, model=TorqueMarginTest,
+    examples=[{"drive": "shoulder", "min": 1.5, "pose": "stretched"}], stub={"drive": "*", "min": "2"}, model=TorqueMarginTest,
     read=read_torque_margin, link=link, codes=TorqueCode,
 )
