@@ -15,7 +15,7 @@ from thingc.geometry.lock.json_format import read_record, record_values
 from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.record_json import record_from_json, record_to_json
 from thingc.geometry.store.meshes import arrays
-from thingc.geometry.worker.kernel.meshing import Triangles, read_stl
+from thingc.geometry.worker.kernel.meshing import Triangles, read_double
 
 LEG = """
     from build123d import *
@@ -115,7 +115,7 @@ def records(module_place: Place) -> dict[str, PartRecord]:
 
 def triangles(place: Place, record: PartRecord, name: str) -> Triangles:
     data = place.store.read(record.meshes[name].sha256)
-    return read_stl(data) if name == "print" else Triangles(*arrays(data))
+    return read_double(data) if name == "slicing" else Triangles(*arrays(data))
 
 
 def handedness(mesh: Triangles) -> float:
@@ -194,9 +194,9 @@ def _inside(fit: Primitive, points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("axis", "xyz")
-def test_print_files_have_the_other_hand(records: dict[str, PartRecord], module_place: Place, axis: str) -> None:
-    plain = triangles(module_place, records["leg:Leg"], "print")
-    image = triangles(module_place, records[f"leg:Leg(mirror={axis})"], "print")
+def test_meshes_for_slicing_have_the_other_hand(records: dict[str, PartRecord], module_place: Place, axis: str) -> None:
+    plain = triangles(module_place, records["leg:Leg"], "slicing")
+    image = triangles(module_place, records[f"leg:Leg(mirror={axis})"], "slicing")
     assert abs(handedness(plain)) > 100.0  # mm^6: far from a part that is symmetrical
     assert handedness(image) == pytest.approx(-handedness(plain), rel=1e-3)
     assert image.closed and image.volume > 0.0
@@ -254,5 +254,5 @@ def test_files_are_mirrored(module_place: Place, records: dict[str, PartRecord])
     x, y, z = one.centre
     assert image.centre == pytest.approx((x, -y, z), rel=1e-9)
     assert image.volume == pytest.approx(one.volume, rel=1e-9)
-    hands = [handedness(triangles(module_place, made, "print")) for made in (one, image)]
+    hands = [handedness(triangles(module_place, made, "slicing")) for made in (one, image)]
     assert hands[1] == pytest.approx(-hands[0], rel=1e-6)

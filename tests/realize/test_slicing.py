@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from thingc.base.pose import Vector
 from thingc.geometry.print_slices import Moments, SliceResult, Slicing
-from thingc.geometry.worker.kernel.meshing import Triangles
+from thingc.geometry.worker.kernel.meshing import Triangles, double, read_double
 from thingc.geometry.worker.kernel.slicing import JOINED, NotSliced, slice_part
 
 HOW = Slicing(up=(0.0, 0.0, 1.0), layer=0.0002, line_width=0.00045, walls=3, top=4, bottom=4)
@@ -142,6 +142,19 @@ def test_where_it_stands_does_not_matter() -> None:
     assert far.mass == pytest.approx(near.mass, rel=1e-9)
     assert np.array(far.centre) - np.array(near.centre) == pytest.approx([0.5, -0.3, 0.04], abs=1e-9)
     assert np.array(far.inertia) == pytest.approx(np.array(near.inertia), rel=1e-6, abs=1e-15)
+
+
+def test_slices_are_smooth_functions_of_a_length() -> None:
+    """Edges of lids coincide with edges of the layers below; rounding must not decide whether a sliver between them is widened."""
+    hole = Manifold.cylinder(30, 3, 3, 36).rotate((90, 0, 0))
+    sums = []
+    for length in 30.0123 + 1e-3 * np.arange(7):
+        wall = Manifold.cube((40, 5.1, 20)).translate((0, length - 5.1, 0))
+        bracket = Manifold.cube((40, length, 5)) + wall - hole.translate((20, length + 10, 12))
+        stored = read_double(double(mesh(bracket.rotate((0, 0, 31.3)))))
+        found = slice_part(stored, HOW)
+        sums.append([found.solid.volume, found.joins.volume, found.sparse.volume])
+    assert (np.abs(np.diff(sums, 2, axis=0)) <= 1e-8 * np.array(sums[0])).all()
 
 
 def test_upright_walls_are_cut_once_and_leaning_ones_in_every_layer() -> None:

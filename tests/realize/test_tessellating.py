@@ -14,6 +14,7 @@ from build123d import (
     Compound,
     Cone,
     Cylinder,
+    Edge,
     Face,
     Location,
     Plane,
@@ -84,7 +85,7 @@ SHAPES: dict[str, Callable[[], Shape[Any]]] = {
 def of_the_kernel(shape: Any) -> tuple[int, float, float]:
     """How many triangles the kernel makes of all faces, their area [mm^2] and the volume [mm^3] within."""
     BRepTools.Clean_s(shape)
-    BRepMesh_IncrementalMesh(shape, LINEAR, False, ANGULAR, False)
+    BRepMesh_IncrementalMesh(shape, LINEAR, False, ANGULAR * (1.0 + 1e-6), False)
     count, area, volume = 0, 0.0, 0.0
     for subshape in explored(shape, TopAbs_FACE):
         face, location = TopoDS.Face(subshape), TopLoc_Location()
@@ -179,3 +180,14 @@ def test_a_face_without_a_solid_is_filled_too() -> None:
 def test_a_plane_without_a_border_has_no_triangles() -> None:
     """It goes on for ever; the kernel makes none of it either."""
     assert len(tessellate(BRepBuilderAPI_MakeFace(gp_Pln()).Face(), LINEAR, ANGULAR).faces) == 0
+
+
+def test_rounding_does_not_change_the_number_of_facets() -> None:
+    """An arc of 180 deg has 12 facets of 15 deg, for every radius."""
+    counts = set()
+    for radius in np.linspace(5.0, 8.0, 24):
+        over = Edge.make_three_point_arc((-radius, 0, 3), (0, 0, 3 + radius), (radius, 0, 3))
+        under = Wire.make_polygon([(radius, 0, 3), (radius, 0, 0), (-radius, 0, 0), (-radius, 0, 3)], close=False)
+        arch = Solid.extrude(Face(Wire([over, *under.edges()])), (0, 10, 0))
+        counts.add(len(tessellate(arch.wrapped, LINEAR, ANGULAR).faces))
+    assert len(counts) == 1

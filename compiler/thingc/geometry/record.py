@@ -286,9 +286,10 @@ class PartRecord(OneLineRepr, FrozenStruct):
     Thing without geometry, these values are zero, and `box` is None.
 
     `meshes` is empty without geometry. Otherwise it contains `visual`, `hull` and `mesh` (OBJ, metres), `print` (binary STL, millimetres),
-    and `simulation` (OBJ, metres) if the definition limits the triangles for simulators. `fits` contains the smallest primitives that
-    enclose the part, by shape. `pieces` contains the solids of the Thing's own `collision()`: a primitive if the solid is exactly a
-    primitive, otherwise an OBJ file. `convex` contains the OBJ files of the convex decomposition, if requested.
+    `slicing` (the triangles of `print` in 64-bit floats, so that results of slicing are smooth functions of parameters), and `simulation`
+    (OBJ, metres) if the definition limits the triangles for simulators. `fits` contains the smallest primitives that enclose the part, by
+    shape. `pieces` contains the solids of the Thing's own `collision()`: a primitive if the solid is exactly a primitive, otherwise an OBJ
+    file. `convex` contains the OBJ files of the convex decomposition, if requested.
 
     `up` is the Thing's preferred direction away from the print bed (a unit vector). `slices` contains the requested results of slicing.
     `apart` contains the volumes [m^3] of the bodies of a part that should be one solid, the largest volume first. It is empty if the bodies

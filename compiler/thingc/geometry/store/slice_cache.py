@@ -118,6 +118,6 @@ def _lacks(record: PartRecord | PartFailure | None, slicings: Collection[Slicing
 
 
 def _mesh(record: PartRecord | PartFailure) -> str:
-    """Return the SHA-256 of the print file of a record, or "" if there is none."""
-    mesh = record.meshes.get("print") if isinstance(record, PartRecord) else None
+    """Return the SHA-256 of the mesh for slicing of a record, or "" if there is none."""
+    mesh = record.meshes.get("slicing") if isinstance(record, PartRecord) else None
     return mesh.sha256 if mesh is not None else ""

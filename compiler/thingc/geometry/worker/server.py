@@ -236,7 +236,7 @@ def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any],
     from thingc.geometry.worker.kernel.slicing import slice_stored
 
     record = answer.get("record", {})
-    mesh = record.get("meshes", {}).get("print")
+    mesh = record.get("meshes", {}).get("slicing")
     answers: list[Any] = []
     for one, own_up in likely if mesh is not None else ():
         slicing = {**one, "up": own_up and record["up"] or one["up"]}

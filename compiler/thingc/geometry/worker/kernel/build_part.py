@@ -330,8 +330,9 @@ def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Sto
         meshes["visual"] = _stored(shown, meshing.obj(shown), store)
         meshes["mesh"] = stored_obj(metres, store)
         meshes["hull"] = stored_obj(hull, store)
-        printed = meshing.in_single(mesh)
+        printed, double = meshing.in_single(mesh), meshing.in_single(mesh, DECIMALS)
         meshes["print"] = _stored(printed, meshing.stl(printed), store)
+        meshes["slicing"] = _stored(double, meshing.double(double), store)
         if not meshes["print"].closed:
             extra = (*extra, PartWarning(message="its mesh is not closed: the CAD kernel left gaps between faces"))
         extra = (*extra, *_overlap(solids, file=made.file))

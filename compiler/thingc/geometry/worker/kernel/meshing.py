@@ -105,11 +105,14 @@ def hull(points: NDArray[np.float64]) -> Triangles | None:
 _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")])
 
 
-def in_single(mesh: Triangles) -> Triangles:
-    """Round the vertices to 32-bit floats, as in STL files and simulators, and merge vertices that become equal."""
+def in_single(mesh: Triangles, decimals: int | None = None) -> Triangles:
+    """Round the vertices to 32-bit floats, as in STL files and simulators, and merge vertices that become equal.
+
+    With `decimals`, equal vertices are merged, but coordinates are rounded to decimals only.
+    """
     single = mesh.vertices.astype(np.float32).astype(np.float64) + 0.0
     firsts, numbers = _once(single)
-    return without_slivers(single, firsts[numbers][mesh.faces])
+    return without_slivers(single if decimals is None else mesh.vertices.round(decimals) + 0.0, firsts[numbers][mesh.faces])
 
 
 def _once(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -145,10 +148,13 @@ def obj(mesh: Triangles) -> bytes:
     return (vertices + faces).encode()
 
 
-def read_stl(data: bytes) -> Triangles:
-    """Read a binary STL file and merge equal vertices. This is the inverse of `stl`."""
-    count = int.from_bytes(data[80:84], "little")
-    records = np.frombuffer(data, dtype=_STL, count=count, offset=84)
-    corners = records["corners"].astype(np.float64).reshape(-1, 3)
-    firsts, numbers = _once(corners)
-    return without_slivers(corners[firsts], numbers.reshape(-1, 3))
+def double(mesh: Triangles) -> bytes:
+    """Return a mesh in 64-bit floats: the number of vertices, the vertices, and the triangles."""
+    return len(mesh.vertices).to_bytes(8, "little") + mesh.vertices.astype("<f8").tobytes() + mesh.faces.astype("<u4").tobytes()
+
+
+def read_double(data: bytes) -> Triangles:
+    """Read a mesh in 64-bit floats. This is the inverse of `double`."""
+    count = int.from_bytes(data[:8], "little")
+    faces = np.frombuffer(data, dtype="<u4", offset=8 + 24 * count).astype(np.int64)
+    return Triangles(np.frombuffer(data, dtype="<f8", count=3 * count, offset=8).reshape(-1, 3), faces.reshape(-1, 3))

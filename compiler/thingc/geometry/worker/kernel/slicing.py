@@ -29,7 +29,7 @@ from msgspec import to_builtins
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.print_slices import Moments, SliceFailure, SliceResult, Slicing
 from thingc.geometry.store.local import Store
-from thingc.geometry.worker.kernel.meshing import Triangles, read_stl
+from thingc.geometry.worker.kernel.meshing import Triangles, read_double
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,6 +49,8 @@ FILLABLE = 0.6
 """Smallest width of a core for infill, relative to the line spacing [INSET_OVERLAP_TOLERANCE]."""
 ANCHOR = 3.0
 """Half the smallest width of a bridge over sparse infill, relative to the strand [bridge_over_infill]."""
+SAFETY = 1e-5
+"""Extra width [mm] of regions that are removed, because slivers from rounding would be widened [ClipperSafetyOffset]."""
 
 JOINED = 0.32
 """Fraction of the border of sparse infill along which lines are connected.
@@ -76,9 +78,9 @@ class NotSliced(Exception):
 
 
 def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
-    """Slice a mesh in the store (STL, mm) and return a `SliceResult` or `SliceFailure` as JSON."""
+    """Slice a mesh in the store (64-bit floats, mm) and return a `SliceResult` or `SliceFailure` as JSON."""
     try:
-        result: SliceResult | SliceFailure = slice_part(read_stl(store.read(sha256)), how)
+        result: SliceResult | SliceFailure = slice_part(read_double(store.read(sha256)), how)
     except NotSliced as fault:
         result = SliceFailure(reason=str(fault))
     plain: dict[str, Any] = to_builtins(result)
@@ -283,7 +285,7 @@ class _Slicer:
         if new.is_empty():
             return NOTHING, NOTHING
         margin = 3.0 * self.lengths.width
-        narrow = _without(new, _opened(new, margin, miter=5.0))
+        narrow = _without(new, _grown(_grown(new, -margin, miter=5.0), margin + SAFETY, miter=5.0))
         return new, _both(_grown(narrow, margin, JoinType.Round), inside)
 
     def bridge(self, solid: Region, *below: Region) -> Region:

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 _THIN = 1e-12
 """Threshold for collinear corners of a triangle: twice its area, relative to the square of its longest side."""
+_ROUND_ANGLES = 1e-6
+"""Increase of angular tolerances. Without it, rounding errors decide whether an arc of 180 deg has 18 or 19 facets of 10 deg."""
 
 
 def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
@@ -91,7 +93,7 @@ def _meshed(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool],
     points = _Points()
     others = [face for face, one in zip(faces, filled, strict=True) if not one]
     if others:
-        BRepMesh_IncrementalMesh(_compound(face.face for face in others), linear, False, angular, False)
+        BRepMesh_IncrementalMesh(_compound(face.face for face in others), linear, False, angular * (1.0 + _ROUND_ANGLES), False)
     triangles = [np.zeros((0, 3), dtype=np.int64), *(points.of_kernel(face) for face in others)]
     planes = [face for face, one in zip(faces, filled, strict=True) if one]
     bounds = [points.rings(face) for face in planes]
