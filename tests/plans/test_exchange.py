@@ -152,7 +152,7 @@ def test_after_plans_have_paid_the_next_is_made_at_once() -> None:
 def test_a_plan_gets_the_settings_before_the_numbers_of_records() -> None:
     class Records:
         def of(self, values: Sequence[float]) -> Exchanged:
-            assert values == [1.0, 2.0]
+            assert list(values) == [1.0, 2.0]
             return Exchanged(numbers=(7.0, 8.0), names=(), assets={})
 
     tape = Tape()

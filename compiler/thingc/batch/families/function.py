@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Quantity
 from thingc.batch.families.evaluation import Evaluation, ResultsShape
 from thingc.batch.families.search_space import SearchSpace
-from thingc.batch.plans.derivatives import DerivativeFunction, Derivatives, NotSmooth, derivative_function
+from thingc.batch.plans.derivatives import DerivativeFunction, Derivatives, NotSmooth, derivative_function, with_slopes
 from thingc.batch.plans.numeric_plan import MOST, NumericPlan
 from thingc.batch.results import FamilyError
 from thingc.batch.values import standard_unit
@@ -26,8 +26,10 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-STEP = 4e-3
-"""Distance of two settings from which a derivative is estimated, relative to the number."""
+STEPS = (4e-3, 2.5e-4)
+"""Distance of two settings from which a derivative is estimated, relative to the number; the second if the first is not `FINE`."""
+FINE = 1e-4
+"""Relative error of an estimate that needs no smaller steps."""
 
 
 class NotDifferentiable(FamilyError):
@@ -63,16 +65,30 @@ class FamilyJacobian(np.ndarray[Any, np.dtype[np.float64]]):
 
 @dataclass(frozen=True)
 class RestrictedPlan:
-    """A plan with its restriction to some outputs. `traced` are the names that it traces by index, with the indices of their variables."""
+    """A plan with its restriction to some outputs.
+
+    `traced` are the names that it traces by index, with the indices of their variables. Parts do not depend on them, but on `modelled`.
+    """
 
     plan: NumericPlan[ResultsShape]
     restricted: NumericPlan[ResultsShape]
     traced: Mapping[int, int]
+    modelled: Mapping[int, int]
 
     @cached_property
     def derivatives(self) -> DerivativeFunction:
         """The outputs and their derivatives by the traced names, as a function of all variables."""
         return derivative_function(self.restricted.program, list(self.traced.values()))
+
+    @cached_property
+    def through_parts(self) -> Mapping[int, DerivativeFunction]:
+        """The derivatives by modelled names, as functions of all variables, the slopes of numbers of parts, and the value of the name."""
+        program, first = self.restricted.program, len(self.plan.free)
+        numbers = program.variables[first:]
+        return {
+            name: derivative_function(with_slopes(program, program.variables[place], numbers), [place])
+            for name, place in self.modelled.items()
+        }
 
 
 class FamilyFunction:
@@ -199,9 +215,11 @@ class FamilyFunction:
             read = self._item(self.start)[1]
             parts = {self.names.index(name) for name in self._evaluation.forms.of(read).modelled if name in self.names}
             names = {self.names.index(name): place for place, name in enumerate(read.names) if name in self.names}
+            free = {name: plan.free.index(place) for name, place in sorted(names.items()) if place in plan.free}
             self._plans[id(plan)] = RestrictedPlan(
                 plan=plan, restricted=replace(plan, program=replace(plan.program, outputs=outputs)),
-                traced={name: plan.free.index(place) for name, place in sorted(names.items()) if place in plan.free and name not in parts},
+                traced={name: place for name, place in free.items() if name not in parts},
+                modelled={name: place for name, place in free.items() if name in parts},
             )
         return self._plans[id(plan)].restricted
 
@@ -217,13 +235,9 @@ class FamilyFunction:
 
     def _exact(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
         """Return the derivatives by the names that a known plan traces, with the indices of these names."""
-        known = self._evaluation.forms.of(read).plans if read.report is None else ()
-        for one in self._plans.values():
-            if not any(one.plan is other for other in known) or any(read.values[at] != value for at, value in one.plan.fixed):
-                continue
+        for one, given in self._known(read):
             try:
-                exchanged = one.plan.exchanged(read.values)
-                found = one.derivatives([*(read.values[at] for at in one.plan.free), *(exchanged.numbers if exchanged is not None else ())])
+                found = one.derivatives(given)
             except NotSmooth as fault:
                 where = self._shown([read.values[read.names.index(name)] for name in self.names])
                 message = f"`{self.outputs[fault.output]}` is not differentiable at {where}: a value that it depends on {fault.why}"
@@ -233,6 +247,13 @@ class FamilyFunction:
             if found is not None and not np.isnan(found.values).any():
                 return tuple(one.traced), found
         return None
+
+    def _known(self, read: ParsedSettings) -> Iterator[tuple[RestrictedPlan, tuple[float, ...]]]:
+        """Yield the known plans that may apply to settings, and their variables."""
+        known = self._evaluation.forms.of(read).plans if read.report is None else ()
+        for one in self._plans.values():
+            if any(one.plan is other for other in known) and (given := one.plan.given(read.values)) is not None:
+                yield one, given
 
     def _beside(self, x: Floats, place: int, own: Floats) -> tuple[Floats, Floats]:
         """Return the derivatives by one name at settings for which a decision between equal numbers depends on it, and their errors.
@@ -271,22 +292,53 @@ class FamilyFunction:
         """Return the derivatives by one name from five settings near `x`, and the estimates of their errors."""
         low, high = self.bounds[place]
         width = high - low if np.isfinite(low) and np.isfinite(high) else np.inf
-        step = min(STEP * (abs(x[place]) or min(width, 1.0)), width / 4.0)
-        middle = min(max(x[place], low + 2.0 * step), high - 2.0 * step)
-        nodes = middle + step * np.arange(-2.0, 3.0)
-        nodes[np.argmin(np.abs(nodes - x[place]))] = x[place]
-        points = np.tile(x, (5, 1))
-        points[:, place] = nodes
+        best, errors = np.zeros(len(self.outputs)), np.full(len(self.outputs), np.inf)
+        for share in STEPS:
+            step = min(share * (abs(x[place]) or min(width, 1.0)), width / 4.0)
+            middle = min(max(x[place], low + 2.0 * step), high - 2.0 * step)
+            nodes = middle + step * np.arange(-2.0, 3.0)
+            nodes[np.argmin(np.abs(nodes - x[place]))] = x[place]
+            points = np.tile(x, (5, 1))
+            points[:, place] = nodes
+            weights = _weights(nodes - x[place])
+            slopes = self._through_parts(x, place, points, weights)
+            if slopes is None or np.isnan(slopes).any():
+                whole = weights @ self._sound(points, place)
+                slopes = whole if slopes is None else np.where(np.isnan(slopes), whole, slopes)
+            error = np.abs(slopes[1:] - slopes[0]).sum(axis=0) + ROUNDING * np.abs(np.asarray(self.value(x))) / step
+            best, errors = np.where(error < errors, slopes[0], best), np.minimum(error, errors)
+            if (errors <= FINE * np.abs(best)).all():
+                break
+        return best, errors
+
+    def _through_parts(self, x: Floats, place: int, points: Floats, weights: Floats) -> Floats | None:
+        """Return the derivatives `(4, m)` by a name on which parts depend, for each row of the weights, or None.
+
+        Only the numbers of the parts are combined with the weights, and the chain rule gives the derivatives of the results.
+        """
+        for one, given in self._known(self._item(x)[1]):
+            rows = [one.plan.given(self._item(point)[1].values) for point in points] if place in one.modelled else [None]
+            if any(row is None for row in rows):
+                continue
+            try:
+                slopes = weights @ np.array(rows)[:, len(one.plan.free) :]
+                found = [one.through_parts[place]((*given, *row, given[one.modelled[place]])) for row in slopes.tolist()]
+            except (NotSmooth, ArithmeticError, ValueError):
+                continue
+            if all(row is not None and not row.special for row in found):
+                return np.array([row.jacobian[:, 0] for row in found if row is not None])
+        return None
+
+    def _sound(self, points: Floats, place: int) -> Floats:
+        """Return the results at settings near each other. Raises `NotDifferentiable` if there are none."""
         values = self.value(points)
         if not np.all(values.ok):
             name, problems = self.names[place], values.problems[int(np.argmin(values.ok))] if values.ok is not None else ()
             raise NotDifferentiable(
-                f"the derivative by `{name}` is estimated from `{name}` = {nodes[0]:g} to {nodes[-1]:g}, and some of these have no "
-                f"results: {_errors(problems) or 'a result does not exist'}", f"choose another value of `{name}`",
+                f"the derivative by `{name}` is estimated from `{name}` = {points[0, place]:g} to {points[-1, place]:g}, and some of these "
+                f"have no results: {_errors(problems) or 'a result does not exist'}", f"choose another value of `{name}`",
             )
-        offsets, results = nodes - x[place], np.asarray(values)
-        best, *others = (_weights(offsets[chosen]) @ results[chosen] for chosen in ([0, 1, 2, 3, 4], [1, 2, 3], [0, 2, 4]))
-        return best, np.sum([np.abs(best - one) for one in others], axis=0) + ROUNDING * np.abs(results).max(axis=0) / step
+        return np.asarray(values)
 
     def _rows(self, x: npt.ArrayLike) -> tuple[Floats, bool]:
         """Return settings as rows, and whether there is a single one."""
@@ -354,9 +406,14 @@ ROUNDING = 1e-15
 
 
 def _weights(offsets: Floats) -> Floats:
-    """Return the weights of values at `offsets` for the derivative at 0 of the polynomial through them."""
-    powers = np.vander(offsets / np.abs(offsets).max(), increasing=True).T
-    unit = np.zeros(len(offsets))
-    unit[1] = 1.0
-    weights: Floats = np.linalg.solve(powers, unit) / np.abs(offsets).max()
-    return weights
+    """Return weights `(4, 5)` of values at five offsets, for derivatives at 0.
+
+    The first row is the derivative of the polynomial through all values. The others differ from it by estimates of its error: they are
+    the derivatives of polynomials through three values, and the first row with the fourth differences, which a jump or noise changes.
+    """
+    size = np.abs(offsets).max()
+    rows = np.zeros((4, 5))
+    for row, chosen in zip(rows, ([0, 1, 2, 3, 4], [1, 2, 3], [0, 2, 4])):
+        row[chosen] = np.linalg.inv(np.vander(offsets[chosen] / size, increasing=True))[1] / size
+    rows[3] = rows[0] + np.linalg.inv(np.vander(offsets / size, increasing=True))[4] / (4.0 * size)
+    return rows

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -171,6 +171,23 @@ def derivative_function(program: Program, by: Sequence[int] | None = None) -> De
         return Derivatives(np.array(outputs, dtype=np.float64), np.array(entries, dtype=np.float64).reshape(shape), special)
 
     return derivatives
+
+
+def with_slopes(program: Program, by: int, numbers: Sequence[int]) -> Program:
+    """Return the program with the variables `numbers` as linear functions of the variable `by`.
+
+    Its variables are those of the program, then the slopes of the numbers, and the value of `by` at which they have the given values.
+    """
+    unused = 1 + max(*program.variables, *(one.target for one in program.statements if isinstance(one, Operation)))
+    count = len(numbers)
+    values, slopes, changes = (range(unused + k * count, unused + (k + 1) * count) for k in range(3))
+    centre, offset = unused + 3 * count, unused + 3 * count + 1
+    lines = [Operation(offset, "-", (Ref(by), Ref(centre)))]
+    for number, value, slope, change in zip(numbers, values, slopes, changes, strict=True):
+        lines += [Operation(change, "*", (Ref(slope), Ref(offset))), Operation(number, "+", (Ref(value), Ref(change)))]
+    renamed = dict(zip(numbers, values, strict=True))
+    variables = (*(renamed.get(one, one) for one in program.variables), *slopes, centre)
+    return replace(program, variables=variables, statements=(*lines, *program.statements))
 
 
 Code = tuple[list[str], list[str]]

@@ -59,19 +59,21 @@ class NumericPlan(Generic[Made]):
 
     def outputs(self, values: Sequence[float]) -> tuple[float, ...] | None:
         """Return the inputs of `made` for the values of all names; None if the plan does not apply to them."""
-        for at, value in self.fixed:
-            if values[at] != value:
-                return None
-        given: Sequence[float] = [values[at] for at in self.free]
         try:
-            if self.exchange is not None:
-                exchanged = self.exchange.of(given)
-                if exchanged is None:
-                    return None
-                given = (*given, *exchanged.numbers)
-            return self.program.run(*given)
+            given = self.given(values)
+            return None if given is None else self.program.run(*given)
         except (ArithmeticError, ValueError):
             return None
+
+    def given(self, values: Sequence[float]) -> tuple[float, ...] | None:
+        """Return the variables of `program` for the values of all names; None if the plan does not apply to them."""
+        if any(values[at] != value for at, value in self.fixed):
+            return None
+        given = tuple(values[at] for at in self.free)
+        if self.exchange is None:
+            return given
+        exchanged = self.exchange.of(given)
+        return None if exchanged is None else (*given, *exchanged.numbers)
 
     def columns(self, values: Floats) -> tuple[Floats, Booleans]:
         """Return `outputs` for `(k, n)` values, and whether the plan applies to each row. Parts must not depend on numbers."""
