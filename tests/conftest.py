@@ -21,7 +21,9 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 from thingc.base.diagnostics import Code, Diagnostic, Report
+from thingc.geometry import client
 from thingc.geometry.client import Workers
+from thingc.geometry.key.environment_variables import environment
 from thingc.tools.cli import console
 from thingc.tools.cli.main import main
 from thingc.tools.templates import TEMPLATES
@@ -68,21 +70,12 @@ class _Kept(Workers):
         """They serve the next test, too."""
 
 
-_KEPT: dict[tuple[int, int], Workers] = {}
+_KEPT: dict[object, Workers] = {}
 
 
-@pytest.fixture
-def one_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is compiled in this process is modelled by workers that all such tests share: the kernel is loaded once, not once a test."""
-
-    _keep_workers(monkeypatch)
-
-
-def _keep_workers(patch: pytest.MonkeyPatch) -> None:
-    def kept(jobs: int, *, seed: int = 0) -> Workers:
-        return _KEPT.setdefault((jobs, seed), _Kept(jobs, seed=seed))
-
-    patch.setattr("thingc.geometry.client.Workers", kept)
+def _kept(jobs: int, *, seed: int = 0) -> Workers:
+    """What is compiled in this process is modelled by workers that all tests share: the kernel is loaded once, not once a test."""
+    return _KEPT.setdefault((jobs, tuple(environment(seed).items())), _Kept(jobs, seed=seed))
 
 
 @pytest.fixture(scope="session", params=TEMPLATES)
@@ -92,7 +85,6 @@ def begun(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("THINGC_STORE", shared_store)
         patch.chdir(folder)
-        _keep_workers(patch)
         assert main(["new", "rover", "--template", request.param]) == 0
         patch.chdir(folder / "rover")
         assert main(["build", "--strict", "rover.yaml"]) == 0
@@ -121,6 +113,7 @@ def pytest_collection_finish() -> None:
     gc.freeze()
     gc.set_threshold(100_000, 20, 20)  # as in a command
     gc.enable()
+    client.Workers = _kept  # test modules, which have been imported, have the class itself
 
 
 def pytest_configure(config: pytest.Config) -> None:

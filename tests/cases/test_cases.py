@@ -23,8 +23,6 @@ from thingc.tools.cli.console import USAGE_CODES
 from thingc.tools.cli.main import main
 from thingc.tools.reporting.explain import explanations
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 HERE = Path(__file__).resolve().parent
 SETTINGS = ("thingc.toml", "pyproject.toml")
 

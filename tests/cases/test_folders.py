@@ -24,7 +24,7 @@ GOOD = (HERE / "load" / "good.yaml").read_text()
 
 
 @pytest.fixture
-def folder(tmp_path: Path, shared_store: str, one_kernel: None, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty workspace with the cases' parts, which is the working folder."""
     inside = tmp_path / "workspace"
     inside.mkdir()

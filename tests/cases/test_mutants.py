@@ -34,7 +34,7 @@ from thingc.model.robot.spanning_tree import root
 
 pytestmark = pytest.mark.slow
 
-MUTANTS = 160
+MUTANTS = 80
 NEAR = 0.85
 """Share of the mutants that are refused whose first error must be on the touched line or a neighbour. The others are
 legitimate: a component that is gone is missed where it is used."""

@@ -78,7 +78,7 @@ drive = {kind = "position", kp = "1 N*m/rad", effort = "1 N*m"}
 
 
 @pytest.fixture(params=["yaml", "toml"])
-def document(request: pytest.FixtureRequest, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, one_kernel: None) -> Path:
+def document(request: pytest.FixtureRequest, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("THINGC_STORE", shared_store)
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.chdir(tmp_path)

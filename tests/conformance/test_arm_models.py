@@ -19,8 +19,7 @@ import thingc
 from conformance import roots
 from conformance import simulation as sim
 from conformance.conftest import ARM
-from conformance.harness import ROOT
-from conformance.harness import thingc as run
+from conformance.harness import ROOT, thingc_here
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import LONGEST, OneLineRepr
 from thingc.modes import Modes
@@ -86,7 +85,7 @@ def test_scene_and_archive_hold_the_same_robot(arm: Path, mode: str) -> None:
 
 @pytest.fixture(scope="module")
 def info(arm: Path, shared_store: str) -> dict[str, Any]:
-    ran = run("info", ARM, "--format", "json", store=shared_store)
+    ran = thingc_here("info", ARM, "--format", "json", store=shared_store, cwd=ROOT)
     assert ran.code == 0
     return ran.answer
 

@@ -17,7 +17,7 @@ import pytest
 
 import thingc as package
 from conformance.conftest import ARM
-from conformance.harness import COMMAND, ROOT, build, environment, replace, thingc, thingc_here, tree, write
+from conformance.harness import COMMAND, ROOT, build, build_here, environment, replace, thingc, thingc_here, tree, write
 
 HEAVY = (
     "numpy", "scipy", "networkx", "trimesh", "manifold3d", "mujoco", "OCP", "build123d", "coacd", "rich", "typer", "jsonschema",
@@ -71,11 +71,11 @@ def test_check_says_nothing_of_a_good_document(arm: Path, shared_store: str) -> 
     documents = (ARM, "assemblies/end_effector.yaml")
     ran = thingc("check", *documents, store=shared_store)
     assert (ran.code, ran.out) == (0, "".join(f"{document}: ok\n" for document in documents))
-    assert thingc("check", *documents, "--format", "json", store=shared_store).answer == {"diagnostics": []}
+    assert thingc_here("check", *documents, "--format", "json", store=shared_store, cwd=ROOT).answer == {"diagnostics": []}
 
 
 def test_build_in_json(arm: Path, shared_store: str, tmp_path: Path) -> None:
-    answer = build(ARM, "-o", tmp_path, "--mode", "bench", "--emit", "mjcf", "--emit", "bom", store=shared_store)
+    answer = build_here(ARM, "-o", tmp_path, "--mode", "bench", "--emit", "mjcf", "--emit", "bom", store=shared_store, cwd=ROOT)
     assert list(answer) == ["diagnostics", "artifacts", "modelled", "reused"]
     paths = {(ROOT / path).resolve() for path in answer["artifacts"]}
     assert paths == {path for path in (tmp_path / "arm").rglob("*") if path.is_file()}
@@ -86,7 +86,7 @@ def test_build_in_json(arm: Path, shared_store: str, tmp_path: Path) -> None:
     }
     choice = json.loads((tmp_path / "arm" / "manifest.json").read_text())["choice"]
     assert choice == {"modes": ["bench"], "emit": ["mjcf", "bom"], "parameters": {}, "choices": {}}
-    answer = build(ARM, "-o", tmp_path, "--emit", "hag", "-p", "pen_diameter=9.7 mm", store=shared_store)
+    answer = build_here(ARM, "-o", tmp_path, "--emit", "hag", "-p", "pen_diameter=9.7 mm", store=shared_store, cwd=ROOT)
     left = {path.name for path in (tmp_path / "arm").rglob("*")}
     assert left == {"manifest.json", "hag.dot", "hag.mmd", "hag.svg"}, "the rest is gone"
     assert json.loads((tmp_path / "arm" / "manifest.json").read_text())["choice"]["parameters"] == {"pen_diameter": "9.7 mm"}
@@ -94,7 +94,7 @@ def test_build_in_json(arm: Path, shared_store: str, tmp_path: Path) -> None:
 
 
 def test_info_in_json(arm: Path, shared_store: str) -> None:
-    info = thingc("info", ARM, "--format", "json", store=shared_store).answer
+    info = thingc_here("info", ARM, "--format", "json", store=shared_store, cwd=ROOT).answer
     assert set(info) == {"diagnostics", "name", "mass", "centre", "inertia", "occurrences", "modes"}
     assert info["name"] == "arm" and len(info["centre"]) == 3 and [len(row) for row in info["inertia"]] == [3, 3, 3]
     assert all(set(o) == {"path", "definition", "mass", "mass_source", "link"} for o in info["occurrences"])
@@ -113,7 +113,7 @@ def test_info_in_json(arm: Path, shared_store: str) -> None:
 
 
 def test_parts_in_json(arm: Path, shared_store: str) -> None:
-    ran = thingc("parts", "arm", "--format", "json", store=shared_store)
+    ran = thingc_here("parts", "arm", "--format", "json", store=shared_store, cwd=ROOT)
     assert ran.code == 0 and ran.answer["diagnostics"] == []
     parts = {part["reference"]: part for part in ran.answer["parts"]}
     names = ("BasePlate", "YawPitchBracket", "RotorBrace", "OmegaCap", "Hand", "PenDummy")
@@ -161,7 +161,7 @@ def test_all_errors_of_a_document_at_once_and_no_output(copy: Path, shared_store
         replace(arm if old in arm.read_text() else copy / "assemblies" / "end_effector.yaml", old, new)
     lines = {path: (copy / path).read_text().splitlines() for path in (ARM, "assemblies/end_effector.yaml")}
     for command, stream in (("check", "out"), ("build", "err")):
-        ran = thingc(command, ARM, "--format", "json", store=shared_store, cwd=copy)
+        ran = thingc_here(command, ARM, "--format", "json", store=shared_store, cwd=copy)
         assert ran.code == 1
         found = ran.answer["diagnostics"]
         marked = [lines[entry["file"]][entry["line"] - 1] for entry in found]
@@ -169,7 +169,7 @@ def test_all_errors_of_a_document_at_once_and_no_output(copy: Path, shared_store
         for entry in found:
             assert list(entry) == ["code", "severity", "message", "file", "line", "column", "path", "help", "notes", "fixes"]
             assert entry["severity"] == "error" and 1 <= entry["column"] <= len(lines[entry["file"]][entry["line"] - 1])
-        text = thingc(command, ARM, store=shared_store, cwd=copy)
+        text = thingc_here(command, ARM, store=shared_store, cwd=copy)
         assert text.code == 1 and all(entry["message"] in getattr(text, stream) for entry in found)
         assert "Traceback" not in text.err
     assert not (copy / "build").exists()
@@ -178,10 +178,10 @@ def test_all_errors_of_a_document_at_once_and_no_output(copy: Path, shared_store
 def test_warnings_are_errors_where_that_is_asked(copy: Path, shared_store: str) -> None:
     """An effort above what the servo has."""
     replace(copy / "assemblies" / "arm.yaml", "upper: 150 deg}", "upper: 150 deg, effort: 9 N*m}")
-    ran = thingc("check", ARM, "--format", "json", store=shared_store, cwd=copy)
+    ran = thingc_here("check", ARM, "--format", "json", store=shared_store, cwd=copy)
     assert ran.code == 0 and [entry["severity"] for entry in ran.answer["diagnostics"]] == ["warning"]
     assert "9" in ran.answer["diagnostics"][0]["message"] and "4.1" in ran.answer["diagnostics"][0]["message"]
-    strict = thingc("build", ARM, "--strict", "--format", "json", store=shared_store, cwd=copy)
+    strict = thingc_here("build", ARM, "--strict", "--format", "json", store=shared_store, cwd=copy)
     assert strict.code == 1 and [entry["severity"] for entry in strict.answer["diagnostics"]] == ["error"]
     assert strict.answer["artifacts"] == [] and not (copy / "build").exists()
 
@@ -190,7 +190,7 @@ def test_a_folder_with_files_of_somebody_else_is_left_alone(copy: Path, shared_s
     mine = copy / "out" / "arm"
     mine.mkdir(parents=True)
     (mine / "thesis.tex").write_text("everything")
-    ran = thingc("build", ARM, "-o", "out", "--emit", "bom", "--format", "json", store=shared_store, cwd=copy)
+    ran = thingc_here("build", ARM, "-o", "out", "--emit", "bom", "--format", "json", store=shared_store, cwd=copy)
     assert ran.code == 2 and "thesis.tex" in ran.answer["diagnostics"][0]["message"]
     assert tree(copy / "out") == {"arm/thesis.tex": b"everything"}
 
@@ -223,7 +223,7 @@ def test_outputs_that_are_current_stay_and_outdated_ones_go(tmp_path: Path) -> N
 def test_a_raw_attribute_that_mujoco_refuses_is_shown_at_its_line(copy: Path, shared_store: str) -> None:
     arm = copy / "assemblies" / "arm.yaml"
     replace(arm, "solreflimit: 0.01 1", "solreflimmit: 0.01 1")
-    ran = thingc("build", ARM, "--format", "json", store=shared_store, cwd=copy)
+    ran = thingc_here("build", ARM, "--format", "json", store=shared_store, cwd=copy)
     (said,) = ran.answer["diagnostics"]
     assert ran.code == 1 and "solreflimmit" in said["message"] and said["file"] == ARM
     assert arm.read_text().splitlines()[said["line"] - 1].startswith("raw:")

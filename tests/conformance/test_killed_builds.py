@@ -32,7 +32,6 @@ def moments(count: int, seed: int) -> list[float]:
     return [float((k + source.random()) / count) for k in range(count)]
 
 
-@pytest.mark.usefixtures("one_kernel")
 def test_cold_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> None:
     """From an empty store. Nothing is there afterwards, or all; the next build, from what is left of the store, is as good
     as any."""

@@ -15,9 +15,7 @@ import pytest
 
 from conformance import rig
 from conformance import simulation as sim
-from conformance.harness import build, thingc, tree, write
-
-pytestmark = pytest.mark.usefixtures("one_kernel")
+from conformance.harness import build_here, thingc_here, tree, write
 
 MODES = {"table": "base", "gripped": "grip/finger", "loose": "boom", "pegged": "base"}
 """Mode to the link that it holds."""
@@ -32,7 +30,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def built(request: pytest.FixtureRequest, workspace: Path, shared_store: str) -> tuple[float, Path]:
     """The span [m] and the folder of the build."""
     folder = workspace / "build" / str(request.param)
-    build("rig.yaml", "-o", folder, "-p", f"span={request.param} mm", store=shared_store, cwd=workspace)
+    build_here("rig.yaml", "-o", folder, "-p", f"span={request.param} mm", store=shared_store, cwd=workspace)
     return request.param * rig.MM, folder / "rig"
 
 
@@ -91,7 +89,7 @@ def test_masses_centres_and_inertias_of_links(built: tuple[float, Path], models:
 
 def test_info_says_the_same(built: tuple[float, Path], workspace: Path, shared_store: str) -> None:
     span = built[0]
-    ran = thingc("info", "rig.yaml", "-p", f"span={1000 * span:g} mm", "--format", "json", store=shared_store, cwd=workspace)
+    ran = thingc_here("info", "rig.yaml", "-p", f"span={1000 * span:g} mm", "--format", "json", store=shared_store, cwd=workspace)
     assert ran.code == 0
     info = ran.answer
     chain = rig.placed(dict.fromkeys(rig.JOINTS, 0.0), span)
@@ -284,7 +282,7 @@ def test_the_same_documents_in_toml_give_the_same_bytes(workspace: Path, shared_
     write(workspace, TOML)
     seen = {}
     for kind in ("yaml", "toml"):
-        build(f"rig.{kind}", "-o", workspace / kind, store=shared_store, cwd=workspace)
+        build_here(f"rig.{kind}", "-o", workspace / kind, store=shared_store, cwd=workspace)
         files = dict(tree(workspace / kind / "rig"))
         for path in [path for path in files if path.endswith(".mjz")]:
             with zipfile.ZipFile(io.BytesIO(files.pop(path))) as archive:

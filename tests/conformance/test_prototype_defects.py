@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from conformance import simulation as sim
-from conformance.harness import build, thingc, write
+from conformance.harness import build_here, thingc_here, write
 
 PARTS = '''
     from build123d import Box, Cylinder, Location, Pos, Sphere
@@ -131,7 +131,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def far(workspace: Path, shared_store: str) -> Path:
-    build("far.yaml", store=shared_store, cwd=workspace)
+    build_here("far.yaml", store=shared_store, cwd=workspace)
     return workspace / "build" / "far"
 
 
@@ -142,7 +142,7 @@ def test_no_inertia_is_a_placeholder(far: Path, workspace: Path, shared_store: s
     found = sim.inertia_of(model, "ball")
     assert found[0] == pytest.approx(mass, rel=1e-12)
     np.testing.assert_allclose(found[2], 2 / 5 * mass * 0.01**2 * np.eye(3), rtol=1e-9, atol=1e-9 * mass * 0.01**2)
-    ran = thingc("build", "empty.yaml", "--format", "json", store=shared_store, cwd=workspace)
+    ran = thingc_here("build", "empty.yaml", "--format", "json", store=shared_store, cwd=workspace)
     assert ran.code == 1 and ran.answer["artifacts"] == [] and not (workspace / "build" / "empty").exists()
     (said,) = ran.answer["diagnostics"]
     assert said["severity"] == "error" and "`arm`" in said["message"] and "mass" in said["message"]
@@ -177,7 +177,7 @@ def test_inertia_is_not_of_the_mesh_and_not_rounded(far: Path) -> None:
 
 def test_two_uses_of_one_definition_have_joints_of_their_own(workspace: Path, shared_store: str) -> None:
     """One document, two legs: each knee has its own name, angle and keyframe, and moves nothing of the other leg."""
-    build("walker.yaml", store=shared_store, cwd=workspace)
+    build_here("walker.yaml", store=shared_store, cwd=workspace)
     for mode in ("stand", "walk"):
         model = mujoco.MjModel.from_xml_path(str(workspace / "build" / "walker" / "mjcf" / f"walker_{mode}.xml"))
         assert sim.joints(model) == ["left/knee", "right/knee"]

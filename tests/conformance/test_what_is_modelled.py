@@ -11,15 +11,13 @@ import pytest
 from conformance import shelf
 from conformance.harness import ROOT, build, build_here, replace, thingc, thingc_here, tree
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 
 @pytest.fixture(scope="module")
 def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the workspace `ws`, its `store`, in which everything has been modelled, and `other` files."""
     folder = tmp_path_factory.mktemp("shelf")
     shelf.workspace(folder)
-    answer = build("shelf.yaml", "--emit", "bom", store=folder / "store", cwd=folder / "ws")
+    answer = build_here("shelf.yaml", "--emit", "bom", store=folder / "store", cwd=folder / "ws")
     assert set(answer["modelled"]) == shelf.EVERYTHING and answer["reused"] == []
     return folder
 

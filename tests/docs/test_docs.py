@@ -42,7 +42,7 @@ IDS = [page.relative_to(ROOT).as_posix().removeprefix("docs/") for page in PAGES
 
 
 @pytest.fixture
-def here(page: Path, tmp_path: Path, shared_store: str, one_kernel: None, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(page: Path, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The page's files in a folder, which is the working folder."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
     monkeypatch.setenv("COLUMNS", "100")

@@ -122,7 +122,6 @@ def test_what_is_said_or_not_looked_for_is_not_lost(robot: Any) -> None:
     assert lost(robot, every(SAYS)) == lost(robot, every(BESIDE)) == []
 
 
-@pytest.mark.usefixtures("one_kernel")
 def test_what_a_robot_touches_and_rubs_with(root: Path, shared_store: str) -> None:
     assembly = thingc.compile(str(root / "assemblies" / "arm.yaml"), store=shared_store).assembly
     said = {(one.path, one.what) for one in losses("toy", every(OMITTED), assembly, ())}
@@ -168,7 +167,6 @@ tendons:
 """
 
 
-@pytest.mark.usefixtures("one_kernel")
 def test_a_loss_of_a_nested_tendon_shows_both_documents(tmp_path: Path) -> None:
     robot = "thingc: assembly/1\nname: robot\ncomponents:\n  left: {assembly: hand.yaml}\n"
     assembly = compiled(tmp_path, {"robot.yaml": robot, "hand.yaml": HAND}).compilation.assembly

@@ -124,7 +124,6 @@ def test_on_a_floor_each_falls_as_in_the_scene_of_its_build(levers: Path, shared
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("one_kernel")
 def test_a_store_that_is_deleted_meanwhile_is_said(levers: Path, tmp_path: Path) -> None:
     with thingc.family(levers, store=str(tmp_path / "store")) as family:
         assert family.write({}, tmp_path / "first") == ()

@@ -12,7 +12,7 @@ import pytest
 
 pytestmark = pytest.mark.slow
 
-INPUTS = 80
+INPUTS = 40
 
 
 def test_a_short_run_finds_nothing(tmp_path: Path, root: Path, shared_store: str) -> None:

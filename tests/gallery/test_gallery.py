@@ -12,7 +12,7 @@ import thingc
 from thingc.model.robot.kinematics import body_poses
 from thingc.tools.cli.main import main
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_kernel")]
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("balancer", "delta", "gecko", "gripper", "hand", "hexapod")

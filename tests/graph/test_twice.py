@@ -63,7 +63,7 @@ class Asks(Thing):
 
 @pytest.fixture
 def build(
-    tmp_path: Path, one_kernel: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> Callable[..., tuple[int, str]]:
     """Builds a robot of some of the parts above: the exit code, and standard error."""
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["."]\n')

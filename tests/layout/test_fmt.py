@@ -236,7 +236,7 @@ def tomls(draw: st.DrawFn) -> str:
     return "\n".join([*lines, note(), ""])
 
 
-@settings(max_examples=200, suppress_health_check=list(HealthCheck))
+@settings(max_examples=80, suppress_health_check=list(HealthCheck))
 @given(tomls())
 def test_toml_says_the_same_to_another_reader(text: str) -> None:
     report = Report()

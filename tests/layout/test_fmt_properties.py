@@ -65,7 +65,7 @@ def owners(data: bytes) -> dict[str, str]:
     return found
 
 
-@settings(max_examples=50, suppress_health_check=list(HealthCheck))
+@settings(max_examples=25, suppress_health_check=list(HealthCheck))
 @given(documents())
 def test_the_same_document_with_every_comment_and_nothing_left_to_do(text: str) -> None:
     data = text.encode()
@@ -80,7 +80,7 @@ def test_the_same_document_with_every_comment_and_nothing_left_to_do(text: str) 
     assert not moved, once.decode()
 
 
-@settings(max_examples=25, suppress_health_check=list(HealthCheck))
+@settings(max_examples=12, suppress_health_check=list(HealthCheck))
 @given(documents())
 def test_the_spaces_are_canonical(text: str) -> None:
     once = formatted(text.encode())

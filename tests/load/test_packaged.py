@@ -10,7 +10,7 @@ import bd_materials
 import pytest
 import yaml
 
-from conformance.harness import thingc
+from conformance.harness import thingc, thingc_here
 from load.test_documents import HEAD, read, said, write
 from thingc.base.diagnostics import Code, Report
 from thingc.documents.load.discovery import packaged_documents
@@ -103,12 +103,12 @@ def test_commands_in_a_workspace_of_its_own(tmp_path: Path, shared_store: str) -
         "    def __init__(self):\n        super().__init__()\n\n    def result(self):\n        return Box(10, 10, 10)\n",
     })
     run = {"store": shared_store, "cwd": tmp_path}
-    assert thingc("lock", **run).code == 0
-    assert thingc("check", "a.yaml", **run).out == "a.yaml: ok\n"
+    assert thingc_here("lock", **run).code == 0
+    assert thingc_here("check", "a.yaml", **run).out == "a.yaml: ok\n"
     program = str(Path(sys.executable).with_name("thingc"))  # `python -m` looks into the working folder first, and is refused
     done = subprocess.run([program, "check", "--no-code", "a.yaml"], cwd=tmp_path, capture_output=True, text=True)
     assert done.stdout == "a.yaml: ok\n", done
-    assert "x: 8.50 g" in thingc("info", "a.yaml", **run).out
-    assert thingc("build", "a.yaml", "--emit", "bom", **run).code == 0
+    assert "x: 8.50 g" in thingc_here("info", "a.yaml", **run).out
+    assert thingc_here("build", "a.yaml", "--emit", "bom", **run).code == 0
     assert '"thingc_stock.materials": "' in (tmp_path / "build/x/manifest.json").read_text()
     assert "is up to date" in thingc("build", "a.yaml", "--emit", "bom", **run).err

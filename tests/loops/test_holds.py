@@ -36,8 +36,6 @@ from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
 from thingc.tools.cli import info
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 EXACT = 1e-9
 """[m] and [rad]: what the residual of a closure must stay below."""
 

@@ -19,8 +19,6 @@ from thingc.tools.cli.info import as_text, mode_data
 A, B, C, D = 0.06, 0.18, 0.12, 0.2
 """Crank, coupler, rocker and ground [m]: by Grashof's rule the crank goes round."""
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 FACING = "rpy: 180 0 -90 deg"
 """A mount that, mated to one whose z is up, lays the axes of its link on those of the mount: angles are plain."""
 

@@ -10,8 +10,6 @@ import pytest
 
 from loops.robots import BALL, Built, compiled, placed, pose_of
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 G = 9.81
 LEG = f"""\
 thingc: assembly/1

@@ -9,8 +9,6 @@ import pytest
 from loops.robots import BALL, Array, Built, at_key, compiled, equality_residual
 from thingc.tools.cli.info import as_text
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 ROBOT = f"""\
 thingc: assembly/1
 name: wobbler

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from conformance.harness import ROOT, build, write
+from conformance.harness import ROOT, build_here, write
 
 from .conftest import pose_of
 
@@ -93,7 +93,7 @@ def feet(shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> dict[st
         "minchw_foot.yaml": MINCHW_FOOT,
     })
     for kind in SLIDE:
-        build(f"{kind}.yaml", "--emit", "mjcf", "-o", "build", store=shared_store, cwd=base)
+        build_here(f"{kind}.yaml", "--emit", "mjcf", "-o", "build", store=shared_store, cwd=base)
     return {kind: base / "build" / kind / "mjcf" / f"{kind}_standing.xml" for kind in SLIDE}
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from conformance import simulation as sim
-from conformance.harness import thingc
+from conformance.harness import ROOT, thingc_here
 
 from .conftest import DOCUMENT, MODES, meshes_in, pose_of
 
@@ -26,7 +26,7 @@ from .conftest import DOCUMENT, MODES, meshes_in, pose_of
 @pytest.fixture(scope="module")
 def info(minchw: Path, shared_store: str) -> dict[str, Any]:
     """What `thingc info` says (after the build, so that nothing is modelled twice)."""
-    ran = thingc("info", DOCUMENT, "--format", "json", store=shared_store)
+    ran = thingc_here("info", DOCUMENT, "--format", "json", store=shared_store, cwd=ROOT)
     assert ran.code == 0, ran.out + ran.err
     return ran.answer
 
@@ -59,7 +59,7 @@ def test_at_most_two_fifths_of_the_mass_is_weighed_or_guessed(info: dict[str, An
     assert set(shares) <= {"vendor", "derived", "estimated", "measured"}
     assert shares.get("measured", 0.0) + shares["estimated"] <= 0.40
     assert shares["estimated"] > 0
-    text = thingc("info", DOCUMENT, store=shared_store).out
+    text = thingc_here("info", DOCUMENT, store=shared_store, cwd=ROOT).out
     (line,) = (line for line in text.splitlines() if line.startswith("mass by source"))
     printed = {source: float(share) for source, share in re.findall(r"(\w+) [\d.]+ k?g \(([\d.]+) %\)", line)}
     assert printed == {source: pytest.approx(100 * share, abs=0.051) for source, share in shares.items()}
@@ -146,7 +146,7 @@ def test_the_assembly_graph_is_the_published_one(minchw: Path) -> None:
 
 
 def test_legs_that_differ_are_two_definitions_that_share_their_parts(shared_store: str) -> None:
-    ran = thingc("hag", DOCUMENT, "--format", "dot", "-p", "rear_leg=80 mm", store=shared_store)
+    ran = thingc_here("hag", DOCUMENT, "--format", "dot", "-p", "rear_leg=80 mm", store=shared_store, cwd=ROOT)
     assert ran.code == 0, ran.err
     nodes, edges = graph(ran.out)
     legs = {child for parent, child, label in edges if parent == nodes["n0"] and label in ("front", "rear")}

@@ -149,13 +149,18 @@ def solids(shared_store: str) -> dict[str, manifold3d.Manifold]:
     return found
 
 
+def nearby(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
+    """Whether two boxes (least x, y, z, greatest x, y, z [m]) are within a millimetre of each other."""
+    return all(one[axis] < other[axis + 3] + 1e-3 and other[axis] < one[axis + 3] + 1e-3 for axis in range(3))
+
+
 @pytest.mark.parametrize("pose", POSES)
 def test_no_part_is_inside_another(models: dict[str, mujoco.MjModel], solids: dict[str, manifold3d.Manifold], pose: str) -> None:
     placed = sim.parts(models["crawl"], pose_of(models["crawl"], pose))
     there = {part: solid.transform(placed[part][:3]) for part, solid in solids.items()}
     shared = {
         (one, other): (there[one] ^ there[other]).volume() for one, other in combinations(there, 2)
-        if there[one].min_gap(there[other], 1e-3) < 1e-3
+        if nearby(there[one].bounding_box(), there[other].bounding_box()) and there[one].min_gap(there[other], 1e-3) < 1e-3
     }
     assert {pair: volume for pair, volume in shared.items() if volume > TOUCH} == {}
     assert ("front/foot", "front/magnet") in shared  # what is screwed to each other does touch

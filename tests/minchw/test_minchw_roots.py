@@ -14,8 +14,7 @@ import pytest
 import thingc
 from conformance import roots
 from conformance import simulation as sim
-from conformance.harness import ROOT
-from conformance.harness import thingc as run
+from conformance.harness import ROOT, thingc_here
 
 from .conftest import DOCUMENT
 
@@ -53,7 +52,7 @@ def compiled(minchw: Path, shared_store: str) -> thingc.Compiled:
 
 @pytest.fixture(scope="module")
 def info(minchw: Path, shared_store: str) -> dict[str, Any]:
-    ran = run("info", DOCUMENT, "--format", "json", store=shared_store)
+    ran = thingc_here("info", DOCUMENT, "--format", "json", store=shared_store, cwd=ROOT)
     assert ran.code == 0
     return ran.answer
 

@@ -17,8 +17,6 @@ from thingc.model.robot.loop_solver import Loops
 from thingc.model.statics.efforts import problem, static_efforts
 from thingc.tools.cli.main import main
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 MATE = "quat: [0, 0.7071067811865476, -0.7071067811865476, 0]"
 """A mount by which frames that are mated lie as one."""
 

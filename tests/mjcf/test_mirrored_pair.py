@@ -63,7 +63,7 @@ DOCUMENT = """
 """
 
 
-def test_the_left_leg_is_the_mirror_image_of_the_right_one(tmp_path: Path, shared_store: str, one_kernel: None) -> None:
+def test_the_left_leg_is_the_mirror_image_of_the_right_one(tmp_path: Path, shared_store: str) -> None:
     """`turn` is 180 deg less that of the right leg, and a turn about a mirrored axis goes the other way; along which axis of its own
     frame a part is mirrored makes no difference to where it comes to lie."""
     (tmp_path / "parts").mkdir()
@@ -113,7 +113,7 @@ WHOLE = {
 }
 
 
-def test_a_whole_leg_is_mirrored(tmp_path: Path, shared_store: str, one_kernel: None) -> None:
+def test_a_whole_leg_is_mirrored(tmp_path: Path, shared_store: str) -> None:
     """What it has of mirrored parts are the parts themselves, and a pin that is its own mirror image is not another one to buy."""
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/bones.py").write_text(textwrap.dedent(PART))

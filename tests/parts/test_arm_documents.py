@@ -15,8 +15,6 @@ from thingc.driver.environment import Environment, Options
 
 from .conftest import POSES, ROOT, matrix, put_together
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 ARM = str(ROOT / "assemblies" / "arm.yaml")
 JOINTS = ("yaw", "shoulder", "elbow", "wrist")
 

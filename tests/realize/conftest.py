@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
 from thingc.documents.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
+from thingc.geometry import client
 from thingc.geometry.client import Workers
 from thingc.geometry.record import PartDefinition, Value, definition_text
 from thingc.geometry.service import GeometryService
@@ -66,11 +67,9 @@ def file_part(path: str) -> PartDefinition:
 
 
 @pytest.fixture(scope="session")
-def workers() -> Iterator[Workers]:
+def workers() -> Workers:
     """One forking worker for all tests of this process."""
-    made = Workers(2)
-    yield made
-    made.close()
+    return client.Workers(2)
 
 
 @pytest.fixture

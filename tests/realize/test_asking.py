@@ -16,8 +16,6 @@ import pytest
 from thingc.geometry.record import ImpureInputs, PartRecord
 from thingc.tools.cli.main import main
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 HEAD = """\
 import datetime, logging, os, random, secrets, socket, subprocess, tempfile, time, uuid, warnings
 from datetime import date, datetime as moment

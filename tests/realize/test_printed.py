@@ -140,7 +140,7 @@ def test_workers_without_fork_hear_it_too(place: Any, define: Callable[..., Any]
 
 @pytest.mark.parametrize("form", ["text", "json"])
 def test_the_command_line_shows_it_to_people(
-    place: Any, form: str, one_kernel: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    place: Any, form: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
     place.write("parts/talking.py", TALKING)
     place.write("thingc.toml", 'thingc = "workspace/1"\n')

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 import thingc
+from thingc.geometry.client import Workers
 from thingc.geometry.key import versions
 from thingc.geometry.record import PartFailure, PartRecord
 
@@ -391,8 +392,6 @@ def test_a_module_that_becomes_a_package_finds_other_files(place: Any, define: C
 def test_schemas_are_kept_by_code(place: Any, tmp_path: Path) -> None:
     place.write("parts/shapes.py", SHAPES)
     place.write("parts/arm.py", ARM)
-    from thingc.geometry.client import Workers
-
     untouched = Workers(1)
     with place.service() as service:
         first = service.describe(["arm:Base", "arm:Derived"])

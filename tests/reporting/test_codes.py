@@ -24,8 +24,6 @@ from thingc.tools.cli.console import USAGE_CODES
 from thingc.tools.cli.main import COMMANDS, main
 from thingc.tools.reporting.explain import find, near, sections
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 ROOT = Path(__file__).resolve().parents[2]
 CODES = sorted(all_codes(), key=lambda code: code.code)
 AGAIN = "run `python docs/generate.py`"

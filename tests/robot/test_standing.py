@@ -27,8 +27,6 @@ from thingc.modes import Modes
 from thingc.tools.cli import info
 from thingc.tools.cli.main import main
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 PARTS = '''
 from build123d import Align, Box, Cone, Location, Pos, Sphere
 

@@ -23,8 +23,6 @@ TETRAHEDRON = "solid t\n" + "".join(
 ) + "endsolid t\n"
 
 UNKNOWN = "note[TC345]: 1 part has parameters or a process that `parts.lock.json` does not contain: its geometry was not checked"
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 ARM, MINCHW = "assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"
 
 

@@ -20,8 +20,6 @@ from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings
 from thingc.targets.artifact import Loss, StoredArtifact
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 TARGETS = ("mjcf", "mjz", "stl", "bom", "hag")
 
 PARTS = """

@@ -132,7 +132,6 @@ def test_every_right_document_is_valid(tmp_path: Path) -> None:
     assert dict(faults(paths)) == {}
 
 
-@pytest.mark.usefixtures("one_kernel")
 def test_wrong_documents_are_refused_fault_by_fault(shared_store: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A fault is refused where the schema complains of its key, of one that holds it, or of what is in it."""
     monkeypatch.setenv("THINGC_STORE", shared_store)

@@ -35,8 +35,6 @@ from thingc.modes import Modes
 from thingc.tools.cli import info
 from thingc.tools.cli.main import main
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 FOLDER = Path(__file__).parent / "hexapod"
 LIMIT = 1.5
 THREE = [f"leg_{k}/sole" for k in (0, 2, 4)]

@@ -25,8 +25,6 @@ from thingc.model.statics.efforts import balance_tree, loads, problem, static_ef
 from thingc.model.statics.load_sharing import balance_shared
 from thingc.model.statics.types import DriveTransmission, Efforts
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 CRANE = f"""\
 thingc: assembly/1
 name: crane

@@ -76,7 +76,7 @@ def test_the_legged_robot_walks(begun: Path, capsys: pytest.CaptureFixture[str])
 
 @pytest.mark.slow
 @pytest.mark.parametrize("begun", ["legged"], indirect=True)
-def test_what_is_added_to_a_new_robot_builds(begun: Path, here: Path, one_kernel: None, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_added_to_a_new_robot_builds(begun: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copytree(begun.parent, here / "rover", ignore=shutil.ignore_patterns("build"))
     os.chdir(here / "rover")
     for words in (

@@ -12,8 +12,6 @@ from junitparser import Failure, JUnitXml
 
 from testing.rig import Workspace, two_links
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 MIXED = (
     "  weight: {mass: {max: =2 * 30 g}}\n"
     "  holds_one: {torque_margin: {drive: '*', min: 1, pose: level}}\n"

@@ -18,8 +18,6 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Surface
 from thingc.model.solids.shapes import solid_of
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 
 @pytest.mark.parametrize(("pose", "gap", "passes"), [
     ("close", 0.4, True), ("touching", 0.0, True), ("overlapping", 0.0, False),

@@ -22,8 +22,6 @@ from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot
 from thingc.model.statics.efforts import static_efforts
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 G = 9.81
 
 

@@ -13,8 +13,6 @@ import pytest
 
 from thingc.tools.cli.main import main
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 ROBOTS = ("assemblies/arm.yaml", "assemblies/minchw/minchw.yaml")
 
 

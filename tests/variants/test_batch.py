@@ -31,7 +31,7 @@ from thingc.driver.session import Session
 from thingc.tools.cli.main import main
 from variants.robots import PENDULUM, SWEEP, InThisProcess, environment, thingc, tree, workspace
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_kernel")]
+pytestmark = pytest.mark.slow
 
 RUN_COLUMNS = ("parts_modelled", "parts_reused", "seconds")
 

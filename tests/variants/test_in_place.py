@@ -16,8 +16,6 @@ from thingc.driver.environment import Options
 from variants.families import arrays
 from variants.robots import workspace
 
-pytestmark = pytest.mark.usefixtures("one_kernel")
-
 
 @pytest.fixture(name="sliders")
 def loaded_sliders(sliders: Path) -> BatchResults:

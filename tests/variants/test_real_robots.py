@@ -45,7 +45,7 @@ emit: [mjcf, stl, bom, hag]
 
 @pytest.mark.parametrize(("text", "name", "count"), [(MINCHW, "inchworms", 2), (ARM, "arms", 2)], ids=["minchw", "arm"])
 def test_variants_equal_single_builds(
-    root: Path, tmp_path: Path, shared_store: str, text: str, name: str, count: int, one_kernel: None, monkeypatch: pytest.MonkeyPatch,
+    root: Path, tmp_path: Path, shared_store: str, text: str, name: str, count: int, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     for folder in ("assemblies", "parts"):
