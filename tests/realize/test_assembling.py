@@ -177,7 +177,7 @@ def test_the_same_bytes_from_a_worker_and_from_a_process_of_its_own(
         found = [service.assemble("robot", many)]
     store = module_place.store
     try:
-        for k in range(3):
+        for k in range(2):
             module_place.store = Store(str(tmp_path / str(k)))
             for blob in {instance.brep for instance in instances}:
                 module_place.store.put(store.read(blob))

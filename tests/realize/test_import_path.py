@@ -47,7 +47,7 @@ ROBOT = """
       shaped: {part: arm:Shaped, at: {in: plain.origin, xyz: 0 0 10 mm}}
       loose: {part: arm:Loose, at: {in: plain.origin, xyz: 0 0 20 mm}}
 """
-MANY = 3000
+MANY = 1000
 
 
 class Elsewhere:

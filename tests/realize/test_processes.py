@@ -157,6 +157,7 @@ def test_nothing_is_alive_after_the_end(client: Callable[..., Any]) -> None:
     while process.poll() is None:
         for child in descendants(psutil.Process(process.pid)):
             seen.setdefault(child.pid, child)
+        time.sleep(0.01)
     process.communicate()
     assert len(seen) >= 2  # the server and at least one of its children
     assert [child for child in seen.values() if child.is_running() and child.status() != psutil.STATUS_ZOMBIE] == []
@@ -172,6 +173,7 @@ def test_nothing_is_alive_after_the_client_is_killed(client: Callable[..., Any],
     children: list[psutil.Process] = []
     while len(children) < wanted and time.monotonic() < deadline:
         children = descendants(psutil.Process(process.pid))
+        time.sleep(0.01)
     assert len(children) >= wanted
     os.kill(process.pid, signal.SIGKILL)
     process.communicate()
