@@ -298,7 +298,7 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
     ("mode x --to D --kind mass", "--kind applies to a test, not to a mode"),
     ("part X --on base.top", "--on requires --to\n  help: write --to as well"),
     ("part X --to D --by bottom", "--by requires --on\n  help: write --on as well"),
-    ("part X --to D --on base.top --at base.top", "--on cannot be combined with --at\n  help: remove one of them"),
+    ("part X --to D --on base.top --at base.top", "--on cannot be combined with --at\n  help: use only one of the two options"),
     ("mode x --to D --name y", "--name applies to a part or an assembly, not to a mode"),
     ("part old:Old", "`old:Old` already exists; to place it, add a document\n  help: write --to robot.yaml"),
     ("part thingc_stock.servo:SG90 --to D", "there is no module `thingc_stock.servo`\n"),

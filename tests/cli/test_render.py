@@ -208,7 +208,7 @@ def no_screen(folder: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(("without", "said"), [
-    (no_egl, "error[TC808]: cannot render with MUJOCO_GL=egl: its library is missing\n"
+    (no_egl, "error[TC808]: cannot render with MUJOCO_GL=egl: the library is missing\n"
      "  help: install EGL (Debian, Ubuntu: apt install libegl1); it needs neither a screen nor a graphics card\n"),
     (no_screen, "error[TC808]: cannot render with MUJOCO_GL=glfw: an OpenGL platform library has not been loaded into this "
      "process\n  help: set MUJOCO_GL=egl, which needs neither a screen nor a graphics card\n"),

@@ -96,25 +96,25 @@ def lost(robot: Any, says: Any) -> list[tuple[str | None, str, str]]:
 
 
 def test_a_format_without_words_loses_everything(robot: Any) -> None:
-    drive = "its drive: position, kp 4, kv 0.0005"
+    drive = "the drive: position, kp 4, kv 0.0005"
     assert lost(robot, every(OMITTED)) == [
-        (None, "c1/a", "its adhesion of 300 N"), (None, "tilt", "this sensor"), (None, "push", "this sensor"),
+        (None, "c1/a", "the adhesion of 300 N"), (None, "tilt", "this sensor"), (None, "push", "this sensor"),
         (None, "turn", "this sensor"),
-        (None, "eye", "this sensor"), (None, "home", "this pose"), (None, "all", "its time step"),
-        (None, "all", "its `simulation` settings"),
-        (None, "j1", "its motion"), (None, "j1", "its velocity limit of 2 rad/s"), (None, "j1", "its drive: motor"),
-        (None, "j2", "its motion"), (None, "j2", "its damping of 0.1 N m s/rad"), (None, "j2", "its dry friction of 0.2 N m"),
-        (None, "j2", "its armature of 1e-06 kg m^2"), (None, "j2", "its stiffness of 3 N m/rad"), (None, "j2", drive),
-        (None, "j3", "its motion"), (None, "j3", "its drive: velocity, kv 3"), (None, "j4", "its motion"), (None, "j5", "its motion"),
-        (None, "j6", "its motion"), (None, "j7", "its thread"), (None, "j8", "its motion"), (None, "j8", "its cone of 0.5 rad"),
-        (None, "j9", "its motion"), (None, "j9", "its mimic of `j1`"),
-        (None, "j9", "the polynomial of its mimic of `j1`"),
-        ("still", "c1/a", "the hold in place"), ("still", "close", "the loop through it"), ("still", "still", "its gravity"),
-        ("still", "still", "excluded contacts, besides those of neighbours"), ("carried", "close", "the loop through it"),
-        ("carried", "carried", "its held base, which can be moved at run time"), ("afloat", "close", "the loop through it"),
-        ("afloat", "afloat", "its free base"), ("afloat", "afloat", "its start pose"), ("gliding", "close", "the loop through it"),
-        ("gliding", "gliding", "the motion of its base"), ("turning", "close", "the loop through it"),
-        ("turning", "turning", "the motion of its base"),
+        (None, "eye", "this sensor"), (None, "home", "this pose"), (None, "all", "the time step"),
+        (None, "all", "the `simulation` settings"),
+        (None, "j1", "the motion"), (None, "j1", "the velocity limit of 2 rad/s"), (None, "j1", "the drive: motor"),
+        (None, "j2", "the motion"), (None, "j2", "the damping of 0.1 N m s/rad"), (None, "j2", "the dry friction of 0.2 N m"),
+        (None, "j2", "the armature of 1e-06 kg m^2"), (None, "j2", "the stiffness of 3 N m/rad"), (None, "j2", drive),
+        (None, "j3", "the motion"), (None, "j3", "the drive: velocity, kv 3"), (None, "j4", "the motion"), (None, "j5", "the motion"),
+        (None, "j6", "the motion"), (None, "j7", "the thread"), (None, "j8", "the motion"), (None, "j8", "the cone of 0.5 rad"),
+        (None, "j9", "the motion"), (None, "j9", "the mimic of `j1`"),
+        (None, "j9", "the polynomial of the mimic of `j1`"),
+        ("still", "c1/a", "the hold in place"), ("still", "close", "the loop through this joint"), ("still", "still", "the gravity"),
+        ("still", "still", "excluded contacts, besides those of neighbours"), ("carried", "close", "the loop through this joint"),
+        ("carried", "carried", "the held base, which can be moved at run time"), ("afloat", "close", "the loop through this joint"),
+        ("afloat", "afloat", "the free base"), ("afloat", "afloat", "the start pose"), ("gliding", "close", "the loop through this joint"),
+        ("gliding", "gliding", "the motion of the base"), ("turning", "close", "the loop through this joint"),
+        ("turning", "turning", "the motion of the base"),
     ]
 
 
@@ -125,8 +125,8 @@ def test_what_is_said_or_not_looked_for_is_not_lost(robot: Any) -> None:
 def test_what_a_robot_touches_and_rubs_with(root: Path, shared_store: str) -> None:
     assembly = thingc.compile(str(root / "assemblies" / "arm.yaml"), store=shared_store).assembly
     said = {(one.path, one.what) for one in losses("toy", every(OMITTED), assembly, ())}
-    touched = {("yaw_servo", "its collision cylinder"), ("hand/pen", "its convex collision mesh")}
-    assert said > touched | {("petg", "its friction")} and ("hand/pen", "its collision cylinder") not in said
+    touched = {("yaw_servo", "the collision cylinder"), ("hand/pen", "the convex collision mesh")}
+    assert said > touched | {("petg", "the friction")} and ("hand/pen", "the collision cylinder") not in said
 
 
 POINT = f"""\
@@ -144,11 +144,11 @@ LINE = POINT.replace("  vane:", "  top: {frame: true, mass: 2 kg, at: {in: post.
 
 def test_masses_at_points_are_of_no_solid(tmp_path: Path) -> None:
     """What never moves may have such: MJCF and URDF say a point as it is, SDF and USD take nothing that has no inertia."""
-    turn = (None, "turn", "its motion")
-    none, least = ": 0 here, as for a point", ": its moments of inertia are 1e-12 kg m^2"
+    turn = (None, "turn", "the motion")
+    none, least = ": the inertia is 0 in the file, as for a point", ": the moments of inertia are 1e-12 kg m^2 in the file"
     for name, document, what, in_xml in (
-        ("point", POINT, "its inertia of 0 (a point mass)", None),
-        ("line", LINE, "its inertia of points in a line", none),
+        ("point", POINT, "the inertia of 0 (a point mass)", None),
+        ("line", LINE, "the inertia of points in a line", none),
     ):
         (tmp_path / name).mkdir()
         built = compiled(tmp_path / name, document)

@@ -286,9 +286,10 @@ def test_what_does_not_follow_a_turned_joint_is_a_loss(store: Store) -> None:
     third = replace(asked.robots[2], bodies=(*asked.robots[2].bodies[:-1], replace(follower, joints=(joint,))))
     robots = (asked.robots[0], replace(closed, closures=(held, loop)), third)
     lost = (
-        (None, "j6", "its thread: its node must also be shifted when it is rotated"),
-        ("m3", "c3/b", "the hold in place: rotating joints moves it"), ("m3", "close", "the loop through it: rotating joints opens it"),
-        (None, joint.path, "its mimic of `j1`: its node does not follow when that joint is rotated"),
+        (None, "j6", "the thread: the node of the joint must be rotated and shifted together"),
+        ("m3", "c3/b", "the hold in place: rotating the nodes of joints moves the held mount"),
+        ("m3", "close", "the loop through this joint: rotating the nodes of joints opens the loop"),
+        (None, joint.path, "the mimic of `j1`: the node of the joint does not follow the other joint"),
     )
     assert emit(replace(asked, robots=robots)).losses == tuple(
         Loss(target="glb", mode=mode, path=path, what=what, how="omitted", origin=screw.origin) for mode, path, what in lost

@@ -675,18 +675,18 @@ def test_what_is_lost_is_what_urdf_loses_but_for_what_stands_beside_it(tmp_path:
     made = emit(request)
     assert {loss.target for loss in made.losses} == {"ros"}
     assert of_urdf - {(loss.path, loss.what) for loss in made.losses} == {
-        ("p", "this pose: URDF has none"), ("m", "excluded contacts, besides those of neighbours"),
-        ("knee", "its drive: position, kp 5: a transmission without gains"),
+        ("p", "this pose: not supported by URDF"), ("m", "excluded contacts, besides those of neighbours"),
+        ("knee", "the drive: position, kp 5: a transmission without gains"),
     }
     omitted = {(loss.path, loss.what) for loss in made.losses if loss.how == "omitted"}
-    assert ("hip_0", "its drive: motor about 1, 0, 0: no joint in the file has its axis") in omitted
+    assert ("hip_0", "the drive: motor about 1, 0, 0: no joint in the file has this axis") in omitted
 
 
 def test_the_arm_is_built_and_loaded(root: Path, tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["build", str(root / "assemblies" / "arm.yaml"), "--emit", "ros", "-o", str(tmp_path), "--store", shared_store]
     assert main(command) == 0, capsys.readouterr().err
     assert main([*command, "--deny-loss"]) == 1
-    assert "ros cannot express `yaw`: its armature of" in capsys.readouterr().err
+    assert "ros cannot express `yaw`: the armature of" in capsys.readouterr().err
     package = tmp_path / "arm" / "ros" / "arm_description"
     for file in sorted((package / "urdf").iterdir()):
         resolved = file.read_text().replace("package://arm_description/", f"{package}/")

@@ -370,7 +370,7 @@ def test_what_is_called_alike_has_its_kind_behind_its_name_wherever_it_is_named(
     assert sorted(names) == ["arm", "arm_joint", "base", "base_origin", "hand", "root", "tip", "tip_frame"]
     assert [mimic.attrib["joint"] for mimic in model.iter("mimic")] == ["arm_joint"]
     assert [plugin.findtext("joint_name") for plugin in model.findall("plugin")] == ["arm_joint"]
-    assert [(path, line) for path, what, _, line in made.losses(None) if "its name" in what] == [("arm", 8), ("tip", 10)]
+    assert [(path, line) for path, what, _, line in made.losses(None) if "the name" in what] == [("arm", 8), ("tip", 10)]
 
 
 def test_a_robot_that_is_called_like_the_world_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -405,27 +405,27 @@ def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
         return {(path, what, how, re.split(r"[:{]", lines[line])[0]) for path, what, how, line in every.losses(mode)}
 
     assert lost(None) == {
-        ("turn", "its armature of 0.3 kg m^2", "omitted", "turn"),
-        ("turn", "its drive: position, kp 5, kv 0.5, which only Gazebo reads", "carried as custom data", "drive"),
-        ("wheel", "its drive: velocity, kv 2, which only Gazebo reads", "carried as custom data", "wheel"),
-        ("rail", "its drive: motor, which only Gazebo reads", "carried as custom data", "rail"),
-        ("hip", "its cone of 1.0472 rad", "omitted", "hip"),
-        ("hip", "its damping of 0.1 N m s/rad: SDF has none for balls", "omitted", "hip"),
-        ("hip_0", "its drive: motor about 0, 0, 1", "omitted", "drive"),
-        ("sleeve", "its motion: its coordinates are separate joints, with links of 1e-9 kg between", "approximated", "sleeve"),
-        ("sleeve", "the excluded contact of the links that it connects", "omitted", "sleeve"),
-        ("home", "this pose: SDF has none", "omitted", "home"),
-        ("every", "its `simulation` settings", "omitted", "simulation"),
+        ("turn", "the armature of 0.3 kg m^2", "omitted", "turn"),
+        ("turn", "the drive: position, kp 5, kv 0.5, which only Gazebo reads", "carried as custom data", "drive"),
+        ("wheel", "the drive: velocity, kv 2, which only Gazebo reads", "carried as custom data", "wheel"),
+        ("rail", "the drive: motor, which only Gazebo reads", "carried as custom data", "rail"),
+        ("hip", "the cone of 1.0472 rad", "omitted", "hip"),
+        ("hip", "the damping of 0.1 N m s/rad: not supported by SDF for ball joints", "omitted", "hip"),
+        ("hip_0", "the drive: motor about 0, 0, 1", "omitted", "drive"),
+        ("sleeve", "the motion: a joint for each coordinate, with links of 1e-9 kg between these joints", "approximated", "sleeve"),
+        ("sleeve", "the excluded contact between the links of this joint", "omitted", "sleeve"),
+        ("home", "this pose: not supported by SDF", "omitted", "home"),
+        ("every", "the `simulation` settings", "omitted", "simulation"),
         ("wheel", "this sensor: SDF has no joint sensor", "omitted", "wheel"),
     }
     assert lost("first") == lost("fork") == set()
     assert lost("last") == {
-        ("last", "its gravity, which is only in the world file", "carried as custom data", "last"),
-        ("last", "its held base, which can be moved at run time: fixed in the file", "approximated", "last"),
+        ("last", "the gravity, which is only in the world file", "carried as custom data", "last"),
+        ("last", "the held base, which can be moved at run time: the base is fixed in the file", "approximated", "last"),
     }
-    base = "the motion of its base: its coordinates are separate joints, with links of 1e-9 kg between"
+    base = "the motion of the base: a joint for each coordinate, with links of 1e-9 kg between these joints"
     assert lost("rolling") == {
-        ("wrist", "the force at its mount: it measures the force through joint `rail`", "approximated", "wrist"),
+        ("wrist", "the force at the mount: the sensor measures the force through joint `rail`", "approximated", "wrist"),
         ("rolling", base, "approximated", "rolling"),
     }
     assert lost("swinging") == {("swinging", "excluded contacts, besides those of neighbours", "omitted", "swinging")}
@@ -459,7 +459,7 @@ def test_a_loop_is_a_joint_that_is_closed_where_the_file_has_it(fourbar: Compile
     limit = model.element("pivot").find("axis/limit")
     assert limit is not None
     assert number(limit, "lower") == pytest.approx(math.radians(5) - start.q["pivot"], abs=1e-12)
-    what = "the zero of its joints: in the file it is the pose `at_20`, in which loops and holds are closed"
+    what = "the zero pose: in the file, all joints are at 0 in the pose `at_20`, in which loops and holds are closed"
     assert (mode, what, "approximated") in [loss[:3] for loss in fourbar.losses(mode)]
 
 
@@ -483,7 +483,7 @@ def test_a_hold_is_a_joint_to_the_world(worm: Compiled, mode: str, held: str, ki
     assert model.at_zero(held)[:3, 3] == pytest.approx(data.site(held.replace("_", "/", 1)).xpos, abs=1e-9)
     if kind == "fixed":
         assert model.at_zero(held) == pytest.approx(mujoco_pose(data, held.replace("_", "/", 1)), abs=1e-9)
-    counted = [loss for loss in worm.losses(mode) if loss[1].startswith("the zero of its joints")]
+    counted = [loss for loss in worm.losses(mode) if loss[1].startswith("the zero pose")]
     assert len(counted) == (0 if robot.base == "free" else 1)
 
 
@@ -537,4 +537,4 @@ def test_shapes_are_said_as_they_are_and_rub_as_their_material_does(tmp_path: Pa
     assert friction is not None and friction.findtext("ode/mu") == friction.findtext("ode/mu2") == "0.7"
     torque = 3 * math.pi / 16 * number(friction, "torsional/coefficient") * number(friction, "torsional/patch_radius")
     assert torque == pytest.approx(0.01) and friction.findtext("torsional/use_patch_radius") == "true"
-    assert (first.material.name, "its rolling friction", "omitted") in {(one.path, one.what, one.how) for one in made.losses}
+    assert (first.material.name, "the rolling friction", "omitted") in {(one.path, one.what, one.how) for one in made.losses}

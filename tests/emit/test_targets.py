@@ -174,9 +174,9 @@ def test_losses_that_are_alike_are_one_line(tmp_path: Path, shared_store: str, c
     ]))
     assert main(["why", "--losses", str(document), "--emit", "urdf", "--store", shared_store]) == 0
     assert [line.partition("r.yaml:")[2] for line in capsys.readouterr().out.splitlines()] == [
-        "9: urdf: j0, j1: its armature of 2e-06 kg m^2: omitted",
-        "10: urdf: j1, j2: its stiffness of ... N m/rad: omitted",
-        "13: urdf: modes m, n: its held base, which can be moved at run time: fixed in the file: approximated",
+        "9: urdf: j0, j1: the armature of 2e-06 kg m^2: omitted",
+        "10: urdf: j1, j2: the stiffness of ... N m/rad: omitted",
+        "13: urdf: modes m, n: the held base, which can be moved at run time: the base is fixed in the file: approximated",
     ]
 
 

@@ -158,7 +158,7 @@ def test_masses_mass_matrix_and_gravity_are_those_of_mjcf(tree: Tree) -> None:
     with tempfile.TemporaryDirectory() as folder:
         request = asked(tree.assembly, folder)
         made, other = emit(request), emit_mjcf(request)
-    between = sum(1 for loss in made.losses if loss.what.startswith("its motion: its coordinates"))
+    between = sum(1 for loss in made.losses if loss.what.startswith("the motion: its coordinates"))
     for robot in request.robots:
         name = f"tree_{robot.mode.name}"
         model = read(made, name)
@@ -378,7 +378,7 @@ def test_a_screw_is_a_turn_and_a_slide_that_follows() -> None:
     assert follows is not None and ends is not None and follows.attrib["joint"] == "j1"
     thread = float(follows.attrib["multiplier"])
     assert sorted([-thread, 2 * thread]) == [float(ends.attrib["lower"]), float(ends.attrib["upper"])]
-    assert ("j1", "its thread: a slide mimics the rotation; programs without mimics leave it free", "approximated") in set(said(made))
+    assert ("j1", "the thread: a slide mimics the rotation; without mimics, the slide moves freely", "approximated") in set(said(made))
 
 
 def test_the_slide_of_a_screw_that_follows_is_its_turn_times_the_pitch() -> None:
@@ -399,7 +399,7 @@ def test_a_ball_is_three_turns_and_says_so() -> None:
     axes = np.array([model.joint(k).axis for k in range(3)])
     assert np.abs(axes @ axes.T) == pytest.approx(np.eye(3), abs=1e-12)
     assert (
-        "j1", "its motion: three hinges in series, whose angles are not its coordinates", "approximated",
+        "j1", "the motion: three hinges in series, whose angles differ from the coordinates of the ball", "approximated",
     ) in set(said(made))
 
 
@@ -415,7 +415,7 @@ def test_the_turns_of_a_ball_are_as_strong_as_its_drives_together() -> None:
     ends = [limit for name in ("j1_0", "j1_1", "j1_2") if (limit := element(made, name).find("limit")) is not None]
     assert [float(limit.attrib["effort"]) for limit in ends] == pytest.approx([3.0, 1.0, 4.0])
     assert [float(limit.attrib["velocity"]) for limit in ends] == pytest.approx([2.0 / 0.6, 1e9, 2.0 / 0.8])
-    assert ("j1_0", "its drive: motor about 0.6, 0, 0.8: no joint in the file has its axis", "omitted") in set(said(made))
+    assert ("j1_0", "the drive: motor about 0.6, 0, 0.8: no joint in the file has this axis", "omitted") in set(said(made))
     assert tree_of(made, "robot_m").find("transmission") is None
 
 
@@ -443,8 +443,8 @@ def test_drives_are_transmissions() -> None:
     ]
     lost = [one for one in said(made) if "drive" in one[1]]
     assert lost == [
-        ("j1", "its drive: position, kp 2: a transmission without gains", "approximated"),
-        ("j2", "its drive: velocity, kv 3: a transmission without gains", "approximated"),
+        ("j1", "the drive: position, kp 2: a transmission without gains", "approximated"),
+        ("j2", "the drive: velocity, kv 3: a transmission without gains", "approximated"),
     ]
 
 
@@ -456,12 +456,12 @@ def test_what_a_mode_loses() -> None:
     records = [box(f"p:B{k}", (0.1, 0.04, 0.03), mounts=MOUNTS) for k in range(2)]
     made = emit(asked(linked(document("robot", components, joints, modes=modes), *records), tempfile.mkdtemp()))
     assert [(loss.mode, loss.path, loss.what) for loss in made.losses] == [
-        (None, "j1", "its motion: three hinges in series, whose angles are not its coordinates"),
-        (None, "j1", "its armature of 0.1 kg m^2"),
-        (None, "j1", "its cone of 0.5 rad"),
-        ("m", "m", "the motion of its base: its coordinates are separate joints, with links of 1e-9 kg between"),
-        ("m", "m", "its time step"),
-        ("n", "n", "the motion of its base: three hinges in series, whose angles are not its coordinates"),
+        (None, "j1", "the motion: three hinges in series, whose angles differ from the coordinates of the ball"),
+        (None, "j1", "the armature of 0.1 kg m^2"),
+        (None, "j1", "the cone of 0.5 rad"),
+        ("m", "m", "the motion of the base: a joint for each coordinate, with links of 1e-9 kg between these joints"),
+        ("m", "m", "the time step"),
+        ("n", "n", "the motion of the base: three hinges in series, whose angles differ from the coordinates of the ball"),
     ]
 
 

@@ -247,7 +247,7 @@ def test_what_no_float_holds_is_a_loss(tmp_path: Path) -> None:
     infinite = [loss[:3] for loss in made.losses(None) if "infinite" in loss[1]]
     end = "infinite in the file, which supports numbers up to 3.4e+38"
     assert infinite == [
-        ("a", f"its kv of 1e+39 N m s/rad: {end}", "approximated"), ("d", f"its velocity limit of 1e+38 rad/s: {end}", "approximated"),
+        ("a", f"the kv of 1e+39 N m s/rad: {end}", "approximated"), ("d", f"the velocity limit of 1e+38 rad/s: {end}", "approximated"),
     ]
 
 
@@ -279,10 +279,10 @@ def test_a_follower_of_another_kind_is_a_loss_and_names_are_taken(tmp_path: Path
     assert UsdPhysics.Scene(read(made, "m").at("scene")).GetGravityMagnitudeAttr().Get() == 0.0
     assert said(joints["a"].prim, "drive:angular:physics:target") == {"drive:angular:physics:targetPosition": 10.0}
     assert [loss[:3] for loss in made.losses(None)] == [
-        ("b", f"its mimic of `a`{MIMIC}", "carried as custom data"),
-        ("c", f"its mimic of `a`{MIMIC}", "carried as custom data"),
-        ("d", "its effort limit of 7 N m: only drives have one", "omitted"),
-        ("c", "its mimic of `a`: only a hinge can mimic a hinge, and a slide a slide", "omitted"),
+        ("b", f"the mimic of `a`{MIMIC}", "carried as custom data"),
+        ("c", f"the mimic of `a`{MIMIC}", "carried as custom data"),
+        ("d", "the effort limit of 7 N m: only drives have an effort limit", "omitted"),
+        ("c", "the mimic of `a`: only a hinge can mimic a hinge, and a slide a slide", "omitted"),
     ]
 
 
@@ -300,7 +300,7 @@ def test_a_planar_joint_that_is_crossed_backwards_is_two(tmp_path: Path) -> None
     assert (turn.parent, turn.child, turn.free) == ("c1", "p_2_link", ["rotZ"])
     assert (slides.parent, slides.child, slides.free) == ("p_2_link", "c0", ["transX", "transY"])
     assert back.inertia("p_2_link")[0] == pytest.approx(1e-9) and back.faults() == []
-    what = "its motion: 2 separate joints, with a link of 1e-9 kg between"
+    what = "the motion: 2 separate joints, with a link of 1e-9 kg between the joints"
     assert made.losses("there") == [] and [loss[:3] for loss in made.losses("back")] == [("p", what, "approximated")]
 
 
@@ -309,31 +309,31 @@ def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
         lines = ["", *(line.strip() for line in EVERY.split("\n"))]
         return [(path, what, how, re.split(r"[:{]", lines[line])[0]) for path, what, how, line in every.losses(mode)]
 
-    newton, alone = "carried as custom data", ", which Newton reads, and PhysX except for balls; not for generic joints"
-    cone = "its cone of 1.0472 rad: it limits the tilt of an axis, not the rotation about it"
+    newton, alone = "carried as custom data", ", which Newton reads, and PhysX reads except for balls; not written for generic joints"
+    cone = "the cone of 1.0472 rad: the file limits the tilt of an axis, but not the rotation about this axis"
     assert lost(None) == [
-        ("eye", "this sensor: UsdPhysics has none", "omitted", "eye"),
-        ("imu", "this sensor: UsdPhysics has none", "omitted", "imu"),
-        ("wrist", "this sensor: UsdPhysics has none", "omitted", "wrist"),
-        ("wheel", "this sensor: UsdPhysics has none", "omitted", "wheel"),
-        ("home", "this pose: UsdPhysics has none", "omitted", "home"),
-        ("every", "its time step", "omitted", "simulation"),
-        ("every", "its `simulation` settings", "omitted", "simulation"),
-        ("turn", f"its damping of 0.1 N m s/rad{alone}", newton, "turn"),
-        ("turn", f"its dry friction of 0.2 N m{alone}", newton, "turn"),
-        ("turn", f"its armature of 0.3 kg m^2{alone}", newton, "turn"),
-        ("turn", "its stiffness of 0.4 N m/rad", "omitted", "turn"),
-        ("turn", f"its velocity limit of 4 rad/s{alone}", newton, "turn"),
-        ("push", f"its mimic of `rail`{MIMIC}", newton, "mimic"),
-        ("hip", f"its damping of 0.1 N m s/rad{alone}", newton, "hip"),
+        ("eye", "this sensor: not supported by UsdPhysics", "omitted", "eye"),
+        ("imu", "this sensor: not supported by UsdPhysics", "omitted", "imu"),
+        ("wrist", "this sensor: not supported by UsdPhysics", "omitted", "wrist"),
+        ("wheel", "this sensor: not supported by UsdPhysics", "omitted", "wheel"),
+        ("home", "this pose: not supported by UsdPhysics", "omitted", "home"),
+        ("every", "the time step", "omitted", "simulation"),
+        ("every", "the `simulation` settings", "omitted", "simulation"),
+        ("turn", f"the damping of 0.1 N m s/rad{alone}", newton, "turn"),
+        ("turn", f"the dry friction of 0.2 N m{alone}", newton, "turn"),
+        ("turn", f"the armature of 0.3 kg m^2{alone}", newton, "turn"),
+        ("turn", "the stiffness of 0.4 N m/rad", "omitted", "turn"),
+        ("turn", f"the velocity limit of 4 rad/s{alone}", newton, "turn"),
+        ("push", f"the mimic of `rail`{MIMIC}", newton, "mimic"),
+        ("hip", f"the damping of 0.1 N m s/rad{alone}", newton, "hip"),
         ("hip", cone, "approximated", "hip"),
-        ("hip_0", "its drive: motor about 0, 0, 1", "omitted", "drive"),
-        ("spindle", "its thread: rotation and translation are independent", "approximated", "spindle"),
-        ("fork", "its motion: X rotates before Y, which is the order of Newton; UsdPhysics defines none", "approximated", "fork"),
+        ("hip_0", "the drive: motor about 0, 0, 1", "omitted", "drive"),
+        ("spindle", "the thread: rotation and translation are independent", "approximated", "spindle"),
+        ("fork", "the motion: X rotates before Y, which is the order of Newton; UsdPhysics defines none", "approximated", "fork"),
     ]
     assert lost("first") == lost("fork") == lost("rolling") == lost("swinging") == []
     assert lost("last") == [
-        ("last", "its held base, which can be moved at run time: fixed in the file", "approximated", "last"),
+        ("last", "the held base, which can be moved at run time: the base is fixed in the file", "approximated", "last"),
     ]
 
 
@@ -365,7 +365,7 @@ def test_a_loop_is_a_joint_that_is_excluded_from_the_articulation(fourbar: Compi
         for link in model.links:
             found = np.linalg.inv(poses[root]) @ poses[link]
             assert found == pytest.approx(np.linalg.inv(mujoco_pose(data, root)) @ mujoco_pose(data, link), abs=FLOAT)
-    what = "its start pose: the file has q = 0, where loops and holds are open"
+    what = "the start pose: the file has q = 0, where loops and holds are open"
     assert (mode, what, "approximated") in [loss[:3] for loss in fourbar.losses(mode)]
 
 
@@ -472,7 +472,7 @@ def test_what_collides_is_a_guide_and_rubs_as_its_material_does(tmp_path: Path) 
     assert said(material.GetPrim(), "newton:") == {"newton:torsionalFriction": 0.01, "newton:rollingFriction": 0.001}
     said_of = {(one.path, one.what, one.how) for one in made.losses}
     for kind in ("torsional", "rolling"):
-        assert (first.material.name, f"its {kind} friction, which only Newton reads", "carried as custom data") in said_of
+        assert (first.material.name, f"the {kind} friction, which only Newton reads", "carried as custom data") in said_of
 
 
 def test_moments_of_a_flat_body_are_those_of_a_body_as_floats_too() -> None:

@@ -158,7 +158,8 @@ def test_components_in_a_circle() -> None:
         (
             "PLACEMENT_CIRCLE",
             "components are placed in a cycle: `a` on `c`, `c` on `b`, `b` on `a`",
-            "place one of them on a component outside the cycle; if one of the joints closes a loop, add `loop: true` to it",
+            "place one of these components on a component outside the cycle; "
+            "if one of the joints closes a loop, add `loop: true` to the joint",
             7,
         )
     ]
@@ -185,7 +186,7 @@ def test_a_component_on_itself() -> None:
         (
             "PLACEMENT_CIRCLE",
             "components are placed in a cycle: `a` on `a`",
-            "place one of them on a component outside the cycle",
+            "place one of these components on a component outside the cycle",
             7,
         )
     ]
@@ -275,7 +276,7 @@ def test_two_links_of_one_name() -> None:
             110,
         )
     ]
-    assert notes(report) == [("`cap` is here", "/robots/robot.yaml", 4)]
+    assert notes(report) == [("`cap` is defined here", "/robots/robot.yaml", 4)]
     swapped = assembly(
         "a",
         [component("plate", "p:Plate"), component("cap", "p:Cap")],
@@ -326,7 +327,7 @@ def test_a_pose_outside_the_limits() -> None:
             302,
         ),
     ]
-    assert notes(report) == [("`yaw` is here", "/robots/robot.yaml", 30)]
+    assert notes(report) == [("`yaw` is defined here", "/robots/robot.yaml", 30)]
 
 
 def test_a_pose_at_a_limit_is_within() -> None:

@@ -306,7 +306,7 @@ def test_inertia_that_no_solid_has() -> None:
             "NOT_PHYSICAL",
             "the inertia of `humerus` is not physical: its largest principal moment 0.0003 kg m^2 is above the sum "
             "of the other two (0.0001 + 0.0001), which is impossible for a solid",
-            "inertia is relative to the centre of mass, in component axes: check units and signs",
+            "check units and signs: the inertia is relative to the centre of mass, in the axes of the component",
             9,
         )
     ]
@@ -323,7 +323,7 @@ def test_an_inertia_is_judged_with_its_link() -> None:
     none = component("label", None, at, frame=True, mass=stated(0.001), inertia=stated(0, 0, 0, 0, 0, 0))
     found = said(faults(assembly("a", [whole_link, none]), box("p:Box")))
     assert [(one[0], one[2]) for one in found] == [
-        ("NOT_PHYSICAL", "remove it: the inertia then follows from the geometry, and a frame is a point mass"),
+        ("NOT_PHYSICAL", "remove `inertia`: the inertia is then computed from the geometry, and a frame is a point mass"),
     ]
 
 
@@ -377,7 +377,7 @@ def test_moving_link_without_inertia() -> None:
             "NOT_PHYSICAL",
             "link `dot` moves in mode `bench`, but its inertia is not physical: its principal moments are 0, 0, 0 kg m^2, "
             "but all must be above 0 (component `dot`)",
-            "give a component with geometry a mass, or add `inertia:` to one of them",
+            "add a mass to a component with geometry, or add `inertia:` to a component of the link",
             9,
         )
     ]

@@ -48,7 +48,7 @@ def hand(**exported: str) -> AssemblyDefinition:
             "raised",
             "PART_RAISED",
             "`pen` (`p:Pen(length=-100 mm)`) raised an exception: length must be above 0",
-            "change its `params`, or fix the part file",
+            "change the `params` of the component, or fix the part file",
         ),
         (
             "hung",
@@ -60,7 +60,7 @@ def hand(**exported: str) -> AssemblyDefinition:
             "crashed",
             "PART_CRASHED",
             "`pen` (`p:Pen(length=-100 mm)`) crashed the interpreter: length must be above 0",
-            "change its `params`, or the CAD operations of the part",
+            "change the `params` of the component, or the CAD operations in the part file",
         ),
         (
             "empty",
@@ -112,7 +112,7 @@ def test_a_part_that_failed_is_said_once(kind: str, code: str, words: str, help:
         ("`spare` also uses this part", "/robots/robot.yaml", 6),
         ("`pen` also uses this part", "/robots/robot.yaml", 41),
         ("its parameters: diameter=15 mm, length=-100 mm", None, None),
-        ("in the part file, here", "/robots/parts/p.py", 31),
+        ("location in the part file", "/robots/parts/p.py", 31),
     ]
     assert report.diagnostics[0].detail == "Traceback ..."
     assert report.diagnostics[0].path == "pen"
@@ -128,7 +128,7 @@ def test_warnings_of_a_part_are_said_once() -> None:
     model = assembly("a", [component("one", "p:Plate", line=3), component("two", "p:Plate", attach("two.foot", "one.foot"))])
     report = warnings(model, odd)
     assert said(report) == [("PART_WARNING", "`p:Plate`: a fillet failed", None, 3)]
-    assert notes(report) == [("in the part file, here", "/robots/parts/p.py", 9)]
+    assert notes(report) == [("location in the part file", "/robots/parts/p.py", 9)]
 
 
 def test_a_repeated_warning_is_not_suppressed() -> None:
@@ -190,7 +190,7 @@ def test_expectations_that_are_not_met() -> None:
     assert said(warnings(*board(plain)))[0][1] == "`board.cap_seat` is cut for `p:Cap`, but nothing is attached there"
     other = warnings(*board(component("lid", "p:Plate", attach("lid.foot", "board.cap_seat"), line=5)))
     assert said(other) == [("EXPECTATION", "`board.cap_seat` is cut for `p:Cap`, but `lid` (`p:Plate`) is attached there", help, 5)]
-    assert notes(other) == [("`board` is here", "/robots/robot.yaml", 3)]
+    assert notes(other) == [("`board` is defined here", "/robots/robot.yaml", 3)]
     turned = warnings(*board(component("cap", "p:Cap", attach("cap.top", "board.cap_seat"), line=5)))
     assert said(turned) == [
         ("EXPECTATION", "`board.cap_seat` is cut for `p:Cap` by its mount `foot`, but `cap` is attached there by `top`", help, 5)

@@ -98,7 +98,7 @@ def test_parts_that_follow_a_set_are_named_and_nothing_is_written(build: Callabl
     assert (code, (tmp_path / "build").exists()) == (1, False)
     assert re.search(r"--> robot\.yaml:7:3\n.*\n.*\n  note: `odd:Hashed` is defined here\n    --> odd\.py:16:1\n", said)
     assert "also different: surface, inertia, bounding box, meshes" in said
-    assert re.search(r"in the part file, here\n    --> odd\.py:34:1\n", said)
+    assert re.search(r"location in the part file\n    --> odd\.py:34:1\n", said)
 
 
 def test_a_part_that_the_store_has_from_something_else_is_named(build: Callable[..., tuple[int, str]], tmp_path: Path) -> None:

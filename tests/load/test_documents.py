@@ -14,7 +14,7 @@ from thingc.documents.workspace import Workspace
 
 HEAD = "thingc: assembly/1\nname: x\n"
 
-NO_FILE = "paths are relative to this document, and that folder has no such file"
+NO_FILE = "correct the path, which is relative to this document"
 
 
 def write(folder: Path, files: dict[str, str]) -> None:
@@ -77,11 +77,11 @@ def test_paths_are_relative_to_the_document_that_names_them(tmp_path: Path) -> N
     ("components: {x: {assembly: nest/b.yaml}}", Code.MISSING_FILE, "there is no file `nest/b.yaml`",
      "there is no folder `nest/` here", (3, 28)),
     ("components: {x: {assembly: /etc/b.yaml}}", Code.OUTSIDE_WORKSPACE, "`/etc/b.yaml` is an absolute path",
-     "write it relative to this document, inside the workspace", (3, 28)),
+     "write a path relative to this document, inside the workspace", (3, 28)),
     ("components: {x: {assembly: ~/b.yaml}}", Code.OUTSIDE_WORKSPACE, "`~/b.yaml` is an absolute path",
-     "write it relative to this document, inside the workspace", (3, 28)),
+     "write a path relative to this document, inside the workspace", (3, 28)),
     ("components: {x: {assembly: 'C:\\b.yaml'}}", Code.OUTSIDE_WORKSPACE, "`C:\\b.yaml` is an absolute path",
-     "write it relative to this document, inside the workspace", (3, 28)),
+     "write a path relative to this document, inside the workspace", (3, 28)),
     ("components: {x: {assembly: ../b.yaml}}", Code.OUTSIDE_WORKSPACE, "`../b.yaml` is outside the workspace",
      "move the file into the folder of `thingc.toml`, or create a `thingc.toml` in a folder above both", (3, 28)),
     ("components: {x: {file: ../motor.step}}", Code.OUTSIDE_WORKSPACE, "`../motor.step` is outside the workspace",
@@ -189,7 +189,7 @@ def test_a_chain_that_is_too_long(tmp_path: Path) -> None:
      "use the assembly that lists it", (1, 9)),
     ("thingc: variants/1\nassembly: b.yaml\n", Code.WRONG_KIND,
      "this is a variants document, but a single assembly is required here",
-     "use `thingc batch` to build all variants, or use the assembly with -p 'NAME=VALUE' for one of them", (1, 9)),
+     "use `thingc batch` to build all variants, or build the assembly with -p 'NAME=VALUE' for a single variant", (1, 9)),
 ])
 def test_heads(tmp_path: Path, text: str, code: Code, message: str, help: str | None, place: tuple[int, int]) -> None:
     documents, report = read(tmp_path, {"a.yaml": text})

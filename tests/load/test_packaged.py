@@ -82,7 +82,7 @@ def test_what_is_offered(tmp_path: Path, installed: Path) -> None:
 
 
 def test_the_stock_is_sound() -> None:
-    """Every material has what a part needs that is made of it; densities are those of another library, where that has them."""
+    """Every material has what a part needs that is made of this material; densities are those of another library, where that has them."""
     path = Path(__file__).resolve().parents[2] / "parts/thingc_stock/materials.yaml"
     materials = yaml.safe_load(path.read_text())["materials"]
     compared = 0

@@ -140,12 +140,12 @@ def test_what_tomlkit_writes_is_read_back(value: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(("text", "code", "message", "help", "place"), [
-    ("a = 1\na = 2\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of them", (2, 1, 2, 2)),
-    ("[a]\nb = 1\n[a]\nc = 2\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of them",
+    ("a = 1\na = 2\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of the two keys", (2, 1, 2, 2)),
+    ("[a]\nb = 1\n[a]\nc = 2\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of the two keys",
      (3, 2, 3, 3)),
-    ("x = {a = 1, a = 2}\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of them", (1, 13, 1, 14)),
-    ("a.b = 1\na.b = 2\n", Code.DUPLICATE_KEY, "the key `b` is written twice", "remove or rename one of them", (2, 3, 2, 4)),
-    ("a = 1\n[a.b]\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of them", (2, 2, 2, 3)),
+    ("x = {a = 1, a = 2}\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of the two keys", (1, 13, 1, 14)),
+    ("a.b = 1\na.b = 2\n", Code.DUPLICATE_KEY, "the key `b` is written twice", "remove or rename one of the two keys", (2, 3, 2, 4)),
+    ("a = 1\n[a.b]\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of the two keys", (2, 2, 2, 3)),
     ("d = 2026-11-20\n", Code.DATE, "expected a string or a number, found the date or time `2026-11-20`",
      'for a string, write `"2026-11-20"`', (1, 5, 1, 15)),
     ("d = 12:30:00\n", Code.DATE, "expected a string or a number, found the date or time `12:30:00`",

@@ -310,8 +310,8 @@ def only(report: Report) -> tuple[Code, str, str | None, tuple[int, int, int, in
 
 
 @pytest.mark.parametrize(("text", "code", "message", "help", "place"), [
-    ("a: 1\nb: 2\na: 3\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of them", (3, 1, 3, 2)),
-    ("a: {x: 1, x: 2}\n", Code.DUPLICATE_KEY, "the key `x` is written twice", "remove or rename one of them", (1, 11, 1, 12)),
+    ("a: 1\nb: 2\na: 3\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of the two keys", (3, 1, 3, 2)),
+    ("a: {x: 1, x: 2}\n", Code.DUPLICATE_KEY, "the key `x` is written twice", "remove or rename one of the two keys", (1, 11, 1, 12)),
     ("1.5: x\n", Code.KEY_NOT_TEXT, "a key must be a string, found the number `1.5`", 'write `"1.5"`', (1, 1, 1, 4)),
     ("true: x\n", Code.KEY_NOT_TEXT, "a key must be a string, found the word `true`", 'write `"true"`', (1, 1, 1, 5)),
     ("a: {: x}\n", Code.SYNTAX, "a key is missing before the `:`", None, (1, 5, 1, 6)),
@@ -319,8 +319,8 @@ def only(report: Report) -> tuple[Code, str, str | None, tuple[int, int, int, in
     ("?\n: x\n", Code.KEY_NOT_TEXT, "a key is missing before the `:`", None, (1, 2, 1, 2)),
     ("? [a, b]\n: c\n", Code.KEY_NOT_TEXT, "a key must be a string, found a list", "a string that starts with `{` or `[` needs quotes",
      (1, 3, 1, 9)),
-    ("a: !!int 3\n", Code.TAG, "tags such as `!!int` are not supported", "remove it", (1, 4, 1, 9)),
-    ("a: !foo {b: c}\n", Code.TAG, "tags such as `!foo` are not supported", "remove it", (1, 4, 1, 8)),
+    ("a: !!int 3\n", Code.TAG, "tags such as `!!int` are not supported", "remove the tag", (1, 4, 1, 9)),
+    ("a: !foo {b: c}\n", Code.TAG, "tags such as `!foo` are not supported", "remove the tag", (1, 4, 1, 8)),
     ("a: &x {b: 1}\nc:\n  <<: *x\n", Code.ALIAS, "`<<` is not supported: YAML 1.2 has no merge keys",
      "write all keys, or use `defaults:`", (3, 3, 3, 5)),
     ("a: *b\n", Code.ALIAS, "`*b` refers to an unknown anchor", 'a value that starts with `*` needs quotes: `"*b..."`',
@@ -334,8 +334,8 @@ def only(report: Report) -> tuple[Code, str, str | None, tuple[int, int, int, in
     ("a: .nan\n", Code.NOT_FINITE, "expected a finite number, found `.nan`", None, (1, 4, 1, 8)),
     ("a: 1e999\n", Code.NOT_FINITE, "expected a finite number, found `1e999`", None, (1, 4, 1, 9)),
     ("a: " + "9" * 5000 + "\n", Code.NOT_FINITE, "expected a finite number, found `" + "9" * 57 + "...`", None, (1, 4, 1, 5004)),
-    ("a: 1\n---\nb: 2\n", Code.SEVERAL_DOCUMENTS, "a second document starts here; a file must contain only one",
-     "move it to a file of its own", (2, 1, 2, 4)),
+    ("a: 1\n---\nb: 2\n", Code.SEVERAL_DOCUMENTS, "a second document starts here; a file must contain only one document",
+     "move the second document to a separate file", (2, 1, 2, 4)),
     ("%YAML 1.1\n---\na: 1\n", Code.SYNTAX, "documents are YAML 1.2, found `%YAML 1.1`", "remove the line", (1, 1, 1, 6)),
     ("{length: =min(a, 80 mm)}\n", Code.EXPRESSION_COMMA,
      "the comma ends the expression: quote an expression with a comma inside `{}` and `[]`", 'write `"=min(a, 80 mm)"`',

@@ -104,7 +104,7 @@ def test_a_drive_of_a_ball_that_swings_up_is_told(tmp_path: Path, mode: str) -> 
 def test_dry_friction_of_a_ball_crossed_backwards_is_a_loss(hip: Built) -> None:
     assert hip.losses("stand") == []
     (loss,) = hip.losses("hand")
-    assert (loss.path, loss.how) == ("hip", "approximated") and loss.what.startswith("its dry friction")
+    assert (loss.path, loss.how) == ("hip", "approximated") and loss.what.startswith("the dry friction")
 
 
 @pytest.mark.parametrize("name", ["stand", "hand"])
@@ -167,7 +167,7 @@ def test_a_loop_cut_at_a_ball_is_closed_by_a_point(leg: Built) -> None:
     for name in ("one", "two"):
         model = leg.model(name)
         assert model.neq == 1 and model.equality(0).type[0] == mujoco.mjtEq.mjEQ_CONNECT
-        assert [loss.what for loss in leg.losses(name) if loss.path == "knob"] == ["its limits: a loop is cut here"]
+        assert [loss.what for loss in leg.losses(name) if loss.path == "knob"] == ["the limits: the loop is cut at this joint"]
         for pose in ("low", "high"):
             data = at_key(model, pose)
             assert np.abs(data.efc_pos[:3]).max() < 1e-9
@@ -195,7 +195,7 @@ def test_a_loop_does_not_leave_the_cone_of_its_ball(leg: Built, tmp_path_factory
         for cone in (0.5 * (low + high), 5.0)
     )
     assert [(code, line) for code, _, _, line in between.said] == [("TC618", 16)]
-    assert [loss.path for loss in between.losses("one") if loss.what.startswith("its keyframe")] == ["high"]
+    assert [loss.path for loss in between.losses("one") if loss.what.startswith("the keyframe")] == ["high"]
     assert [(code, line) for code, _, _, line in narrow.said] == [("TC604", 13)]
 
 

@@ -194,7 +194,7 @@ def test_values_that_had_to_move_are_a_loss(worm: Built) -> None:
     joint = max(JOINTS, key=lambda one: abs(q[one] - HOME[one]))
     far = np.degrees(abs(q[joint] - HOME[joint]))
     assert loss.how == "approximated"
-    assert loss.what == f"its values: the loops close with `{joint}` and 5 more changed by at most {far:.3g} deg"
+    assert loss.what == f"the values: the loops close with `{joint}` and 5 more changed by at most {far:.3g} deg"
     assert [loss.path for loss in worm.losses("front")] == []
 
 
@@ -212,7 +212,7 @@ def test_joints_that_the_pose_names_stay_if_the_others_suffice(tmp_path: Path) -
     assert frame.q["ankle_r"] == pytest.approx(0.4, abs=1e-9)
     far = np.degrees(0.4)
     assert [(loss.path, loss.what, loss.how) for loss in found.losses("m")] == [
-        ("bent", f"its values: the loops close with `ankle_r` changed by at most {far:.3g} deg", "approximated")
+        ("bent", f"the values: the loops close with `ankle_r` changed by at most {far:.3g} deg", "approximated")
     ]
 
 
@@ -220,7 +220,7 @@ def test_a_pose_that_closes_only_as_another_one_is_a_loss(worm: Built) -> None:
     """From `straight` Newton's method ends in the arch; a keyframe of that name would be a lie."""
     (loss,) = [loss for loss in worm.losses("stay") if loss.path == "straight"]
     assert (loss.what, loss.how) == (
-        "its keyframe: the loops close only with `knee_f` and 5 more changed by at most 75 deg", "omitted",
+        "the keyframe: the loops close only with `knee_f` and 5 more changed by at most 75 deg", "omitted",
     )
     assert "straight" not in worm.modes["stay"]["poses"]
 
@@ -387,8 +387,8 @@ def test_a_component_is_held_by_its_origin_laid_plainly(tmp_path: Path) -> None:
 def test_the_root_stands_still_already(tmp_path: Path) -> None:
     found = compiled(tmp_path, LEVER + "  m: {root: arm.tip, hold: {arm.hub: here, post: here}}\n")
     assert found.said == [(
-        "TC603", "mode `m` holds `arm/hub`, which is on its root `arm`: it does not move anyway",
-        "hold a mount of another link, or remove it", 12,
+        "TC603", "mode `m` holds `arm/hub`, which does not move: it is on the root `arm`",
+        "hold a mount of another link, or remove the hold", 12,
     )]
 
 
@@ -396,7 +396,7 @@ def test_a_mount_is_held_once_under_all_its_names(tmp_path: Path) -> None:
     found = compiled(
         tmp_path, LEVER + "  m: {root: post, hold: {arm.tip: here, end: here}}\nmounts: {end: arm.tip}\n",
     )
-    assert found.said == [("TC603", "mode `m` holds `arm/tip` twice", "remove one of the two", 12)]
+    assert found.said == [("TC603", "mode `m` holds `arm/tip` twice", "remove one of the two holds", 12)]
 
 
 @pytest.mark.parametrize(

@@ -95,7 +95,7 @@ def test_limits_stay_in_the_tree_and_info_says_why_a_loop_is_cut_where_it_is(fou
     assert {mode: [closure.path for closure in found.robot(mode).closures] for mode in MODES} == {
         "bench": ["elbow"], "by_coupler": ["elbow"], "other": ["pivot"], "third": ["elbow"],
     }
-    assert [(loss.path, loss.what) for loss in found.losses("bench")] == [("elbow", "its dynamics: a loop is cut here")]
+    assert [(loss.path, loss.what) for loss in found.losses("bench")] == [("elbow", "the dynamics: the loop is cut at this joint")]
     frame = next(frame for frame in found.robot("bench").keyframes if frame.name == "at_75")
     assert equality_residual(at_key(found.model("bench"), "at_75")) < 1e-9
     assert frame.q["pivot"] == pytest.approx(rocker_angle(np.radians(75.0)), abs=1e-9)
@@ -195,10 +195,10 @@ def test_it_runs(fourbar: Built, mode: str) -> None:
 
 def test_what_a_cut_joint_cannot_have_is_a_loss(fourbar: Built) -> None:
     assert [(loss.path, loss.what, loss.how) for loss in fourbar.losses("bench")] == [
-        ("wrist", "its dynamics: a loop is cut here", "omitted")
+        ("wrist", "the dynamics: the loop is cut at this joint", "omitted")
     ]
     assert [(loss.path, loss.what, loss.how) for loss in fourbar.losses("other")] == [
-        ("pivot", "its limits: a loop is cut here", "omitted")
+        ("pivot", "the limits: the loop is cut at this joint", "omitted")
     ]
 
 

@@ -177,13 +177,13 @@ def test_where_a_force_is_read_elsewhere_is_a_loss(walker: Built) -> None:
         return [(loss.path, loss.what, loss.how) for loss in walker.losses(mode)]
 
     assert lost("bench") == [
-        ("imu", "gravity in its accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"),
-        ("hip", "the force at its mount: it measures the force between its link and the world at `body/origin`", "approximated"),
+        ("imu", "gravity in the accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"),
+        ("hip", "the force at the mount: the sensor measures the force between its link and the world at `body/origin`", "approximated"),
     ]
     assert lost("adrift") == [("hip", "this sensor: no link carries the root of a free base", "omitted")]
     assert lost("stand") == [
         (
-            "leg/load", "the force at its mount: it measures the force between its link and the world at `leg/sole`",
+            "leg/load", "the force at the mount: the sensor measures the force between its link and the world at `leg/sole`",
             "approximated",
         ),
     ]
@@ -199,7 +199,7 @@ def test_a_force_in_the_middle_of_a_chain(tmp_path: Path) -> None:
     })
     assert found.said == []
     assert [(loss.path, loss.what) for loss in found.losses("bench") if loss.path == "leg/skin"] == [
-        ("leg/skin", "the force at its mount: it measures the force through joint `hip`")
+        ("leg/skin", "the force at the mount: the sensor measures the force through joint `hip`")
     ]
 
 
@@ -233,23 +233,23 @@ SENSORS = BODY.partition("sensors:")[0] + "sensors:\n"
         ("a: {type: imu, at: body.imo}", "TC303", "frame `body` has no mount `imo`", "did you mean `imu`?"),
         ("a: {type: imu, at: bady.imu}", "TC302", "this document has no component `bady`", "did you mean `body`?"),
         ("a: {type: imu, at: body}", "TC310", "`body` is a component, but a mount is required here",
-         "use one of its mounts, for example `body.origin`"),
+         "use a mount of the component, for example `body.origin`"),
         ("a: {type: imu}", "TC212", "a sensor of type `imu` needs `at`, found none", "write for example `at: body.top`"),
         ("a: {type: joint, joint: leg.ankel}", "TC304", "there is no joint `leg.ankel`", "did you mean `leg.ankle`?"),
         ("hop: {type: joint}", "TC304", "there is no joint `hop`", "did you mean `hip`?; set `joint: ...`"),
         ("a: {type: clock, volume: {sphere: {radius: 9 mm}}}", "TC212", "a sensor of type `clock` cannot have `volume`",
-         "remove it, or choose another `type`: `touch`"),
+         "remove the key, or choose another `type`: `touch`"),
         ("a: {type: force, at: body.imu, joint: hip}", "TC212", "a sensor of type `force` cannot have `joint`",
-         "remove it, or choose another `type`: `joint` or `drive`"),
+         "remove the key, or choose another `type`: `joint` or `drive`"),
         ("a: {type: force, at: body.imu, fovy: 40 deg}", "TC212", "a sensor of type `force` cannot have `fovy`",
-         "remove it, or choose another `type`: `camera`"),
+         "remove the key, or choose another `type`: `camera`"),
         ("a: {type: drive}", "TC212", "a sensor of type `drive` needs `joint` or `tendon`, found none",
          "write for example `joint: knee`"),
         ("a: {type: drive, joint: leg.ankle}", "TC338", "joint `leg.ankle` has no drive to measure",
-         "give it a `drive`, or measure the joint"),
+         "add a `drive`, or measure the joint"),
         ("a: {type: tendon, tendon: cord}", "TC363", "this document has no tendon `cord`", "there are no tendons here"),
         ("a: {type: contact, of: leg}", "TC310", "`leg` is an assembly: the touch sensor `a` must be on one link",
-         "use one of its components, for example `hand.finger`"),
+         "use a component of the assembly, for example `hand.finger`"),
         ("a: {type: imu, at: body.imu, noise: 0.1 rad/s}", "TC212",
          "a sensor of type `imu` measures several quantities: `noise` must specify which one",
          "write for example `noise: {accelerometer: ...}`"),

@@ -114,7 +114,7 @@ def test_pairs_that_may_touch_are_those_that_mujoco_looks_at(store: Store, base:
 
 def test_cylinders_that_meet_boxes_are_prisms_for_mjx(store: Store) -> None:
     """And those that then meet a prism; what meets nothing but the floor, its like and its neighbours stays."""
-    what = f"its cylinder, which MJX cannot collide with boxes and meshes: a prism of {SIDES} sides is used"
+    what = f"the cylinder, which MJX cannot collide with boxes and meshes: a prism of {SIDES} sides is used"
     for shapes, prisms in (
         (("box", "box", "cylinder"), [2]), (("box", "cylinder", "box", "cylinder"), [1, 3]), (("box", "cylinder", "box"), []),
         (("cylinder", "cylinder", "cylinder", "cylinder"), []),
@@ -155,7 +155,7 @@ def test_mjx_has_no_adhesion(store: Store) -> None:
     for base, on in (("fixed", True), ("held", True), ("free", False)):
         request, models = magnet(store, base, on=on)
         assert not request.report.diagnostics
-        assert ("arm/sole", "its adhesion, which MJX lacks", "omitted") in lost(models)
+        assert ("arm/sole", "the adhesion, which MJX lacks", "omitted") in lost(models)
         model = compiled(request, models)
         assert [model.actuator(number).name for number in range(model.nu)] == ["arm/turn_1", "arm/turn_2"]
         assert model.key_ctrl.tolist() == [[0.1, 0.2]]
@@ -189,7 +189,7 @@ def test_what_is_refused_is_said_where_raw_attributes_say_it(store: Store, compa
 def test_mjx_takes_no_fluid_with_implicitfast_nor_the_integrator_implicit(store: Store) -> None:
     made = robot(store, "box", "box", simulation={"integrator": "implicit"}, raw=(raw(5, "option density", "1.2"),))
     request, models = emitted(made, store, ["mjx"])
-    assert ("bench", "its integrator `implicit`, which MJX lacks: `implicitfast` is used", "approximated") in lost(models)
+    assert ("bench", "the integrator `implicit`, which MJX lacks: `implicitfast` is used", "approximated") in lost(models)
     assert compiled(request, models).opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     assert [one.message for one in request.report.diagnostics] == ["MJX cannot load mode `bench`: it has no `density` with `implicitfast`"]
 
@@ -243,8 +243,8 @@ def test_drake_takes_all_and_leaves_some_out(store: Store) -> None:
     assert texts[0] == texts[1]
     more: list[Loss] = [one for one in after.losses if one not in before.losses]
     assert {(one.path, one.what) for one in more} == {
-        ("arm/turn_1", "its dry friction: not supported by Drake"), ("arm/link_0", "its motion at run time: not supported by Drake"),
-        ("arm/sole", "its adhesion: not supported by Drake"), ("rest", "its keyframe: not supported by Drake"),
+        ("arm/turn_1", "the dry friction: not supported by Drake"), ("arm/link_0", "the motion at run time: not supported by Drake"),
+        ("arm/sole", "the adhesion: not supported by Drake"), ("rest", "the keyframe: not supported by Drake"),
         ("arm/turn_1", "the range of its commands: Drake uses it as the range of the force"),
     }
 

@@ -70,7 +70,7 @@ def test_a_document_becomes_models(tmp_path: Path) -> None:
         # The eye sits on top of the post, whoever stands still.
         np.testing.assert_allclose(eye.xpos, post.xpos + post.xmat.reshape(3, 3) @ [0, 0, 1.0], atol=1e-12)
     assert [(loss.path, loss.what, loss.span.line if loss.span else None) for loss in artifacts.losses] == [
-        ("hook", "its velocity limit of 3 rad/s", 7)
+        ("hook", "the velocity limit of 3 rad/s", 7)
     ]
 
 

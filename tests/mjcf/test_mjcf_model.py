@@ -527,7 +527,7 @@ def test_flat_and_open_meshes_are_surfaces(store: Store) -> None:
     assert "decal" in names and "decal:collision" not in names
     found = [(loss.path, loss.how, loss.what) for loss in artifacts.losses if loss.path == "decal"]
     assert found == [
-        ("decal", "omitted", "its contacts: its collision mesh is flat, but MuJoCo needs a solid")
+        ("decal", "omitted", "the contacts: its collision mesh is flat, but MuJoCo needs a solid")
     ]
 
 
@@ -536,8 +536,8 @@ def test_losses(store: Store) -> None:
     made.segments[2].pieces[0].overrides = Overrides(collision="mesh")
     artifacts = emit(made.request(store, ("bench", "fixed"), ("adrift", "free")))
     assert [(x.target, x.mode, x.path, x.what, x.how, x.span.line if x.span else None) for x in artifacts.losses] == [
-        ("mjcf", None, "forearm", "its collision mesh: MuJoCo uses the convex hull of a mesh", "approximated", 23),
-        ("mjcf", None, "yaw", "its velocity limit of 4.8 rad/s", "carried as custom data", 31),
+        ("mjcf", None, "forearm", "the collision mesh: MuJoCo uses the convex hull of a mesh", "approximated", 23),
+        ("mjcf", None, "yaw", "the velocity limit of 4.8 rad/s", "carried as custom data", 31),
     ]
 
 

@@ -162,7 +162,7 @@ def test_a_library_that_is_not_installed(tmp_path: Path, monkeypatch: pytest.Mon
         """)
     assert outcome.said == [
         "TC339 arm.yaml:3:23 `bd_materials:pla` needs the package `bd_materials`, which is not installed"
-        " | install it, or use `density` and `color` instead of `base`",
+        " | install the package, or use `density` and `color` instead of `base`",
     ]
 
 

@@ -73,7 +73,7 @@ def test_an_expression_of_the_command_line_may_use_parameters(tmp_path: Path) ->
     ("reech", "1 mm", "TC803 (-p reech) `arm` has no parameter `reech` | did you mean `reach`?"),
     ("reach", "1 mm", "TC803 (-p reach) parameter `reach` must be at least 60 mm, found `1 mm`"),
     ("reach", "=half * 5", "TC803 (-p reach) parameters depend on each other in a cycle: `reach` -> `half` -> `reach`"
-     " | give one of them a value that does not depend on the others"),
+     " | give one of these parameters a value that does not depend on the others"),
     ("reach", "=tilt", "TC803 (-p reach) parameter `reach` of `arm` must be a length (such as 120 mm), found an angle (`30 deg`)"),
     ("reach", "=reech", "TC803 (-p reach) unknown name `reech` in `=reech` | did you mean `reach`?"),
     ("reach", "120", "TC803 (-p reach) parameter `reach` of `arm` must be a length (such as 120 mm), found a number (`120`)"

@@ -250,7 +250,7 @@ def test_one_fault_of_a_joint(tmp_path: Path, body: str, code: Code, message: st
     ("color: '#12'", "`#12` is not a colour", 'write `"#rrggbb"` with hexadecimal digits'),
     ("color: #888", "`color` has no value", 'a `#` starts a comment: write `"#888"`'),
     ("density: 5 g", "expected a density (such as 1270 kg/m^3), found a mass (`5 g`)", None),
-    ("friction: {}", "`materials.m.friction` needs the key `slide`", "`slide` takes a number"),
+    ("friction: {}", "`materials.m.friction` needs the key `slide`", "add `slide`, whose value is a number"),
     ("friction: {slide: 1, torsion: 5 g}", "expected a length (such as 120 mm), found a mass (`5 g`)", None),
 ])
 def test_one_fault_of_a_material(tmp_path: Path, body: str, message: str, help: str | None) -> None:
@@ -263,12 +263,12 @@ def test_missing_keys_of_a_document_point_at_its_first_key(tmp_path: Path) -> No
     documents, report = read(tmp_path, "thingc: assembly/1\n")
     validate(documents, report)
     assert said(report) == [
-        (Code.MISSING_KEY, "the document needs the key `name`", "`name` takes a name", (1, 1, 7)),
-        (Code.MISSING_KEY, "the document needs the key `components`", "`components` takes a mapping", (1, 1, 7)),
+        (Code.MISSING_KEY, "the document needs the key `name`", "add `name`, whose value is a name", (1, 1, 7)),
+        (Code.MISSING_KEY, "the document needs the key `components`", "add `components`, whose value is a mapping", (1, 1, 7)),
     ]
     documents, report = read(tmp_path, "thingc: assembly/1\nname: x\ncomponents: {}\n")
     validate(documents, report)
-    assert said(report) == [(Code.WRONG_LENGTH, "`components` is empty; it needs at least one entry", None, (3, 13, 15))]
+    assert said(report) == [(Code.WRONG_LENGTH, "`components` is empty; at least one entry is required", None, (3, 13, 15))]
 
 
 def test_values_over_several_lines_are_pointed_at_by_their_key(tmp_path: Path) -> None:

@@ -75,7 +75,7 @@ def test_allowances(rig: Workspace) -> None:
     answer = rig.test(SLIDERS, tests)
     assert answer["code"] == 0 and all(result["passed"] for result in answer["tests"])
     assert [(d["code"], d["severity"]) for d in answer["diagnostics"]] == [("TC659", "warning")]
-    assert answer["diagnostics"][0]["notes"][0]["message"] == "the reason given is: they might"
+    assert answer["diagnostics"][0]["notes"][0]["message"] == "reason for the allowance: they might"
     assert rig.test(SLIDERS + 'allow: {TC610: "they lie in the floor"}\n', tests, "--strict")["code"] == 1
 
 

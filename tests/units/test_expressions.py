@@ -84,11 +84,11 @@ def test_a_unit_binds_without_spaces_only() -> None:
 
 @pytest.mark.parametrize(("text", "message", "kind", "place", "help"), [
     ("=rech / 2", "unknown name `rech`", "name", (1, 5), "did you mean `reach`?"),
-    ("=reach + mass", "`reach` is a length, `mass` is a mass: they cannot be combined", "dimension", (9, 13), None),
-    ("=reach + 5", "`reach` is a length, `5` is a number: they cannot be combined", "dimension", (9, 10), "write `5 mm`"),
-    ("=reach + n", "`reach` is a length, `n` is a number: they cannot be combined", "dimension", (9, 10), None),
-    ("=reach > 5 g", "`reach` is a length, `5 g` is a mass: they cannot be combined", "dimension", (9, 12), None),
-    ("=min(reach, mass)", "`reach` is a length, `mass` is a mass: they cannot be combined", "dimension", (12, 16), None),
+    ("=reach + mass", "cannot combine `reach`, a length, with `mass`, a mass", "dimension", (9, 13), None),
+    ("=reach + 5", "cannot combine `reach`, a length, with `5`, a number", "dimension", (9, 10), "write `5 mm`"),
+    ("=reach + n", "cannot combine `reach`, a length, with `n`, a number", "dimension", (9, 10), None),
+    ("=reach > 5 g", "cannot combine `reach`, a length, with `5 g`, a mass", "dimension", (9, 12), None),
+    ("=min(reach, mass)", "cannot combine `reach`, a length, with `mass`, a mass", "dimension", (12, 16), None),
     ("=9**9**9", "`9**9**9` has no finite result", "value", (1, 8), None),
     ("=1/n", "division by zero in `1/n`", "value", (1, 4), None),
     ("=0 ** -1", "division by zero in `0 ** -1`", "value", (1, 8), None),

@@ -106,7 +106,7 @@ class AxisParser:
         path: Path = ("parameters", name)
         if isinstance(raw, list):
             if not raw:
-                self._error(Code.VARIANT_VALUE, f"`{name}` has no values", path, help="write at least one, or remove the key")
+                self._error(Code.VARIANT_VALUE, f"`{name}` has no values", path, help="write at least one value, or remove the key")
                 return None
             listed = [self.value(name, one, (*path, index)) for index, one in enumerate(raw)]
             sound = [one for one in listed if one is not None]
@@ -130,7 +130,7 @@ class AxisParser:
             if key in first:
                 self.report.warn(
                     Code.DUPLICATE_VARIANT, f"`{words_of(one)}` is listed twice: its variants are built once",
-                    self.document.span((*path, index)), help="remove it", path=dotted(path),
+                    self.document.span((*path, index)), help="remove one of the two values", path=dotted(path),
                     notes=[Note(message="also listed here", span=self.document.span((*path, first[key])))],
                 )
             first.setdefault(key, index)

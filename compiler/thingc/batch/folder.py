@@ -159,14 +159,14 @@ def begin(folder: str, document: str, assembly: str) -> None:
     elif not os.path.isdir(folder):
         raise BatchFault(
             Code.UNEXPECTED, f"`{shown_path(folder)}` is a file, but the batch needs a folder there",
-            "move it, or use another folder with -o",
+            "move the file, or use another folder with -o",
         )
     elif os.listdir(folder):
         before = read_batch(folder)
         if before is not None and before.get("document") != document:
             raise BatchFault(
                 Code.UNEXPECTED, f"`{shown_path(folder)}` contains the batch of another document, `{before.get('document')}`, and is "
-                "unchanged", "move it, or use another folder with -o",
+                "unchanged", "move the existing files, or use another folder with -o",
             )
         unexpected = sorted([*unexpected_files(folder, assembly), *_edited(folder)])
         if before is None or unexpected:

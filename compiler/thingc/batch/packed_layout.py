@@ -63,7 +63,7 @@ class DamagedChunk(OSError):
     """Raised if a file of a chunk is damaged. If a file of a chunk is missing, its variants are treated as not finished."""
 
     state = "is damaged"
-    cure = "delete it, and continue with --resume, which builds its variants again"
+    cure = "delete the file, and continue with --resume, which builds its variants again"
 
     def __init__(self, path: str) -> None:
         self.words = f"`{shown_path(path)}` {self.state}"

@@ -397,8 +397,8 @@ class _Planner:
             if entry.name is not None and entry.name in met:
                 self.report.add(
                     Code.NAME_CLASH, f"two variants are named `{entry.name}`", self.document.span((*at, "name")),
-                    help="rename one of them", path=dotted((*at, "name")),
-                    notes=[Note(message="the other one is here", span=self.document.span(("list", met[entry.name], "name")))],
+                    help="rename one of the two variants", path=dotted((*at, "name")),
+                    notes=[Note(message="the other variant is defined here", span=self.document.span(("list", met[entry.name], "name")))],
                 )
             elif entry.name is not None:
                 met[entry.name] = index
@@ -406,7 +406,8 @@ class _Planner:
             same = next((k for k, one in enumerate(made) if (one.parameters, one.choices) == (values, chosen)), None)
             if same is not None and len(self.report.diagnostics) == said:
                 self.report.warn(
-                    Code.DUPLICATE_VARIANT, "this variant is listed twice and built once", self.document.span(at), help="remove it",
+                    Code.DUPLICATE_VARIANT, "this variant is listed twice and built once", self.document.span(at),
+                    help="remove one of the two entries",
                     path=dotted(at), notes=[Note(message="also listed here", span=self.document.span(("list", same)))],
                 )
             made.append(setting)

@@ -110,7 +110,7 @@ class Workspace:
         if not is_text(start):
             report.add(
                 Code.FILE_NAME, f"the folder `{start}` has bytes in its name that are not UTF-8", None,
-                help="rename it, or move the workspace: paths must be UTF-8",
+                help="rename the folder, or move the workspace: paths must be UTF-8",
             )
             return None
         inputs: dict[str, str | None] = {}
@@ -360,11 +360,11 @@ def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
     """Return an error and a hint for an invalid path in the workspace file, or None if the path is inside the workspace."""
     shown = shortened(text)
     if not text.strip() or "\0" in text:
-        return f"expected a folder, found `{shown}`", "`.` is the workspace itself"
+        return f"expected a folder, found `{shown}`", "write the name of a folder, or `.` for the folder of `thingc.toml`"
     if os.path.isabs(text) or text.startswith("~"):
-        return f"`{shown}` is an absolute path", "write it relative to this file"
+        return f"`{shown}` is an absolute path", "write a path relative to `thingc.toml`"
     if not _inside(os.path.join(root, text), root):
-        return f"`{shown}` is outside the workspace", "use a folder below this file"
+        return f"`{shown}` is outside the workspace", "use a folder below that of `thingc.toml`"
     return None
 
 
@@ -438,7 +438,7 @@ def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
 def _check_folders(settings: _Settings, document: Document, root: str, report: Report) -> None:
     for key, texts in (("parts", settings.parts or ()), ("packages", settings.packages)):
         if len(texts) > MAX_FOLDERS:
-            report.add(Code.TOO_LARGE, f"more than {MAX_FOLDERS} {key}", document.span((key,)))
+            report.add(Code.TOO_LARGE, f"the workspace lists more than {MAX_FOLDERS} {key}", document.span((key,)))
             return
     parts = DEFAULT_PARTS if settings.parts is None else settings.parts
     named: list[tuple[str, Path]] = [(text, ("parts", index)) for index, text in enumerate(parts)]
@@ -450,4 +450,4 @@ def _check_folders(settings: _Settings, document: Document, root: str, report: R
         elif path != ("build",) and settings.parts is not None and not os.path.isdir(os.path.join(root, text)):
             here = [entry.name for entry in os.scandir(root) if entry.is_dir() and not entry.name.startswith(".")]
             help = did_you_mean(text, here, what="folders")
-            report.add(Code.WORKSPACE_FOLDER, f"there is no folder `{shortened(text)}`", where, help=help)
+            report.add(Code.WORKSPACE_FOLDER, f"the workspace has no folder `{shortened(text)}`", where, help=help)

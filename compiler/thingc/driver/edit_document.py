@@ -133,7 +133,7 @@ def _elsewhere(root: Document, path: str) -> Diagnostic | None:
         name = choice.components[0] if choice is not None and choice.components else None
         if name is None or node_at(root.tree, ("components", name)) is not None:
             return None
-        return _wrong(f"`{path}` is one copy of a repeated component and has no line in the document", "set it for all of them")
+        return _wrong(f"`{path}` is one copy of a repeated component and has no line in the document", "set the value for all copies")
     component, rest = through
     text = node_at(root.tree, ("components", component, "assembly"))
     inner = getattr(text, "text", "the nested document")

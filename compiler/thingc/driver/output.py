@@ -146,7 +146,7 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
         with _locked(aside, refuse):
             fresh = _beside(aside, "new")
             if not there and os.path.lexists(folder):
-                raise OutputError(f"`{place}` already exists and is a file", "choose another name, or move it")
+                raise OutputError(f"`{place}` already exists and is a file", "choose another name, or move the file")
             _delete(fresh)
             try:
                 _write_files(fresh, files, None)
@@ -156,7 +156,7 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
                     others = [name for name in before if not _alike(os.path.join(folder, name), os.path.join(fresh, name))]
                     if others:
                         message = f"the folder `{place}` is not empty: {quoted(others, 8)}"
-                        raise OutputError(message, "choose another name, or move its content")
+                        raise OutputError(message, "choose another name, or move the content of the folder")
                     _move_into(folder, fresh, sorted(set(os.listdir(fresh)) - set(before)))
                 else:
                     os.rename(fresh, folder)
@@ -332,7 +332,7 @@ def _refuse_unexpected(folder: str, document: str, also: Collection[str], known:
         return UnexpectedFiles(None, ())
     if not os.path.isdir(folder):
         message = f"`{shown_path(folder)}` is a file, but the build needs a folder there"
-        raise OutputError(message, "move it, or build into another folder with -o")
+        raise OutputError(message, "move the file, or build into another folder with -o")
     unexpected = unexpected_files(folder, document, also=also, known=known)
     if unexpected.names and not (force and unexpected.owner == document):
         raise _accusation(folder, unexpected, document)
@@ -493,4 +493,4 @@ def _cure(fault: OSError) -> str:
         return "make the folder writable, or"
     if fault.errno in (errno.EEXIST, errno.ENOTDIR):
         return "move the file in its place, or"
-    return "fix this, or"
+    return "fix the problem, or"

@@ -277,20 +277,20 @@ class _Lost:
         groups += [(closure.path, closure.joints) for closure in robot.closures if closure.joints and self.cut]
         there = {joint.path for _, joints in groups for joint in joints}
         for whole, joints in groups:
-            what = "its thread" if joints[0].twist.pitch else "its motion"
+            what = "the thread" if joints[0].twist.pitch else "the motion"
             yield from self(self.says["joints"][joint_cell(joints[0].kind)], None, whole, what, joints[0].origin)
             for place, joint in enumerate(joints):
                 if place == 0 or not joint.kind.at_once:
                     yield from self.of_coordinate(joint, whole if joint.kind.at_once else joint.path)
                 yield from self.of_drive(joint)
                 if joint.mimic is not None and joint.mimic.joint.path not in there:
-                    what = f"its mimic of `{joint.mimic.joint.path}`, where a loop is cut"
+                    what = f"the mimic of `{joint.mimic.joint.path}`, where a loop is cut"
                     yield from self(OMITTED, robot.mode.name, joint.path, what, joint.mimic.origin)
                 elif joint.mimic is not None:
-                    what = f"its mimic of `{joint.mimic.joint.path}`"
+                    what = f"the mimic of `{joint.mimic.joint.path}`"
                     yield from self(self.says["of_joints"]["mimic"], None, joint.path, what, joint.mimic.origin)
                     if joint.mimic.higher:
-                        what = f"the polynomial of its mimic of `{joint.mimic.joint.path}`"
+                        what = f"the polynomial of the mimic of `{joint.mimic.joint.path}`"
                         yield from self(self.says["of_joints"]["polynomial"], None, joint.path, what, joint.mimic.origin)
 
     def of_drive(self, joint: TreeJoint | JointEdge) -> Iterator[Loss]:
@@ -299,7 +299,7 @@ class _Lost:
         if drive is not None:
             gains = [f", {name} {value:.6g}" for name, value in (("kp", drive.kp), ("kv", drive.kv)) if value is not None]
             about = f" about {', '.join(f'{one:.6g}' for one in drive.axis)}" if drive.axis is not None else ""
-            what = f"its drive: {drive.kind}{about}{''.join(gains)}"
+            what = f"the drive: {drive.kind}{about}{''.join(gains)}"
             yield from self(self.says["drives"][drive_cell(joint, drive)], None, joint.path, what, drive.origin)
 
     def of_coordinate(self, joint: TreeJoint | JointEdge, path: str) -> Iterator[Loss]:
@@ -315,28 +315,28 @@ class _Lost:
             (of["velocity"], joint.limit.velocity, "velocity limit", f"{q}/s"),
         ):
             if value:
-                yield from self(cell, None, path, f"its {what} of {value:.6g} {unit}", joint.origin)
+                yield from self(cell, None, path, f"the {what} of {value:.6g} {unit}", joint.origin)
 
     def of_mode(self, robot: Robot) -> Iterator[Loss]:
         """Yield the losses of one mode."""
         mode, modes = robot.mode, self.says["modes"]
         for closure in robot.closures:
             cell = self.says["loops"]["hold" if closure.hold else closure.kind]
-            what = "the hold in place" if closure.hold else "the loop through it"
+            what = "the hold in place" if closure.hold else "the loop through this joint"
             yield from self(cell, mode.name, closure.path, what, closure.origin)
         for body in robot.bodies:
             link = robot.assembly.links[body.link]
             if not link.properties.mass:
-                cell, what = self.says["links"]["weightless" if body.joints else "weightless_base"], "its mass of 0"
+                cell, what = self.says["links"]["weightless" if body.joints else "weightless_base"], "the mass of 0"
             elif link.properties.inertia == ZERO:
-                cell, what = self.says["links"]["point"], "its inertia of 0 (a point mass)"
+                cell, what = self.says["links"]["point"], "the inertia of 0 (a point mass)"
             elif physical_fault(link.properties.inertia) is not None:
-                cell, what = self.says["links"]["line"], "its inertia of points in a line"
+                cell, what = self.says["links"]["line"], "the inertia of points in a line"
             else:
                 continue
             yield from self(cell, mode.name, link.name, what, link.origin)
         of_mode = (
-            (modes["gravity"], "its gravity", robot.gravity != GRAVITY),
+            (modes["gravity"], "the gravity", robot.gravity != GRAVITY),
             *self.of_base(robot),
             *self.stepping(mode.simulation),
             (modes["exclude"], "excluded contacts, besides those of neighbours", bool(mode.exclude)),
@@ -352,12 +352,12 @@ class _Lost:
             case "fixed":
                 return ()
             case "held":
-                return ((bases["held"], "its held base, which can be moved at run time", True),)
+                return ((bases["held"], "the held base, which can be moved at run time", True),)
             case "free":
                 begins = robot.bodies[0].X_PL != NO_POSE
-                return ((bases["free"], "its free base", True), (bases["start"], "its start pose", begins))
+                return ((bases["free"], "the free base", True), (bases["start"], "the start pose", begins))
             case "planar" | "ball":
-                return ((bases[base], "the motion of its base", True),)
+                return ((bases[base], "the motion of the base", True),)
             case _:
                 assert_never(base)
 
@@ -365,8 +365,8 @@ class _Lost:
         """Return the capability, a description, and whether the document uses the setting, for each setting in `simulation`."""
         modes = self.says["modes"]
         return (
-            (modes["timestep"], "its time step", "timestep" in simulation),
-            (modes["simulation"], "its `simulation` settings", bool(simulation.keys() - {"timestep"})),
+            (modes["timestep"], "the time step", "timestep" in simulation),
+            (modes["simulation"], "the `simulation` settings", bool(simulation.keys() - {"timestep"})),
         )
 
     def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
@@ -378,16 +378,16 @@ class _Lost:
         yield from self(cell, None, sensor.path, "this sensor", sensor.origin)
         if isinstance(cell, (Supported, Lossy)):
             if sensor.noise:
-                yield from self(of["noise"], None, sensor.path, "its noise", sensor.origin)
+                yield from self(of["noise"], None, sensor.path, "the noise", sensor.origin)
             if sensor.cutoff and sensor.kind != "rangefinder":
-                yield from self(of["cutoff"], None, sensor.path, "its cutoff", sensor.origin)
+                yield from self(of["cutoff"], None, sensor.path, "the cutoff", sensor.origin)
 
     def of_assembly(self, assembly: Assembly) -> Iterator[Loss]:
         """Yield the losses common to all modes."""
         links = self.says["links"]
         for magnet in assembly.adhesions:
             origin = assembly.occurrences[magnet.occurrence].origin
-            yield from self(links["adhesion"], None, magnet.path, f"its adhesion of {magnet.force:.6g} N", origin)
+            yield from self(links["adhesion"], None, magnet.path, f"the adhesion of {magnet.force:.6g} N", origin)
         for tendon in assembly.tendons:
             yield from self(self.says["of_joints"]["tendon"], None, tendon.path, "this tendon and its dynamics", tendon.origin)
         for sensor in assembly.sensors:
@@ -398,9 +398,9 @@ class _Lost:
         touching += [surface.material for one in assembly.occurrences if one.listed is not None for surface in one.touching]
         for material in {id(one): one for one in touching if one is not None}.values():
             if (material.slide, material.torsion) != (None, None):
-                yield from self(links["friction"], None, material.name, "its friction", material.origin)
+                yield from self(links["friction"], None, material.name, "the friction", material.origin)
             if material.roll is not None:
-                yield from self(links["rolling"], None, material.name, "its rolling friction", material.origin)
+                yield from self(links["rolling"], None, material.name, "the rolling friction", material.origin)
         for cell, what, used in self.stepping(assembly.definition.simulation):
             if used:
                 origin = assembly.definition.step_origin or assembly.definition.origin
@@ -408,16 +408,16 @@ class _Lost:
         for occurrence in assembly.occurrences:
             for piece in occurrence.drawn:
                 if isinstance(piece.solid, Primitive):
-                    cell, what = self.says["shapes"][piece.solid.shape], f"its visual {piece.solid.shape}"
+                    cell, what = self.says["shapes"][piece.solid.shape], f"the visual {piece.solid.shape}"
                     yield from self(cell, None, occurrence.path, what, occurrence.origin)
             for piece in occurrence.touching:
                 if isinstance(piece.solid, Primitive):
                     shape = piece.solid.shape
-                    cell, what = self.says["shapes"][shape], f"its collision {shape}"
+                    cell, what = self.says["shapes"][shape], f"the collision {shape}"
                 elif occurrence.overrides.collision == "mesh":
-                    cell, what = self.says["shapes"]["mesh"], "its collision mesh"
+                    cell, what = self.says["shapes"]["mesh"], "the collision mesh"
                 else:
-                    cell, what = self.says["shapes"]["hull"], "its convex collision mesh"
+                    cell, what = self.says["shapes"]["hull"], "the convex collision mesh"
                 yield from self(cell, None, occurrence.path, what, occurrence.origin)
 
 

@@ -182,7 +182,7 @@ def solid_geometry(assembly: Assembly, target: str, folder: str, report: Report)
     def takes(occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
         if has_inside(piece):
             return True
-        what = "its contacts: its collision shape has no volume"
+        what = "the contacts: the collision shape has no volume"
         flat.append(Loss.of(occurrence.origin, target, None, occurrence.path, what, "omitted"))
         return False
 

@@ -63,7 +63,7 @@ class MangledNames:
         if (owner, before) != this:
             self._report.add(
                 Code.SAME_NAME, f"{this[0]} and {owner} would both {self._both} `{name}` in {self._target}", origin, path=path,
-                help="rename one of the two" if before else "rename it",
+                help="rename one of the two elements" if before else "choose another name",
                 notes=[Note(message=f"{owner} is defined here", span=span) for span in before[:1]],
             )
         return (owner, before) == this

@@ -85,7 +85,7 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
             return f"`{target}` has no prefix `{prefix}:`", f"known prefixes: {prefixes}", number
     why = unwritable(path[-1], attribute.value)
     if why is not None:
-        return why, "remove it", len(path)
+        return why, "remove the character", len(path)
     if any(True for file in files for _ in _matching_elements(file, attribute)):
         return None
     cut = {joint.path for robot in robots for closure in robot.closures for joint in closure.joints}

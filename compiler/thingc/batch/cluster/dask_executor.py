@@ -54,14 +54,14 @@ class DaskCluster(FileTransferExecutor):
         except Exception as fault:  # OSError, or other exceptions if the program is not a scheduler
             raise BatchFault(
                 Code.CLUSTER, f"no Dask scheduler responds at `{address}`: {_first_line(fault)}",
-                "start one with `dask scheduler`, which prints its address, or check firewalls",
+                "start a scheduler with `dask scheduler`, which prints its address, or check firewalls",
             ) from None
         try:
             self._client.wait_for_workers(1, timeout=TIMEOUT)
         except Exception:
             self._client.close(1.0)
             raise BatchFault(
-                Code.CLUSTER, f"the scheduler at `{address}` has no worker", f"start some with `dask worker {address} --nthreads 1`",
+                Code.CLUSTER, f"the scheduler at `{address}` has no worker", f"start workers with `dask worker {address} --nthreads 1`",
             ) from None
         self._executor = self._client.get_executor(pure=False)
         self._looked = 0.0

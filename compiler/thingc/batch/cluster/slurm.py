@@ -167,7 +167,7 @@ class SlurmCluster(Cluster):
                 job = self._executor.submit(spread, self.settings.cpus, *arguments)
         except Exception as fault:  # for example, an unknown partition or too many jobs
             words = " ".join(str(fault).split())
-            self._fault = BatchFault(Code.CLUSTER, f"SLURM rejected the job: {words}", "fix this, and continue with --resume")
+            self._fault = BatchFault(Code.CLUSTER, f"SLURM rejected the job: {words}", "fix the problem, and continue with --resume")
             future.set_exception(fault)
             return future
         with self._lock:

@@ -167,7 +167,7 @@ def _entries(folder: str) -> Iterator[os.DirEntry[str]]:
 
 def _unreadable(path: str, fault: OSError) -> BatchFault:
     reason = (fault.strerror or str(fault)).lower()
-    return BatchFault(Code.UNREADABLE, f"cannot read `{path}` to ship it: {reason}", "make it readable, or move it out of the workspace")
+    return BatchFault(Code.UNREADABLE, f"cannot read `{path}` to ship it: {reason}", "make the file readable, or move it elsewhere")
 
 
 def _put(archive: tarfile.TarFile, workspace: Workspace, name: str, sha256: str | None) -> None:

@@ -107,7 +107,7 @@ class FamilyFunction:
         self.names = tuple(names)
         fixed = [other for name in at for other in (str(name), *reader.meant(str(name)))]
         if twice := [name for place, name in enumerate(self.names) if name in (*self.names[:place], *fixed)]:
-            raise FamilyError(f"`{twice[0]}` is given twice", "leave out one of them")
+            raise FamilyError(f"`{twice[0]}` is given twice", "keep only one of the two")
         kinds = [self._number(name) for name in self.names]
         self.dimensions = tuple(kind.dimension for kind in kinds)
         self.units = tuple(map(standard_unit, self.dimensions))
@@ -165,7 +165,7 @@ class FamilyFunction:
             self._require(rows[0])
         elif not np.isfinite(found.values).all():
             name = self.outputs[int(np.flatnonzero(~np.isfinite(found.values))[0])]
-            raise NotDifferentiable(f"`{name}` is not finite at {self._shown(rows[0])}", "leave it out, or choose other settings")
+            raise NotDifferentiable(f"`{name}` is not finite at {self._shown(rows[0])}", f"remove `{name}`, or choose other settings")
         else:
             made[:, names] = found.jacobian
         for place in range(shape[1]):
@@ -241,7 +241,7 @@ class FamilyFunction:
             except NotSmooth as fault:
                 where = self._shown([read.values[read.names.index(name)] for name in self.names])
                 message = f"`{self.outputs[fault.output]}` is not differentiable at {where}: a value that it depends on {fault.why}"
-                raise NotDifferentiable(message, f"choose other settings, or leave out `{self.outputs[fault.output]}`") from None
+                raise NotDifferentiable(message, f"choose other settings, or remove `{self.outputs[fault.output]}`") from None
             except (ArithmeticError, ValueError):
                 continue
             if found is not None and not np.isnan(found.values).any():
@@ -370,7 +370,7 @@ class FamilyFunction:
             raise FamilyError(f"the document has no number `{name}`", did_you_mean(name, known, what="parameters"))
         if kind is not None:
             words = str(kind).lower() if isinstance(kind, bool) else str(kind)
-            raise FamilyError(f"`{name}` is not a number, but `{words}`", "leave it out, or give its value as another setting")
+            raise FamilyError(f"`{name}` is not a number, but `{words}`", f"remove `{name}`, or pass its value in `at`")
         raise FamilyError(f"the document has no value for `{name}`", "give it one in the document")
 
     def _expanded(self, outputs: Sequence[str]) -> tuple[str, ...]:

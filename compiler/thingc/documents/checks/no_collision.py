@@ -44,7 +44,7 @@ class AllowSpec(Model):
     @model_validator(mode="after")
     def _said(self) -> AllowSpec:
         if not self.reason.strip():
-            raise rule("`reason` must not be empty", "explain why these two may touch")
+            raise rule("`reason` must not be empty", "explain why the two components may touch")
         return self
 
 
@@ -71,7 +71,7 @@ class NoCollisionTest(Model):
     @model_validator(mode="after")
     def _sweep(self) -> NoCollisionTest:
         if self.samples is not None and not self.joints:
-            help = "remove it, or add for example `joints: {elbow: all}`"
+            help = "remove `samples`, or add for example `joints: {elbow: all}`"
             raise rule("`samples` needs `joints`", help)
         return self
 

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 class TorqueCode(DiagnosticCode):
     """Diagnostic codes of `torque_margin` tests."""
 
-    TEST_TORQUE = ("TC656", "too little torque", "Use a stronger drive, lighter parts or another pose, or reduce the margin.")
+    TEST_TORQUE = ("TC656", "insufficient torque of a drive", "Use a stronger drive, lighter parts or another pose, or reduce the margin.")
     TEST_FALLS = ("TC660", "robot that falls over", "Move the feet or heavy parts, or add feet to `standing_on`.")
-    TEST_FOOT = ("TC661", "feet in the air", "Change the pose, or list other mounts under `standing_on`.")
+    TEST_FOOT = ("TC661", "feet that do not touch the floor", "Change the pose, or list other mounts under `standing_on`.")
 
 
 class TorqueMarginTest(Model):
@@ -58,7 +58,7 @@ def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck
     floating = [name for name in reader.chosen_modes if not _carried(reader.modes[name])]
     if floating:
         standing = [name for name, mode in reader.modes.items() if _carried(mode) and not _left_out(joints, mode)]
-        others = f", or use modes that do: {', '.join(f'`{name}`' for name in standing)}" if standing else ""
+        others = f", or use a mode with a support: {', '.join(f'`{name}`' for name in standing)}" if standing else ""
         reader.error(
             Code.TEST, f"the base of mode `{floating[0]}` is free and has no support", "mode" if written.mode is not None else (),
             on_key=written.mode is None, help=f"set `standing_on: [...]` in the mode{others}",
@@ -93,7 +93,8 @@ def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findin
             findings.error(
                 Code.TEST, f"joint `{path}` has no effort limit, so its drive has no margin",
                 (test.spans["drive"],) if "drive" in test.spans else test.origin, path=path,
-                help="set `limit: {effort: ...}` of the joint, or `effort` of its drive", notes=noted(f"`{path}` is here", joint.origin),
+                help="set `limit: {effort: ...}` of the joint, or `effort` of its drive",
+                notes=noted(f"`{path}` is defined here", joint.origin),
             )
 
 

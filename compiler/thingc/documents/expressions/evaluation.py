@@ -81,7 +81,7 @@ class _Evaluator:
                 unit = other.dimension.example.partition(" ")[2]
                 help = f"write `{self.written(term)} {unit}`"
         raise ExpressionError(
-            f"`{self.written(left)}` is {a.dimension.words}, `{self.written(right)}` is {b.dimension.words}: they cannot be combined",
+            f"cannot combine `{self.written(left)}`, {a.dimension.words}, with `{self.written(right)}`, {b.dimension.words}",
             right.offset, right.end, kind="dimension", help=help,
         )
 

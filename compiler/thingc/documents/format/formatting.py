@@ -43,7 +43,7 @@ def format_document(path: str, data: bytes, report: Report, *, schema: str | Non
         after = read_tree(path, formatted, again)
         if after is None or again.failed or not same(before, after, shape):
             report.add(
-                Code.INTERNAL, "formatting would change the meaning of this document, so it is left as it is", before.span,
+                Code.INTERNAL, "formatting would change the meaning of this document, so thingc does not change the document", before.span,
                 help="this is a bug in thingc; please report it together with the document",
             )
             return None

@@ -119,7 +119,7 @@ def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
     if root.kind == "variants":
         report.add(
             Code.WRONG_KIND, "this is a variants document, but a single assembly is required here", root.span(("thingc",)),
-            help="use `thingc batch` to build all variants, or use the assembly with -p 'NAME=VALUE' for one of them",
+            help="use `thingc batch` to build all variants, or build the assembly with -p 'NAME=VALUE' for a single variant",
         )
         return
     *others, last = (f"`{kind}`" for kind in kinds)
@@ -127,7 +127,8 @@ def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
     report.add(
         Code.WRONG_KIND, f"expected a document of kind {wanted}, found `{root.kind}`", root.span(("thingc",)), help=(
             "use a variants document, or `thingc build` to build one assembly" if kinds == ("variants",)
-            else f"use the assembly {'that lists it' if root.kind == 'materials' else 'itself; thingc finds this document automatically'}"
+            else "use the assembly that lists this document" if root.kind == "materials"
+            else "use the assembly document; thingc finds this file automatically"
         ),
     )
 
@@ -295,7 +296,7 @@ class _Reader:
             wanted = "an assembly" if kind == "assembly" else "a materials"
             self.report.add(
                 Code.WRONG_KIND, f"expected {wanted} document, found `{shortened(text)}` of kind `{target.kind}`", where,
-                notes=[Note(message="its kind is set here", span=target.span(("thingc",)))],
+                notes=[Note(message=f"the kind of `{shortened(text)}` is set here", span=target.span(("thingc",)))],
             )
             return None
         self.links[document.relative, text] = target.relative

@@ -44,7 +44,7 @@ def find_file(
     if os.path.isabs(text) or text.startswith(("/", "~")) or _DRIVE.match(text):
         report.add(
             Code.OUTSIDE_WORKSPACE, f"`{shown}` is an absolute path", where,
-            help="write it relative to this document, inside the workspace",
+            help="write a path relative to this document, inside the workspace",
         )
         return None
     path = named(text, beside)
@@ -119,8 +119,8 @@ def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> Hint:
     try:
         files = [entry.name for entry in os.scandir(folder) if entry.is_file() and entry.name.lower().endswith(suffixes)]
     except OSError:
-        return f"there is no folder `{shortened(prefix)}` here" if prefix else "paths are relative to this document"
+        return f"there is no folder `{shortened(prefix)}` here" if prefix else "use a path relative to this document"
     names = [prefix + name for name in files if os.path.join(folder, name) != os.path.normpath(beside)]
     if not names:
-        return "paths are relative to this document, and that folder has no such file"
+        return "correct the path, which is relative to this document"
     return file_meant(text, names)

@@ -89,7 +89,7 @@ def decode(file: str, data: bytes, report: Report) -> Source | None:
     bad = forbidden(text)
     if bad is not None:
         at, words = bad
-        report.add(Code.SYNTAX, words, source.span(at, at + 1), help="delete it; most editors do not show it")
+        report.add(Code.SYNTAX, words, source.span(at, at + 1), help="delete the character; most editors do not show it")
         return None
     return source
 

@@ -168,7 +168,7 @@ class _Statements:
             span = self.source.span
             self.report.add(
                 Code.DUPLICATE_KEY, f"the key `{shortened(name)}` is written twice", span(*place),
-                notes=[Note(message="first defined here", span=span(*table.keys[name]))], help="remove or rename one of them",
+                notes=[Note(message="first defined here", span=span(*table.keys[name]))], help="remove or rename one of the two keys",
             )
         return True
 

@@ -43,7 +43,7 @@ def report_syntax(error: Any, source: Source, report: Report) -> None:
     at = min(problem.index if problem is not None else 0, len(source.text))
     # libyaml has a limit of 1 000 levels, which is larger than MAX_LEVELS. But libyaml reads ahead, so it may raise its own error first.
     if "nesting depth" in str(getattr(error, "problem", "")):
-        report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(at, at + 1))
+        report.add(Code.TOO_LARGE, f"the document has more than {MAX_LEVELS} levels of nesting", source.span(at, at + 1))
         return
     fault = explain(
         source, problem=str(getattr(error, "problem", None) or error), at=at, context=str(getattr(error, "context", None) or ""),
@@ -86,14 +86,14 @@ class _Builder:
             if kind == "DocumentStartEvent":
                 if root is not None:
                     self.report.add(
-                        Code.SEVERAL_DOCUMENTS, "a second document starts here; a file must contain only one", self.span(event),
-                        help="move it to a file of its own",
+                        Code.SEVERAL_DOCUMENTS, "a second document starts here; a file must contain only one document", self.span(event),
+                        help="move the second document to a separate file",
                     )
                     raise _Stop
                 if event.version is not None and tuple(event.version) != (1, 2):
                     found = ".".join(map(str, event.version))
                     message = f"documents are YAML 1.2, found `%YAML {found}`"
-                    self.report.add(Code.SYNTAX, message, self.source.span(0, 5), help="remove the line")
+                    self.report.add(Code.SYNTAX, message, self.source.span(0, 5), help="remove the `%YAML` line")
                 root = self.node(next(self.events), 1)
         return root
 
@@ -112,7 +112,7 @@ class _Builder:
             shown = self.source.text[start : event.end_mark.index].split(None, 1)[0] if kind == "ScalarEvent" else event.tag
             self.report.add(
                 Code.TAG, f"tags such as `{shortened(shown)}` are not supported", self.source.span(start, start + max(1, len(shown))),
-                help="remove it",
+                help="remove the tag",
             )
         anchored = _Anchored() if event.anchor is not None else None
         if anchored is not None:
@@ -130,11 +130,11 @@ class _Builder:
     def bound(self, event: Any, level: int) -> None:
         """Stop if the document is too deep or too large, or has too many errors."""
         if level > MAX_LEVELS:
-            message = f"more than {MAX_LEVELS} levels of nesting"
+            message = f"the document has more than {MAX_LEVELS} levels of nesting"
         elif self.nodes > MAX_NODES:
-            message = f"more than {MAX_NODES} values in one document"
+            message = f"the document has more than {MAX_NODES} values"
         elif len(self.report.diagnostics) - self.before > MAX_FAULTS:
-            message = f"more than {MAX_FAULTS} errors in one document; the rest of it was not read"
+            message = f"the document has more than {MAX_FAULTS} errors; the rest of the document was not read"
         else:
             return
         start = event.start_mark.index
@@ -166,7 +166,7 @@ class _Builder:
             self.report.add(Code.TOO_LARGE, f"aliases expand to more than {MAX_ALIAS_NODES} values", self.span(event))
             raise _Stop
         if level + anchored.height > MAX_LEVELS:
-            self.report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", self.span(event))
+            self.report.add(Code.TOO_LARGE, f"the document has more than {MAX_LEVELS} levels of nesting", self.span(event))
             raise _Stop
         return anchored.node
 
@@ -248,7 +248,7 @@ class _Builder:
                 if name in entries:
                     self.report.add(
                         Code.DUPLICATE_KEY, f"the key `{shortened(name)}` is written twice", place,
-                        notes=[Note(message="first defined here", span=keys[name])], help="remove or rename one of them",
+                        notes=[Note(message="first defined here", span=keys[name])], help="remove or rename one of the two keys",
                     )
                 else:
                     entries[name], keys[name] = node, place

@@ -54,7 +54,8 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
     """Check whether a name can be renamed at all. Raises `RenameRefused`."""
     what = WORDS.get(name.what, name.what)
     if name.what in ("document", "part"):
-        raise RenameRefused(f"`{shortened(name.text)}` is {'a file' if name.what == 'document' else 'a class'}: rename it in place")
+        kinds = "files" if name.what == "document" else "classes"
+        raise RenameRefused(f"`thingc rename` does not rename {kinds}, such as `{shortened(name.text)}`")
     if sight.index.declared(name) is None:
         if name.what == "index":
             raise RenameRefused(f"the index `{name.text}` is the default: first add `as: {name.text}` under `repeat`")
@@ -63,14 +64,14 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
         raise RenameRefused(f"`{name.text}` measures the joint of the same name: first add `joint: {name.text}` to it")
     for path, text in sight.broken.items():
         if mentioned(text, name.text):
-            raise RenameRefused(f"`{sight.relative(path)}` contains `{name.text}` but cannot be parsed: fix it first")
+            raise RenameRefused(f"`{sight.relative(path)}` contains `{name.text}` but cannot be parsed: fix the file first")
     if name.what.startswith("part"):
         if not name.file.startswith(tuple(sight.folders)):
             raise RenameRefused(f"`{name.owner}` does not belong to this workspace")
         other = sight.parts.elsewhere(PartName(name.what, name.file, name.text, name.owner))
         if other is not None:
             where = f"{sight.relative(other[0])}:{other[1]}"
-            raise RenameRefused(f"`{name.text}` at {where} may or may not be this {what} of `{name.owner}`: rename it in Python")
+            raise RenameRefused(f"`{name.text}` at {where} is possibly this {what} of `{name.owner}`: rename it in Python")
     if name.what == "material":
         for path in sight.parts.files():
             if f'"{name.text}"' in (text := sight.read(path) or "") or f"'{name.text}'" in text:

@@ -275,34 +275,35 @@ class ComponentSpec(ComponentDefaults):
         if len(kinds) > 1:
             named = " and ".join(f"`{k}`" for k in kinds)
             raise rule(
-                f"a component must have exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}, found {named}", "remove one of them",
-                kinds[1],
+                f"a component must have exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}, found {named}",
+                "keep only one of these keys", kinds[1],
             )
         for key, kind, other, its in (("params", "part", "assembly", "parameters"), ("parameters", "assembly", "part", "params")):
             if getattr(self, key) and getattr(self, kind) is None:
-                help = Suggestion(f"with `{other}`, use `{its}`", (key, its)) if getattr(self, other) else "remove it"
+                help = Suggestion(f"with `{other}`, use `{its}`", (key, its)) if getattr(self, other) else f"remove `{key}`"
                 raise rule(f"`{key}` can only be used with `{kind}`", help, key)
         if self.unit is not None and self.file is None:
-            raise rule("`unit` can only be used with `file`", "remove it: only files without a unit need it", "unit")
+            raise rule("`unit` can only be used with `file`", "remove `unit`: only files without a unit need it", "unit")
         if self.unit is not None and self.file is not None and self.file.lower().endswith(SUFFIXES_WITH_UNIT):
             raise rule(f"`{self.file}` specifies its unit: {UNIT_OF_ITS_OWN}", "remove `unit`", "unit")
         if self.faces is not None and self.file is None:
-            raise rule("`faces` can only be used with `file`", "remove it, and set `mesh` in `thingc.toml` instead", "faces")
+            raise rule("`faces` can only be used with `file`", "remove `faces`, and set `mesh` in `thingc.toml` instead", "faces")
         if self.shapes and self.link is None:
-            raise rule("`shapes` can only be used with `link`", "move them to a separate component with `link: true`", "shapes")
+            raise rule("`shapes` can only be used with `link`", "move `shapes` to a separate component with `link: true`", "shapes")
         for key in OF_PARTS:
             if self.link is not None and getattr(self, key) is not None:
                 raise rule(
                     f"`{key}` can only be used with `part` or `file`, not with `link`",
-                    "set `for` of each shape: `visual`, `collision` or `both`" if key in ("collision", "visual") else "remove it", key,
+                    "set `for` of each shape: `visual`, `collision` or `both`" if key in ("collision", "visual") else f"remove `{key}`",
+                    key,
                 )
         if self.mirror is not None and self.frame is not None:
-            raise rule("`mirror` cannot be used with `frame`: a frame is its own mirror image", "remove it", "mirror")
+            raise rule("`mirror` cannot be used with `frame`: a frame is its own mirror image", "remove `mirror`", "mirror")
         if self.attach is not None and self.at is not None:
-            raise rule("a component cannot have both `attach` and `at`", "remove one of them", "at")
+            raise rule("a component cannot have both `attach` and `at`", "remove `attach` or `at`", "at")
         if isinstance(self.attach, dict) and len(self.attach) != 1:
             raise rule(f"`attach` must contain one mate `{{my_mount: other.mount}}`, found {len(self.attach)}",
-                        "use only one mate; it places the component completely" if self.attach
+                        "use only one mate, which places the component completely" if self.attach
                         else "write for example `{back: plate.servo_seat}`", "attach")
         return self
 

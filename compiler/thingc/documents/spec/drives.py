@@ -84,7 +84,7 @@ class DriveSpec(Model):
     def _gain(self) -> DriveSpec:
         for key in UNUSED.get(self.kind or "", ()) if self.component is not None else ():
             if getattr(self, key) is not None:
-                raise rule(f"a {self.kind} drive cannot have `{key}`", "remove it", key)
+                raise rule(f"a {self.kind} drive cannot have `{key}`", f"remove `{key}`", key)
         if self.kind == "position" and self.kp is None and self.component is None:
             raise rule("a position drive needs `kp`", "write for example `kp: 20 N*m/rad`")
         return self

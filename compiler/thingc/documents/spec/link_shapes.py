@@ -96,7 +96,7 @@ class ShapeSpec(Model):
             )
         for key in ("unit", "scale"):
             if getattr(self, key) is not None and self.mesh is None:
-                raise rule(f"`{key}` can only be used with `mesh`", "remove it: lengths of other shapes include their units", key)
+                raise rule(f"`{key}` can only be used with `mesh`", f"remove `{key}`: lengths of other shapes include their units", key)
         if self.unit is not None and self.mesh is not None and self.mesh.lower().endswith(SUFFIXES_WITH_UNIT):
             raise rule(f"`{self.mesh}` specifies its unit, as all COLLADA and glTF files do", "remove `unit`; `scale` is allowed", "unit")
         return self

@@ -60,7 +60,7 @@ class HoldSpec(PoseSpec):
     def _one_place(self) -> HoldSpec:
         placed = [key for key in ("xyz", "rpy", "quat") if key in self.model_fields_set]
         if self.at is not None and placed:
-            raise rule(f"a hold cannot have both `at` and `{placed[0]}`", "remove one of them", placed[0])
+            raise rule(f"a hold cannot have both `at` and `{placed[0]}`", f"remove `at` or `{placed[0]}`", placed[0])
         if self.at is None and not placed:
             raise rule("a hold needs `at: here`, or `xyz` and `rpy`", "write for example `at: here`")
         if self.carries == "force" and placed[-1:] in (["rpy"], ["quat"]):

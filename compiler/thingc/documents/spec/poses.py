@@ -25,5 +25,5 @@ class PoseSpec(Model):
     @model_validator(mode="after")
     def _one_orientation(self) -> PoseSpec:
         if self.quat is not None and "rpy" in self.model_fields_set:
-            raise rule("an orientation cannot have both `rpy` and `quat`", "remove one of them", "quat")
+            raise rule("an orientation cannot have both `rpy` and `quat`", "remove `rpy` or `quat`", "quat")
         return self

@@ -53,7 +53,8 @@ class VolumeSpec(Model):
         kinds = [f"`{kind}`" for kind in VOLUMES if getattr(self, kind) is not None]
         if len(kinds) != 1:
             these = "found " + " and ".join(kinds) if kinds else "found none"
-            raise rule(f"a volume must have exactly one of {', '.join(f'`{kind}`' for kind in VOLUMES)}, {these}", "remove one of them")
+            known = ", ".join(f"`{kind}`" for kind in VOLUMES)
+            raise rule(f"a volume must have exactly one of {known}, {these}", "write only one of these keys")
         return self
 
 
@@ -114,13 +115,13 @@ class SensorSpec(Model):
         for key in _KEYS:
             if self.said(key) is not None and key not in kind.keys:
                 able = one_of([one.name for one in SENSORS.values() if key in one.keys])
-                raise rule(f"a sensor of type `{self.type}` cannot have `{key}`", f"remove it, or choose another `type`: {able}", key)
+                raise rule(f"a sensor of type `{self.type}` cannot have `{key}`", f"remove `{key}`, or choose another `type`: {able}", key)
         for group in kind.needs:
             written = [key for key in group if self.said(key) is not None]
             if len(written) != 1:
                 wanted = " or ".join(f"`{key}`" for key in group)
                 here = "found both" if written else "found none"
-                help = "remove one of them" if written else f"write for example `{_EXAMPLES[group[0]]}`"
+                help = "keep only one of the two keys" if written else f"write for example `{_EXAMPLES[group[0]]}`"
                 raise rule(f"a sensor of type `{self.type}` needs {wanted}, {here}", help)
         return self
 

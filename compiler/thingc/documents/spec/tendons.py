@@ -85,5 +85,5 @@ class TendonSpec(Model):
             here = "found none" if self.joints is None else "found both"
             raise rule(f"a tendon needs exactly one of `joints` and `path`, {here}", "write for example `path: [arm.hook, hand.hook]`")
         if self.width is not None and self.path is None:
-            raise rule("`width` can only be used with `path`", "remove it: a tendon over joints has no place in space", "width")
+            raise rule("`width` can only be used with `path`", "remove `width`: a tendon over joints has no path in space", "width")
         return self

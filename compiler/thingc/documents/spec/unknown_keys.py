@@ -73,22 +73,23 @@ class UnknownKey:
         if len(self.path) == 3 and self.path[0] == "defaults":
             entries = dict(sections(root)).get(f"{self.path[1]}s")
             if entries is not None and entries.model is not None and self.key in model_keys(entries.model):
-                return f"`{self.key}` has no default: set it in each entry of `{self.path[1]}s`"
+                return f"`{self.key}` has no default: set the key in each entry of `{self.path[1]}s`"
         inside = [key for key in self.known if any(self.key in model_keys(one) for one in _models(self.model, key))]
         if inside:
             here = [key for key in inside if key in self.present]
             short = node_at(self.document.tree, (*self.path[:-1], "attach")) if here == ["attach"] else None
             if isinstance(short, MappingNode) and len(short.entries) == 1 and "mount" not in short.entries:
                 ((mount, to),) = short.entries.items()
-                return f"write it inside, in full: `attach: {{mount: {shortened(mount, 40)}, to: {_node_text(to)}, {self.key}: {shown}}}`"
+                mate = f"mount: {shortened(mount, 40)}, to: {_node_text(to)}, {self.key}: {shown}"
+                return f"write the key inside `attach`, in full: `attach: {{{mate}}}`"
             if here:
-                return f"it is a key of {one_of(here)}: move it inside"
-            return "it is a key of " + one_of(inside) + f": `{inside[0]}: {{{self.key}: {shown}}}`"
+                return f"move the key into {one_of(here)}"
+            return f"write the key inside {one_of(inside)}: `{inside[0]}: {{{self.key}: {shown}}}`"
         for depth, shape in reversed(list(enumerate(along(root, self.document, self.path[:-1])))[:-1]):
             if shape.model is not None and self.key in model_keys(shape.model):
                 around = ".".join(str(step) for step in self.path[:depth])
-                what = f"`{around}`, around this" if around else "the document itself"
-                return f"it is a key of {what}: is it indented too far?"
+                what = f"the enclosing `{around}`" if around else "the document itself"
+                return f"`{self.key}` is a key of {what}: check the indentation"
         if len(self.path) == 1:
             return self._section(root, value.plain() if value is not None else None) or self._of_entries(root)
         return self._parameter(shown)
@@ -101,12 +102,12 @@ class UnknownKey:
         best = max(likes, key=lambda name: likes[name], default=None)
         if best is None or likes[best] < 2.0:
             return None
-        return f"it looks like an entry of `{best}`: move it below that key, indented by two more spaces"
+        return f"move `{self.key}` below the key `{best}`, indented by two more spaces"
 
     def _of_entries(self, root: type[Model]) -> str | None:
         """Return a description of the sections whose entries have the key."""
         having = [name for name, entry in sections(root) if entry.model is not None and self.key in model_keys(entry.model)]
-        return f"it is a key of an entry of {one_of(having)}: is it indented far enough?" if having else None
+        return f"`{self.key}` is a key of an entry of {one_of(having)}: check the indentation" if having else None
 
     def _parameter(self, shown: str) -> str | None:
         """Describe how to set the parameters of a part or a nested document."""

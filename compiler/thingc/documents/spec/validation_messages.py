@@ -61,7 +61,7 @@ class FaultReporter(FrozenStruct, eq=False):
             if (fault.kind == "missing" and fault.path[:-1] in self.damaged) or (fault.kind == "too_short" and fault.path in self.damaged):
                 continue
             if len(self.report.diagnostics) - before >= MAX_FAULTS:
-                message = f"more than {MAX_FAULTS} errors in one document; the rest is not shown"
+                message = f"more than {MAX_FAULTS} errors in one document; further errors are not shown"
                 self._add(Code.TOO_LARGE, message, self._place(fault.path), fault.path, None)
                 return
             if fault.path in unknown:
@@ -106,10 +106,10 @@ class FaultReporter(FrozenStruct, eq=False):
         key, parent = str(fault.path[-1]), fault.path[:-1]
         owner = f"`{dotted(parent)}`" if parent else "the document"
         assert fault.shape.model is not None
-        help = f"`{key}` takes {model_keys(fault.shape.model)[key][0].words}"
+        help = f"add `{key}`, whose value is {model_keys(fault.shape.model)[key][0].words}"
         by_default = ("defaults", str(parent[0])[:-1], *parent[2:]) if parent and parent[0] in ("joints", "components") else ()
         if by_default and node_at(self.document.tree, (*by_default, key)) is not None:
-            help += f"; the value of {owner} replaces `{dotted(by_default)}` completely: change that, or add the missing keys here"
+            help += f"; the value of {owner} replaces `{dotted(by_default)}` completely: add all required keys here"
         self._add(Code.MISSING_KEY, f"{owner} needs the key `{key}`", self._place(parent, key=True), parent, help)
 
     def _unknown_choice(self, fault: Fault) -> None:
@@ -122,7 +122,7 @@ class FaultReporter(FrozenStruct, eq=False):
 
     def _wrong_length(self, fault: Fault) -> None:
         if isinstance(fault.value, dict):
-            message = f"`{dotted(fault.path)}` is empty; it needs at least one entry"
+            message = f"`{dotted(fault.path)}` is empty; at least one entry is required"
         else:
             least, most = fault.context.get("min_length"), fault.context.get("max_length")
             wanted = "a list with at least one item" if least == 1 and most is None else f"a list of {most if least is None else least}"
@@ -165,7 +165,7 @@ class FaultReporter(FrozenStruct, eq=False):
             flag = "true" if value.lower() in ("yes", "on") else "false"
             help = Suggestion(f"write `{flag}`", (value, flag))
         elif isinstance(value, str) and value.lower() == "none":
-            help = "to have none, remove the key"
+            help = "to use none, remove the key"
         elif help is None and isinstance(value, dict) and len(value) == 1 and any(member.kind == "list" for member in alternatives(shape)):
             help = f"write a list with one item for each: `[{{{shortened(str(next(iter(value))))}: ...}}]`"
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):

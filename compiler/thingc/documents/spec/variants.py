@@ -41,7 +41,7 @@ def _setting(value: Any) -> str:
     if not isinstance(value, str) or "." not in value:
         return name_of(value)
     if parse(value) is not None:
-        raise fault("reference", f"`{shortened(value)}` is a choice", help="move it to `choices`")
+        raise fault("reference", f"`{shortened(value)}` is a choice", help="move the path to `choices`")
     if not is_value(value):
         raise fault("reference", f"`{shortened(value)}` is not the path of a value", help=f"write {VALUES}")
     return value
@@ -165,5 +165,6 @@ class VariantsSpec(Model):
     def _one_source(self) -> VariantsSpec:
         both = [name for name in (self.sample.ranges if self.sample is not None else {}) if name in self.parameters]
         if both:
-            raise rule(f"`{both[0]}` is set under `parameters` and drawn under `sample`", "remove one of them", "parameters")
+            help = f"remove `{both[0]}` from `parameters` or from `sample`"
+            raise rule(f"`{both[0]}` is set under `parameters` and drawn under `sample`", help, "parameters")
         return self

@@ -76,7 +76,7 @@ def unclosed() -> Outcome:
     """Return the outcome for a pose in which the loops of the robot do not close."""
     failure = Failure(
         code=Code.TEST_POSE, key="pose", message="the loops of the mode do not close in this pose",
-        help="run `thingc info` to list the poses in which they close",
+        help="run `thingc info` to list the poses in which the loops close",
     )
     return Outcome(measured={}, expected={}, said="the loops do not close", failure=failure)
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 LOCK_FILE = "parts.lock.json"
 VERSION = "lock/1"
 MAX_BYTES = 10_000_000
-REMAKE = "run `thingc lock` on a machine that may run part code, and commit the file that it writes"
+REMAKE = "run `thingc lock` on a machine that may run part code, and commit `parts.lock.json`"
 """The help text for all errors of the lock."""
 
 

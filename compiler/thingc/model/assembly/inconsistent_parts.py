@@ -127,7 +127,7 @@ def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], r
         if isinstance(second, PartFailure):
             words = f"the second build failed: {second.message}"
             if second.file is not None:
-                notes = [Note(message="in the part file, here", span=line_of(second.file, second.line or 1))]
+                notes = [Note(message="location in the part file", span=line_of(second.file, second.line or 1))]
         else:
             differing = differences(occurrence.record, second)
             if not differing:

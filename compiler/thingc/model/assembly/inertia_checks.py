@@ -35,9 +35,9 @@ def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
         if fault is None or inertia != ZERO and physical_fault(robot.links[robot.link_of[index]].properties.inertia) is None:
             continue
         faulty.append(index)
-        help = "inertia is relative to the centre of mass, in component axes: check units and signs"
+        help = "check units and signs: the inertia is relative to the centre of mass, in the axes of the component"
         if inertia == ZERO:
-            help = "remove it: the inertia then follows from the geometry, and a frame is a point mass"
+            help = "remove `inertia`: the inertia is then computed from the geometry, and a frame is a point mass"
         findings.error(
             Code.NOT_PHYSICAL, f"the inertia of `{one.component.name}` is not physical: {fault}",
             stated.origin + one.origin[len(one.component.origin):], path=one.path, help=help,
@@ -87,7 +87,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
         else:
             findings.error(
                 Code.NOT_PHYSICAL, f"link `{link.name}` moves in mode `{mode}`, but its inertia is not physical: {fault} ({named})",
-                link.origin, path=link.name, help="give a component with geometry a mass, or add `inertia:` to one of them",
+                link.origin, path=link.name, help="add a mass to a component with geometry, or add `inertia:` to a component of the link",
             )
 
 
@@ -116,7 +116,7 @@ def _cause(one: Occurrence) -> str:
         doubt = density_doubt(one.properties.mass / record.volume)
         if doubt is not None:
             return f"check its density or mass: it {doubt.words}"
-    return "check the units of its sizes, `mass` and `inertia`, or attach it to another link"
+    return "check the sizes, `mass` and `inertia` of the link and their units, or attach the link to another link"
 
 
 def _format_members(members: Sequence[Occurrence]) -> str:

@@ -120,7 +120,7 @@ def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurr
     findings.error(
         Code.DUPLICATE_LINK, f"`{link.name}` names two links: this one and the link of component `{first.path}`", written.origin,
         path=link.name, help=f"choose another name, or also name the link of `{first.path}` under `links:`",
-        notes=noted(f"`{first.path}` is here", called.origin),
+        notes=noted(f"`{first.path}` is defined here", called.origin),
     )
 
 

@@ -114,7 +114,7 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
         if mate.loop is not None and link_of[mate.parent] == link_of[mate.child]:
             name = links[link_of[mate.parent]].name
             findings.error(
-                Code.LOOP, f"joint `{mate.loop}` closes no loop: both its mounts are on link `{name}`", mate.origin,
+                Code.LOOP, f"joint `{mate.loop}` does not close a loop: both of its mounts are on link `{name}`", mate.origin,
                 path=mate.loop, help="use mounts of two links that move relative to each other, or remove the joint",
                 notes=noted(f"link `{name}` begins here", links[link_of[mate.parent]].origin),
             )
@@ -175,8 +175,8 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
         findings.leave_out()
         findings.error(
             Code.PLACEMENT_CIRCLE, f"components are placed in a cycle: {hops}", stands[circle[0]][1] + instance.origin,
-            path=instance.within(circle[0]), help="place one of them on a component outside the cycle" + (
-                "; if one of the joints closes a loop, add `loop: true` to it" if jointed & set(circle) else ""
+            path=instance.within(circle[0]), help="place one of these components on a component outside the cycle" + (
+                "; if one of the joints closes a loop, add `loop: true` to the joint" if jointed & set(circle) else ""
             ), notes=[note for member in circle[1:MAX_CIRCLE] for note in noted(f"`{member}` is placed here", stands[member][1])],
         )
 
@@ -189,5 +189,5 @@ def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: L
     first, second = (instance.children[name] for name in bases[:2])
     findings.error(
         Code.TWO_BASES, f"neither `{bases[0]}` nor `{bases[1]}` is placed: an assembly has only one base", second.origin, path=second.path,
-        help=f"add `attach`, `at` or a joint that places `{bases[1]}`", notes=noted(f"`{bases[0]}` is here", first.origin),
+        help=f"add `attach`, `at` or a joint that places `{bases[1]}`", notes=noted(f"`{bases[0]}` is defined here", first.origin),
     )

@@ -92,7 +92,7 @@ def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]
         if other is not linked:
             findings.error(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}` twice", hold.origin, path=choice.path,
-                help="remove one of the two", notes=noted("also held here", other.origin),
+                help="remove one of the two holds", notes=noted("the other hold is here", other.origin),
             )
             continue
         yield linked
@@ -113,7 +113,8 @@ def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
         if hold is not None:
             findings.error(
                 Code.STANDING, f"`{choice.path}` is in both `hold` and `standing_on` of mode `{mode.name}`", reference.origin,
-                path=choice.path, help="remove one of the two", notes=noted("it is held here", hold.origin),
+                path=choice.path, help="remove the mount from `hold` or from `standing_on`",
+                notes=noted("the mount is held here", hold.origin),
             )
             continue
         part = tree.occurrences[choice.occurrence].part
@@ -251,7 +252,7 @@ def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: LinkRepo
         findings.error(
             Code.POSE_LIMITS, f"pose `{pose.name}` turns `{name}` by {joint.twist.shown(angle)}, outside its cone of "
             f"{joint.twist.shown(cone)}", pose.origins.get(joint.path, pose.origin), path=pose.name,
-            help="write a smaller turn, or widen the cone", notes=noted(f"`{name}` is here", joint.origin),
+            help="write a smaller turn, or widen the cone", notes=noted(f"`{name}` is defined here", joint.origin),
         )
 
 
@@ -271,7 +272,7 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
         limits = f"its limits {twist.shown(lower)} to {twist.shown(upper)}"
     else:
         limits = f"its lower limit {twist.shown(lower)}" if lower is not None else f"its upper limit {twist.shown(upper or 0.0)}"
-    notes = noted(f"`{joint.name}` is here", joint.origin)
+    notes = noted(f"`{joint.name}` is defined here", joint.origin)
     if joint.path in pose.values:
         findings.error(
             Code.POSE_LIMITS, f"pose `{pose.name}` puts `{joint.name}` at {twist.shown(q)}, outside {limits}",

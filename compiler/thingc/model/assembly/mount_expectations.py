@@ -63,13 +63,13 @@ def _warn(owner: Occurrence, one: MountExpectation, others: Sequence[tuple[Occur
     if other is not None and found == wanted:  # the labels are equal, because they do not show the digits that differ
         wanted, found = one.text, other.definition.text
     cut = f"`{name}.{one.mount}` is cut for `{wanted}`"
-    help = f"attach `{wanted}` there by its mount `{one.child_mount}`; {allow_hint(Code.EXPECTATION)}"
+    help = f"attach the mount `{one.child_mount}` of `{wanted}` to `{name}.{one.mount}`; {allow_hint(Code.EXPECTATION)}"
     if other is None:
-        findings.warn(Code.EXPECTATION, f"{cut}, but nothing is attached there", owner.origin, path=owner.path, help=help)
+        findings.warn(Code.EXPECTATION, f"{cut}, but nothing is attached to it", owner.origin, path=owner.path, help=help)
         return
     if _is(other, one, owner):
-        message = f"{cut} by its mount `{one.child_mount}`, but `{other.component.name}` is attached there by `{mount}`"
+        message = f"{cut} by its mount `{one.child_mount}`, but `{other.component.name}` is attached to it by `{mount}`"
     else:
-        message = f"{cut}, but `{other.component.name}` (`{found}`) is attached there"
-    notes = noted(f"`{name}` is here", owner.origin)
+        message = f"{cut}, but `{other.component.name}` (`{found}`) is attached to it"
+    notes = noted(f"`{name}` is defined here", owner.origin)
     findings.warn(Code.EXPECTATION, message, other.origin, path=other.path, help=help, notes=notes)

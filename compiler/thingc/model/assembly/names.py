@@ -68,5 +68,6 @@ def _check(things: Iterable[tuple[str, Origin]], given: Mapping[str, tuple[str, 
             mine = path in given
             findings.error(
                 Code.SAME_NAME, f"`{other}` and `{path}` would both be named `{name}` in files", where if mine else place, path=path,
-                help="rename one of them", notes=noted(f"`{other if mine else path}` is here", place if mine else where),
+                help="rename one of the two elements",
+                notes=noted(f"`{other if mine else path}` is defined here", place if mine else where),
             )

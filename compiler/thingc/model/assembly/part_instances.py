@@ -35,29 +35,29 @@ from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.model.resolve.plausibility import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
 from thingc.model.resolve.types import AssemblyDefinition, BomEntry, Component, Material, Process
 
-_WRITE_WHERE = "write no files, or only into `tempfile.gettempdir()`, which is private to the part and removed after it"
+_WRITE_WHERE = "write files only to `tempfile.gettempdir()`, a temporary folder that is deleted when the part is finished"
 _FAILED: Mapping[FailureKind, tuple[Code, str, str]] = {
-    "raised": (Code.PART_RAISED, "raised an exception", "change its `params`, or fix the part file"),
+    "raised": (Code.PART_RAISED, "raised an exception", "change the `params` of the component, or fix the part file"),
     "hung": (Code.PART_HUNG, "took too long", "fix the part, or allow more time with `--part-timeout`"),
-    "crashed": (Code.PART_CRASHED, "crashed the interpreter", "change its `params`, or the CAD operations of the part"),
+    "crashed": (Code.PART_CRASHED, "crashed the interpreter", "change the `params` of the component, or the CAD calls in the part file"),
     "trespassed": (Code.PART_WRITES, "writes files outside its own folder", _WRITE_WHERE),
-    "swarmed": (Code.PART_SWARMED, "starts too many processes", "start fewer processes, and wait for each"),
+    "swarmed": (Code.PART_SWARMED, "starts too many processes", "start fewer processes, and wait for each process"),
     "starved": (Code.PART_STARVED, "needs too much memory", "simplify the part, or raise `part_memory` in `thingc.toml`"),
     "empty": (Code.PART_EMPTY, "has no volume", "return a solid from `result()`, or None for a part without geometry"),
     "refused": (Code.PART_REFUSED, "is not allowed", "use a part from the `parts` folders or the `packages` of the workspace"),
     "missing": (Code.PART_MISSING, "does not exist", "write `module:Class`, with a module in a part folder and a class in that module"),
     **dict.fromkeys(("invalid", "resultless", "absent"), (Code.PART_INVALID, "is not valid", "fix the part file")),
     "unbounded": (Code.PART_INVALID, "cannot be simplified to so few triangles", "increase `faces`"),
-    "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and commit the file that it writes"),
-    "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and commit the file that it writes"),
+    "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and commit `parts.lock.json`"),
+    "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and commit `parts.lock.json`"),
 }
 """Diagnostic code, phrase after the part's name, and help, by the kind of failure."""
 _INSTEAD: Mapping[ImpureInputs, str] = {
-    ImpureInputs.ENVIRONMENT: "pass it as a parameter, or in a file that the part reads with `asset(...)`",
-    ImpureInputs.CLOCK: "pass it as a parameter",
+    ImpureInputs.ENVIRONMENT: "pass the value as a parameter, or in a file that the part reads with `asset(...)`",
+    ImpureInputs.CLOCK: "pass the value as a parameter",
     ImpureInputs.CHANCE: "seed the generator: `random.Random(7)`, `numpy.random.default_rng(7)`",
-    ImpureInputs.PROCESS: "write its output to a file beforehand, and read that with `asset(...)`",
-    ImpureInputs.NETWORK: "download it to a file beforehand, and read that with `asset(...)`",
+    ImpureInputs.PROCESS: "write the output of the program to a file beforehand, and read the file with `asset(...)`",
+    ImpureInputs.NETWORK: "download the data to a file beforehand, and read the file with `asset(...)`",
     ImpureInputs.LEFT: "wait for processes that the part starts: use `subprocess.run(...)`, or a pool in a `with` block",
 }
 """Replacements for impure inputs of parts."""
@@ -116,7 +116,7 @@ class PartInstances:
             notes = list(noted(f"`{near}` is defined here", scope.materials[near].origin)) if near is not None else []
             notes += written_at(f"`{component.label}`", record.code)
             places = {place: other for other, _, _, _, place in reversed(users[1:]) if place[:1] != origin[:1]}
-            others = [note for place, other in reversed(places.items()) for note in noted(f"`{other.name}` also uses it", place)]
+            others = [note for place, other in reversed(places.items()) for note in noted(f"`{other.name}` also uses this material", place)]
             notes += others[: _SHOWN_PLACES - 1]
             if len(others) >= _SHOWN_PLACES:
                 notes.append(Note(message=f"and {counted(len(others) - _SHOWN_PLACES + 1, 'more component')}"))
@@ -140,9 +140,9 @@ class PartInstances:
                 notes.append(Note(message=f"and {counted(len(users) - _SHOWN_PLACES, 'more component')}"))
             if component.definition.parameters:
                 given = zip(component.definition.parameters, component.definition.words)
-                notes.append(Note(message=f"its parameters: {', '.join(f'{name}={words}' for (name, _), words in given)}"))
+                notes.append(Note(message=f"parameters of the part: {', '.join(f'{name}={words}' for (name, _), words in given)}"))
             if failure.file is not None:
-                notes.append(Note(message="in the part file, here", span=line_of(failure.file, failure.line or 1)))
+                notes.append(Note(message="location in the part file", span=line_of(failure.file, failure.line or 1)))
             message = f"`{path}` (`{component.label}`) {what}: {failure.message}"
             if failure.candidates:
                 help = did_you_mean(failure.subject, failure.candidates, what="parts")
@@ -214,7 +214,8 @@ class PartInstances:
             more = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
             if key not in self._warned and findings.warn(
                 Code.APART, f"{of} is {len(record.apart)} separate solids ({volumes}{more} cm^3)", origin, path=path,
-                notes=place, help=f"make them overlap, or return a list if this is intended: `return [a, b]`; {allow_hint(Code.APART)}",
+                notes=place, help="make the solids overlap, or return a list if separate solids are intended: `return [a, b]`; "
+                + allow_hint(Code.APART),
             ):
                 self._warned.add(key)
 
@@ -234,7 +235,7 @@ class PartInstances:
             message = f"`{component.name}` is the mirror image of `{plain.label}`, a purchased part: a mirrored version may not exist"
             help = f"remove `mirror`, or add the order number of the mirror image: `bom: {{number: ...}}`; {allow_hint(code)}"
             if component.image_of is not None:
-                help = f"move it from the mirrored assembly to the assembly that contains it; {allow_hint(code)}"
+                help = f"move the component from the mirrored assembly to the enclosing assembly; {allow_hint(code)}"
         else:
             return
         if (record.text, code.code) not in self._warned and self._findings.warn(code, message, origin, path=path, help=help):
@@ -314,7 +315,7 @@ class PartInstances:
             if doubt is not None:
                 warn(
                     Code.DENSITY, f"`{component.name}` {doubt.words}", stated.origin + origin[len(component.origin):], path=path,
-                    help=doubted(None if doubt.meant is None else f"write `{mass_words(doubt.meant)}` if that is meant"),
+                    help=doubted(None if doubt.meant is None else f"probably `{mass_words(doubt.meant)}` was meant"),
                 )
         elif record.mass is not None or record.density is not None:
             self._doubt_thing(component, record, path, origin)
@@ -323,7 +324,7 @@ class PartInstances:
             if doubt is not None:
                 warn(
                     Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin, path=path,
-                    notes=noted(f"`{component.name}` is made of it", origin), help=doubted(density_cure(doubt)),
+                    notes=noted(f"`{component.name}` is made of this material", origin), help=doubted(density_cure(doubt)),
                 )
 
     def _doubt_thing(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
@@ -336,7 +337,7 @@ class PartInstances:
             method, unit, doubt = "density", "kg/m^3", density_doubt(record.density.value)
         if doubt is not None and key not in self._warned and self._findings.warn(
             Code.DENSITY, f"`{component.label}` {doubt.words}", origin, path=path, notes=written_at(f"`{component.label}`", record.code),
-            help=doubted(f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f": return {doubt.meant:.6g} if that is meant")),
+            help=doubted(f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f", probably {doubt.meant:.6g}")),
         ):
             self._warned.add(key)
 
@@ -347,8 +348,8 @@ class PartInstances:
             Code.HIGH_LAYERS, f"`layer` is {1e3 * (process.layer or 0.0):g} mm, and `line_width` only "
             f"{1e3 * (process.line_width or 0.0):g} mm: a line must be at least as wide as it is high",
             material.process_origin if of_material and material is not None else origin, path=path,
-            help="for example `layer: 0.2 mm, line_width: 0.45 mm`",
-            notes=noted(f"`{component.name}` is made of it", origin) if of_material else
+            help="write for example `layer: 0.2 mm, line_width: 0.45 mm`",
+            notes=noted(f"`{component.name}` is made of this material", origin) if of_material else
             noted(f"the process of `{material.name}` is defined here", material.process_origin) if material is not None else (),
         )
 
@@ -361,7 +362,7 @@ class PartInstances:
         self._told.add((record.text, slices))
         self._findings.warn(
             Code.UNSLICED, f"`{component.name}` (`{component.label}`) cannot be sliced: it {slices.reason}; its mass is estimated "
-            "from its surface", origin, path=path, help="fix the part, or write `process: {estimate: skin}` here",
+            "from its surface", origin, path=path, help="fix the part, or set `process: {estimate: skin}` in the component",
         )
 
     def _incomplete(self, component: Component, material: Material | None, missing: tuple[str, ...], path: str, origin: Origin) -> None:
@@ -374,7 +375,7 @@ class PartInstances:
         if material is not None and of_material is not None:
             self._findings.error(
                 Code.INFILL, f"`{material.name}` is printed with an infill, but its `process` has no {listed}", material.process_origin,
-                path=path, help=f"add {listed}, or write {instead}", notes=noted(f"`{component.name}` is made of it", origin),
+                path=path, help=f"add {listed}, or write {instead}", notes=noted(f"`{component.name}` is made of this material", origin),
             )
             return
         self._findings.error(
@@ -452,4 +453,4 @@ def _places(warnings: Sequence[PartWarning]) -> list[Note]:
     """Return notes with the locations of warnings in part files."""
     places = [line_of(warning.file, warning.line or 1) for warning in warnings if warning.file is not None]
     more = [Note(message=f"and {counted(len(places) - _SHOWN_PLACES, 'more line')}")] if len(places) > _SHOWN_PLACES else []
-    return [*(Note(message="in the part file, here", span=place) for place in places[:_SHOWN_PLACES]), *more]
+    return [*(Note(message="location in the part file", span=place) for place in places[:_SHOWN_PLACES]), *more]

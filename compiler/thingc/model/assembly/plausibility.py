@@ -173,14 +173,15 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
         return None
     (low, high), centre, inertia = one.box, one.properties.centre, one.properties.inertia
     size = dist(low, high)
-    across = f"which is {length_words(size, 3)} across"
+    across = f"but the part is {length_words(size, 3)} across"
     away = hypot(*(maximum(least - at, at - most, 0.0) for least, at, most in zip(low, centre, high, strict=True)))
     if away > size:
         what = f"the centre of mass of `{one.component.name}` is {length_words(away, 3)} outside its geometry, {across}"
         return one.overrides.com, what, "check the unit (`mm`, `m`; mm in `centre()` of a part class) and the axes (those of the component)"
     radius = sqrt(maximum(inertia[0][0] + inertia[1][1] + inertia[2][2], 0.0) / (2.0 * mass))
     if not size / COMPACT <= radius <= SPREAD * size:
-        what = f"the inertia of `{one.component.name}` is that of {mass_words(mass)} at {length_words(radius, 3)} from its centre, {across}"
+        point = f"{mass_words(mass)} at a distance of {length_words(radius, 3)} from its centre"
+        what = f"the inertia of `{one.component.name}` equals that of {point}, {across}"
         return one.overrides.inertia, what, "check the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
     return None
 
@@ -242,9 +243,9 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
         key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
         findings.warn(
             Code.LIMIT_UNITS,
-            f"joint `{joint.name}` has its lower limit in {low_unit} (`{lower}`), its upper limit in {high_unit} (`{upper}`)",
+            f"joint `{joint.name}` has a lower limit in {low_unit} (`{lower}`) and an upper limit in {high_unit} (`{upper}`)",
             _origin_of(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
-            help=f"use the same unit for both: `{value}` is `{twist.shown(ends[key])}`; {allow_hint(Code.LIMIT_UNITS)}",
+            help=f"use the same unit for both limits: `{value}` is `{twist.shown(ends[key])}`; {allow_hint(Code.LIMIT_UNITS)}",
         )
 
 
@@ -264,7 +265,7 @@ def _origin_of(joint: Joint, key: str, here: Origin) -> Origin:
 def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
     """Return a note with the location of the joint, or no notes if its value is on the same line."""
     span = joint.spans.get(key)
-    return noted(f"joint `{joint.name}` is here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
+    return noted(f"joint `{joint.name}` is defined here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
 
 
 def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findings: LinkReport) -> None:
@@ -324,14 +325,14 @@ def _check_actuators(
             continue
         still = [edge for edge in turning if edge.actuator is None]
         nearby = (still or turning)[:1]
-        help = f"add `drive: {name}` to the joint that it moves"
+        help = f"add `drive: {name}` to the joint that `{name}` moves"
         if still:
-            help = f"if it moves joint `{still[0].path}`, add `drive: {name}` there"
+            help = f"if `{name}` moves joint `{still[0].path}`, add `drive: {name}` to the joint"
         findings.warn(
             Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.label}`) has an actuator, but does not drive a joint", one.origin,
             path=one.path, help=f"{help}; {allow_hint(Code.IDLE_ACTUATOR)}", notes=[
                 note for edge in nearby
-                for note in noted(f"joint `{edge.path}` is on it, " + ("without a drive" if still else "with another drive"), edge.origin)
+                for note in noted(f"joint `{edge.path}` is on this part, " + f"with{'out a' if still else ' another'} drive", edge.origin)
             ],
         )
 

@@ -82,12 +82,12 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
             if WEAK * weight <= force <= STRONG * weight or weight <= 0.0 or (reference.text, force) in said:
                 continue
             ratio = force / weight
-            times = f"{times_words(ratio)} times" if ratio > 1.0 else f"{ratio:.2g} of"
+            times = f"{times_words(ratio)} times" if ratio > 1.0 else f"{ratio:.2g} times"
             said.add((reference.text, force))
             findings.warn(
                 Code.MAGNET, f"the magnet `{reference.text}` pulls with {Quantity(force, FORCE)}, {times} the weight of the robot "
                 f"({Quantity(float(f'{weight:.3g}'), FORCE)})", reference.origin, path=mode.name,
-                notes=noted(f"mode `{mode.name}` is here", mode.origin),
+                notes=noted(f"mode `{mode.name}` is defined here", mode.origin),
                 help=f"check the unit (`mN`, `N`, `kN`); {allow_hint(Code.MAGNET)}",
             )
 
@@ -118,7 +118,7 @@ def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
         if first is not mode:
             findings.warn(
                 Code.ALIKE, f"mode `{mode.name}` is identical to mode `{first.name}`", mode.origin, path=mode.name,
-                notes=noted(f"mode `{first.name}` is here", first.origin),
+                notes=noted(f"mode `{first.name}` is defined here", first.origin),
                 help=f"add the intended differences (check `extends`), or remove one of the two modes; {allow_hint(Code.ALIKE)}",
             )
 

@@ -53,16 +53,16 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: Lin
         if under is not None and material is not None:
             used.add(material.process_origin)
             for doubt in doubts(under):
-                _warn(doubt, under, (), one.path, noted(f"`{one.component.name}` is made of it", one.origin), findings)
+                _warn(doubt, under, (), one.path, noted(f"`{one.component.name}` is made of this material", one.origin), findings)
         if own is not None:
             for doubt in _doubts(merged(own, under) or own, own.origins):
-                notes = noted(f"`{one.component.name}` is printed with it", one.component.origin)
+                notes = noted(f"`{one.component.name}` is printed with this process", one.component.origin)
                 beside = own.origins[doubt.key][0].line == one.component.origin[0].line
                 _warn(doubt, own, one.origin[len(one.component.origin) :], one.path, () if beside else notes, findings)
     for instance, definition in tree.assemblies:
         for material in definition.materials.values():
             if material.process is not None and material.process_origin not in used:
-                notes = noted(f"no part of `{definition.name}` is made of it", definition.origin)
+                notes = noted(f"no part of `{definition.name}` is made of this material", definition.origin)
                 for doubt in doubts(material.process):
                     _warn(doubt, material.process, instance.origin, instance.within(material.name), notes, findings)
 
@@ -103,5 +103,5 @@ def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
         if key in keys and share is not None and 0.0 < share < LEAST_SHARE:
             yield _Doubt(
                 key=key, words=f"`{key}` is {100.0 * share:.6g} %, less than 1 %",
-                help=f"write `{key}: {10_000.0 * share:.6g} %` if that is meant",
+                help=f"probably `{key}: {10_000.0 * share:.6g} %` was meant",
             )

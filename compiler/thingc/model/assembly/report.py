@@ -63,7 +63,7 @@ class LinkReport:
         """Return whether a diagnostic is new and within the limit. If the limit is exceeded, report this once."""
         if len(self._said) == MAX_FAULTS and key not in self._said:
             self._said.add(key)
-            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; the rest is not shown", None)
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; further errors are not shown", None)
         return key not in self._said and len(self._said) < MAX_FAULTS
 
 

@@ -128,12 +128,12 @@ def _coordinates(
             continue
         if count > 1:
             words = f"joint `{item.name}` is {kind.name} and has {count} coordinates: `{key}` must be a list of {count}"
-            help = "write for example `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` if only some have one"
+            help = "write for example `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` to set only some coordinates"
         else:
             words, help = f"joint `{item.name}` is {kind.name}: `{key}` must not be a list", "write the value without a list"
         scope.error(
             Code.COORDINATES, words, (*path, key), key=True, help=help,
-            notes=scope.beside(f"it is {kind.name} here", (*path, "type"), (*path, key)),
+            notes=scope.beside("the type of the joint is set here", (*path, "type"), (*path, key)),
         )
     if count < 2:
         return (replace(_resolve_joint(table, item, kind, next(iter(twists), None), (parent, child), layers, None), axis=axis),)
@@ -158,7 +158,7 @@ def _ball(
     if spec.offset is not None:
         scope.error(
             Code.JOINT_FIELD, f"joint `{name}` is a ball and cannot have an `offset`", (*path, "offset"), key=True,
-            help="rotate one of its mounts, or use `turn`",
+            help="rotate a mount of the joint, or use `turn`",
         )
     one = _resolve_joint(table, item, kind, None, mounts, layers, None)
     limit, dynamics = _cone(scope, name, layers.sub("limit")), _dynamics(scope, name, ANGLE, layers.sub("dynamics"))
@@ -166,7 +166,7 @@ def _ball(
     if rest is not None and rest[1][0] == "joints":
         scope.error(
             Code.JOINT_FIELD, f"joint `{name}` is a ball: its `dynamics` cannot have a `rest`", rest[1], key=True,
-            help="the spring rests at q = 0: rotate one of its mounts instead",
+            help="rotate a mount of the joint instead: the spring rests at q = 0",
         )
     drives = _drives_of_ball(table, item)
     return tuple(
@@ -240,8 +240,8 @@ def _resolve_joint(
             if key in spec.model_fields_set and getattr(spec, key) is not None:
                 code = Code.DRIVE if key == "drive" else Code.JOINT_FIELD
                 scope.error(code, f"joint `{name}` is {spec.type} and does not move: it cannot have `{key}`", (*path, key), key=True,
-                            help="remove it, or choose another `type`",
-                            notes=scope.beside(f"it is {spec.type} here", (*path, "type"), (*path, key)))
+                            help="remove the key, or choose another `type`",
+                            notes=scope.beside("the type of the joint is set here", (*path, "type"), (*path, key)))
     else:
         limit = _limit(scope, item, kind, twist.coordinate, layers.sub("limit", number))
         dynamics = _dynamics(scope, name, twist.coordinate, layers.sub("dynamics", number))
@@ -264,7 +264,7 @@ def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | 
     if said is not None and isinstance(said[0], DriveSpec) and said[0].axis is not None and said[1][0] == "joints":
         scope.error(
             Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive cannot have an `axis`", (*said[1], "axis"), key=True,
-            help="remove it: the drive acts along the coordinate of the joint",
+            help="remove `axis`: the drive acts along the coordinate of the joint",
         )
 
 
@@ -279,8 +279,8 @@ def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
     if not kind.axial:
         scope.error(
             Code.JOINT_FIELD, f"joint `{name}` is {kind.name} and cannot have an `axis`", place, key=True,
-            help="remove it: the joint uses the axes of the parent mount" if kind.moves else "remove it: the joint does not move",
-            notes=scope.beside(f"it is {kind.name} here", (*path, "type"), place),
+            help="remove `axis`: the joint uses the axes of the parent mount" if kind.moves else "remove `axis`: the joint does not move",
+            notes=scope.beside("the type of the joint is set here", (*path, "type"), place),
         )
         return None
     axis = _direction(scope, spec.axis, place, f"the axis of joint `{name}`", Code.OUT_OF_RANGE)
@@ -299,7 +299,8 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
     if not kind.leads:
         scope.error(
             Code.JOINT_FIELD, f"joint `{name}` is {kind.name} and cannot have a `lead`", (*path, "lead"), key=True,
-            help="remove it, or use `type: screw`", notes=scope.beside(f"it is {kind.name} here", (*path, "type"), (*path, "lead")),
+            help="remove `lead`, or use `type: screw`",
+            notes=scope.beside("the type of the joint is set here", (*path, "type"), (*path, "lead")),
         )
         return None
     lead = scope.number(spec.lead, (*path, "lead"), LENGTH, f"`lead` of joint `{name}`")
@@ -350,7 +351,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
             scope.error(
                 Code.LIMIT, f"joint `{name}` is {kind.name} and cannot have {named}", own[0][1], key=True,
                 help="use `type: revolute` for a joint with limits",
-                notes=scope.beside(f"it is {kind.name} here", (*path, "type"), own[0][1]),
+                notes=scope.beside("the type of the joint is set here", (*path, "type"), own[0][1]),
             )
     else:
         low = scope.number(*lower, coordinate, f"`limit.lower` of joint `{name}`", notes=_type(scope, item, lower)) if lower else None
@@ -455,7 +456,8 @@ def _driving_part(table: DocumentScope, scope: Scope, name: str, text: str, path
         what = f"a {node.bare}" if node.bare is not None else "an assembly"
         scope.error(
             Code.DRIVE, f"joint `{name}` must be driven by a part with an actuator; `{reference.text}` is {what}", path,
-            help=f"use a part inside it, for example `{reference.text}.servo`" if node.spec.assembly is not None else "use a part",
+            help=f"use a part inside the assembly, for example `{reference.text}.servo`" if node.spec.assembly is not None
+            else "use a component with `part:`",
             notes=references.declared(node),
         )
         return None

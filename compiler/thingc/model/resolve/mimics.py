@@ -45,7 +45,7 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
     if coordinate is None:
         scope.error(
             Code.MIMIC, f"joint `{item.name}` is {joint.kind.name} and does not move: it cannot mimic", path, key=True,
-            help="remove `mimic`", notes=scope.beside(f"it is {joint.kind.name} here", (*item.path, "type"), path),
+            help="remove `mimic`", notes=scope.beside("the type of the joint is set here", (*item.path, "type"), path),
         )
         return None
     followed = _followed(table, item, spec, path)
@@ -124,7 +124,7 @@ def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, 
             scope.error(Code.UNKNOWN_JOINT, f"this document has no joint `{name}`", place, help=hint)
         return None
     if name == item.name:
-        scope.error(Code.MIMIC, f"joint `{name}` cannot mimic itself", place, help="set `joint` to the joint that it follows")
+        scope.error(Code.MIMIC, f"joint `{name}` cannot mimic itself", place, help="set `joint` to another joint")
         return None
     other = table.joints[name]
     if other is None:
@@ -151,7 +151,7 @@ def _break_cycles(table: DocumentScope, items: dict[str, Unrolled[JointSpec]]) -
         first = items[circle[0]]
         first.scope.error(
             Code.MIMIC, f"joints mimic each other in a cycle: {circle_words(circle)}", (*first.path, "mimic", "joint"),
-            help="remove `mimic` from one of them", notes=[
+            help="remove `mimic` from one of these joints", notes=[
                 Note(message=f"`{step}` mimics here", span=items[step].scope.span((*items[step].path, "mimic", "joint")))
                 for step in circle[1:MAX_CIRCLE]
             ],

@@ -61,7 +61,7 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
     for index, pattern in enumerate(patterns):
         at = (*path, index)
         if pattern in patterns[:index]:
-            scope.error(Code.CUT, f"`{pattern}` is listed twice in `cut`", at, help="remove one of the two")
+            scope.error(Code.CUT, f"`{pattern}` is listed twice in `cut`", at, help="remove one of the two entries")
             continue
         fitting = [CoordinateName(pattern)] if pattern in joints else [name for name in joints if fnmatchcase(name.joint, pattern)]
         known = [(name.joint, joint) for name in fitting if (joint := joints[name]) is not None]
@@ -162,7 +162,7 @@ def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
         scope.error(
             Code.EXTENDS_CYCLE,
             f"modes extend each other in a cycle: {circle_words(circle)}" if several else f"mode `{circle[0]}` extends itself",
-            ("modes", circle[0], "extends"), help="remove `extends` from one of them" if several else "remove `extends`",
+            ("modes", circle[0], "extends"), help="remove `extends` from one of these modes" if several else "remove `extends`",
             notes=[Note(message=f"`{step}` extends here", span=scope.span(("modes", step, "extends"))) for step in circle[1:MAX_CIRCLE]],
         )
     return circular
@@ -266,8 +266,8 @@ def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
         return pose, False
     if z != 0.0 and other == own:
         scope.error(
-            Code.HEIGHT, f"mode `{name}` is `on: floor` and also at a height of {Quantity(z, LENGTH)}: both determine its height",
-            (*xyz[1], 2), help="set z to `0`, or remove `on`",
+            Code.HEIGHT, f"mode `{name}` is `on: floor` and also at a height of {Quantity(z, LENGTH)}: both set the height of the robot",
+            (*xyz[1], 2), help="set z to `0`, or remove `on: floor`",
         )
     return replace(pose, translation=(x, y, 0.0)), True
 
@@ -279,7 +279,7 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: 
         if hold.pose is not None and on is not None:
             mount = ".".join((*hold.mount.path, *((hold.mount.mount,) if hold.mount.mount else ())))
             scope.error(
-                Code.HEIGHT, f"mode `{name}` is `on: floor` and also holds `{mount}` at a fixed place: both determine its height",
+                Code.HEIGHT, f"mode `{name}` is `on: floor` and also holds `{mount}` at a fixed place: both set the height of the robot",
                 ("modes", name, "hold"), span=hold.origin[0], help=f"write `{mount}: here`, or set a height in `at`",
                 notes=[Note(message="`on: floor` is written here", span=scope.span(on[1]))],
             )

@@ -52,7 +52,8 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
             other = owners.setdefault(name, own)
             if other != own:
                 scope.error(
-                    Code.SAME_NAME, f"`{other}` and `{own}` would both be named `{name}` in files", place, help="rename one of them",
+                    Code.SAME_NAME, f"`{other}` and `{own}` would both be named `{name}` in files", place,
+                    help="rename one of the two elements",
                     notes=scope.beside(f"`{other}` gets this name here", ("names", kind, other), place),
                 )
                 continue

@@ -100,7 +100,8 @@ def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], plac
     message = f"parameters depend on each other in a cycle: {shown}" if several else f"parameter `{chain[0]}` depends on itself"
     report.add(
         Code.PARAMETER_CYCLE, message, document.span(places[turned[0]]), path=f"parameters.{turned[0]}",
-        help="give one of them a value that does not depend on the others" if several else "give it a value that does not depend on itself",
+        help="give one of these parameters a value that does not depend on the others" if several
+        else "give the parameter a value that does not depend on itself",
         notes=[Note(message=f"`{step}` is set here", span=document.span(places[step])) for step in turned[1:MAX_CIRCLE]],
     )
 
@@ -187,7 +188,7 @@ def _complain_kind(
     if isinstance(own, Quantity):
         message, help = dimension_message(value, (own.dimension,), label, None, names)
         if own.dimension == NUMBER and own.value == 0.0 and isinstance(value, Quantity):
-            help = f"its default is 0 without a unit: write `0 {value.dimension.example.partition(' ')[2]}` there"
+            help = f"add a unit to the default 0 of the parameter: `0 {value.dimension.example.partition(' ')[2]}`"
         complain(name, Code.DIMENSION, message, help=help, notes=notes)
     else:
         wanted = "`true` or `false`" if isinstance(own, bool) else "a string"
@@ -258,7 +259,7 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionVa
         key = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
         scope.error(
             Code.VALUE_KIND, f"`{key}` can only bound a number; `{name}` is {kind_of(value)}", (*path, key),
-            help="remove it", key=True, notes=scope.beside(f"`{name}` is set here", (*path, "value"), (*path, key)),
+            help=f"remove `{key}`", key=True, notes=scope.beside(f"`{name}` is set here", (*path, "value"), (*path, key)),
         )
         return
     bounds = _bounds(scope, spec, name)
@@ -331,7 +332,7 @@ def _as_written(
     expressions: dict[str, Expression] = {}
     for name, text in texts.items():
         if (bad := forbidden(text)) is not None:
-            complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {bad[1]}", help="remove it")
+            complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {bad[1]}", help="remove the character")
             continue
         try:
             value = context.quantities.get(name) or _parse_parameter(text, table.values.get(name))

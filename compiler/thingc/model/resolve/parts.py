@@ -112,7 +112,7 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given
         if isinstance(given, Quantity) and literal and written is not None:
             return written.strip()
         message = f"{what} must be a string, found {kind_of(given)} ({scope.shown(given, path)})"
-        scope.error(Code.VALUE_KIND, message, path, help="put quotes around it" if literal else None, notes=_declared_at(schema))
+        scope.error(Code.VALUE_KIND, message, path, help="put quotes around the value" if literal else None, notes=_declared_at(schema))
         return None
     if parameter.kind == "flag":
         if isinstance(given, bool):
@@ -187,7 +187,7 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
     notes: list[Note] = []
     if failure.file is not None and failure.line is not None:
         place = line_of(failure.file, failure.line)
-        notes.append(Note(message="in the part file, here", span=place))
+        notes.append(Note(message="location in the part file", span=place))
     help: Hint | None = None if failure.kind == "missing" else "fix the part file"
     message = f"part `{reference}`: {failure.message}"
     if failure.kind == "raised":
@@ -200,10 +200,10 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
     if failure.kind == "resultless":
         message, help = failure.message, "add `def result(self):` that returns a shape, or None for a part without geometry"
     elif failure.kind in ("stale", "unlocked"):
-        help = "run `thingc lock` on a machine that may run part code, and commit the file that it writes"
+        help = "run `thingc lock` on a machine that may run part code, and commit `parts.lock.json`"
     elif failure.kind == "refused":
         allowed = ", ".join(f"`{package}`" for package in failure.candidates)
-        help = f"use a part from the part folders of the workspace{' or from ' + allowed if allowed else ''}"
+        help = f"use a part from the part folders of the workspace{' or from the allowed packages: ' + allowed if allowed else ''}"
     elif failure.kind == "missing":
         help = missing_hint(context, reference, failure)
     context.report.add(

@@ -113,7 +113,7 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
             continue
         node.unplaced = True
         (first, there), (second, here) = ways[0], ways[1]
-        message, help = f"`{name}` is placed twice: by {first} and by {second}", "remove one of them" + _closes(second)
+        message, help = f"`{name}` is placed twice: by {first} and by {second}", "remove one of the two placements" + _closes(second)
         if name in swapped and (other := swapped[name].parent.path[0]) in free:
             joint = swapped[name]
             message += f"; `parent` and `child` of joint `{joint.name.joint}` may be swapped, because nothing places `{other}`"
@@ -123,7 +123,7 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
         table.scope.report.add(
             Code.PLACED_TWICE, message, here, help=help, path=f"components.{name}", notes=[
                 Note(message=f"placed by {first} here", span=there),
-                *(Note(message=f"and by {how} here", span=span) for how, span in ways[2:]),
+                *(Note(message=f"also placed by {how} here", span=span) for how, span in ways[2:]),
             ],
         )
     if free:
@@ -144,7 +144,7 @@ def _report_no_base(table: DocumentScope, places: Places) -> None:
     joint = next((way for ways in reversed(places.values()) for way, _ in ways if way.startswith("joint")), "")
     table.scope.error(
         Code.NO_BASE, "every component is placed on another component, so the assembly has no base", ("components",), key=True,
-        help=f"remove the placement of one of them, for example that of `{next(iter(table.nodes))}`{_closes(joint)}",
+        help=f"remove the placement of one component, for example of `{next(iter(table.nodes))}`{_closes(joint)}",
         notes=[Note(message=f"`{name}` is placed by {ways[0][0]}", span=ways[0][1]) for name, ways in [*places.items()][:4]],
     )
 
@@ -157,7 +157,7 @@ def _perhaps_swapped(table: DocumentScope, free: list[str]) -> dict[str, Joint]:
 
 def _closes(way: str) -> str:
     """Return a hint for joints that are probably intended to close a loop."""
-    return f"; if {way} closes a loop, add `loop: true` to it" if way.startswith("joint ") else ""
+    return f"; if {way} closes a loop, add `loop: true` to the joint" if way.startswith("joint ") else ""
 
 
 def _report_bases(table: DocumentScope, free: list[str]) -> None:
@@ -167,7 +167,7 @@ def _report_bases(table: DocumentScope, free: list[str]) -> None:
     second = table.nodes[free[1]]
     table.scope.report.add(
         Code.TWO_BASES, message, second.scope.span(second.path, key=True), path=f"components.{free[1]}",
-        help="place the others with `attach`, `at` or as the child of a joint", notes=[
+        help="place every component except the base with `attach`, `at` or as the child of a joint", notes=[
             Note(message=f"`{name}` is not placed either", span=table.nodes[name].scope.span(table.nodes[name].path, key=True))
             for name in [free[0], *free[2:6]]
         ],

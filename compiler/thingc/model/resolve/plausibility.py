@@ -35,8 +35,9 @@ def density_doubt(density: float) -> Implausible | None:
         return None
     light = density < LIGHTEST
     meant = density * _STEP if light else density / _STEP
-    than = f"{'less than foam' if light else 'more than any solid'} ({_format_number(LIGHTEST)} to {_format_number(HEAVIEST)})"
-    words = f"has a density of {_format_number(density)} kg/m^3, {than}"
+    than = f"{'less than foam' if light else 'more than any solid'}"
+    bounds = f"(solids: {_format_number(LIGHTEST)} to {_format_number(HEAVIEST)} kg/m^3)"
+    words = f"has a density of {_format_number(density)} kg/m^3, {than} {bounds}"
     return Implausible(words=words, meant=meant if LIGHTEST <= meant <= HEAVIEST else None)
 
 
@@ -53,7 +54,7 @@ def mass_doubt(mass: float, volume: float) -> Implausible | None:
 
 def density_cure(doubt: Implausible) -> str | None:
     """Return a hint for an implausible density, or None if the intended value is unknown."""
-    return None if doubt.meant is None else f"write `{doubt.meant:.6g} kg/m^3` if that is meant"
+    return None if doubt.meant is None else f"probably `{doubt.meant:.6g} kg/m^3` was meant"
 
 
 def said_by_file(definition: PartDefinition) -> bool:

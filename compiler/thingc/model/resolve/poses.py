@@ -138,7 +138,8 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
         coordinate = joint.twist.coordinate if joint.twist is not None else None
         if coordinate is None:
             scope.error(
-                Code.POSE, f"joint `{name}` is {joint.kind.name} and has no coordinate to set", path, key=True, help="remove it",
+                Code.POSE, f"joint `{name}` is {joint.kind.name} and has no coordinate to set", path, key=True,
+                help="remove the joint from the pose",
                 notes=_joint_notes(name, joint),
             )
             continue
@@ -146,7 +147,7 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
             scope.error(
                 Code.POSE, f"joint `{name}` mimics `{joint.mimic.joint}`: a pose cannot set it", path, key=True,
                 help=f"set `{name.rpartition('.')[0] + '.' if '.' in name else ''}{joint.mimic.joint}`",
-                notes=[Note(message="`mimic` is here", span=joint.mimic.origin[0])],
+                notes=[Note(message="`mimic` is set here", span=joint.mimic.origin[0])],
             )
             continue
         what = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern matches,"

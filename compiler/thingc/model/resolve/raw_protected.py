@@ -27,18 +27,18 @@ PLACE = frozenset({"pos", "quat", "axisangle", "euler", "xyaxes", "zaxis", "from
 
 SECTIONS: Mapping[str, Mapping[str, str]] = {
     "compiler": {
-        "angle": "angles in the model are in radians: write yours in radians, too",
-        "assetdir": "the build decides where meshes are",
+        "angle": "angles in the model are in radians: write angles in radians",
+        "assetdir": "remove the attribute: thingc sets the paths of meshes",
         "fusestatic": "every link is a body: combine two links with a fixed joint or `attach`",
-        "meshdir": "the build decides where meshes are",
-        "strippath": "the build decides where meshes are",
+        "meshdir": "remove the attribute: thingc sets the paths of meshes",
+        "strippath": "remove the attribute: thingc sets the paths of meshes",
     },
 }
 """Attributes that affect names, files and units of the whole model, and their replacements."""
 
 SAID_BY: Mapping[str, str] = {
-    "actuator": "drives are named after their joints: write `drive:` there",
-    "body": "bodies are links: rename them under `links:`",
+    "actuator": "set `drive:` of the joint: drives are named after their joints",
+    "body": "rename links under `links:`: each link is a body",
     "camera": "define the camera under `sensors:`",
     "equality": "set `mimic:` or `loop: true` on the joint",
     "geom": "set `material:`, `visual:` or `collision:` of the component",
@@ -48,7 +48,7 @@ SAID_BY: Mapping[str, str] = {
     "mesh": "meshes come from the parts: set `part:`, `visual:` or `collision:` of the component",
     "numeric": "velocity limits are named after their joints: rename the joint under `joints:`",
     "sensor": "define the sensor under `sensors:`",
-    "site": "sites are mounts: rename them under `mounts:`",
+    "site": "rename mounts under `mounts:`: each mount is a site",
     "tendon": "define the tendon under `tendons:`",
 }
 """Where to specify names and references of elements in a document, keyed by the kind of element."""

@@ -53,7 +53,7 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
         help = "add `repeat: {count: ...}`, or write the number"
     else:
         message, help = f"unknown index `{unknown[0]}` in `{text}`", f"the index of this repeat is `${scope.index[0]}`"
-        notes = scope.beside("the `repeat` is here", (*path[:2], "repeat", "as"), path)
+        notes = scope.beside("the `repeat` is defined here", (*path[:2], "repeat", "as"), path)
     scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
     return None
 
@@ -215,7 +215,7 @@ def suggested(name: str, names: Iterable[str], *, what: str) -> Hint:
     Formats differ in whether a key can be set to `none`. Here the key is left out, so for this name the help says so.
     """
     if name.lower() == "none":
-        return "to have none, remove the key"
+        return "to use none, remove the key"
     return did_you_mean(name, islice(names, MAX_SUGGESTED), what=what)
 
 
@@ -297,7 +297,7 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
         inner_exports = [f"{name}.{ORIGIN}"]
         scope.error(
             Code.UNKNOWN_MOUNT, f"`{name}` is a component of {what}, not a mount", path,
-            help=f"use one of its mounts, for example `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key,
+            help=f"use a mount of the component, for example `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key,
             notes=declared(node.table.nodes[name]),
         )
         return False
@@ -306,7 +306,7 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
     names = [*node.table.exports, ORIGIN, *node.mounts]
     help = suggested(name, names, what="mounts that it exports")
     if nearest(name, names) is None:
-        help = f"{help}, or export it there under `mounts:`"
+        help = f"{help}, or export the mount under `mounts:` of the nested document"
     scope.error(
         Code.UNKNOWN_MOUNT, f"{what} exports no mount `{name}`", path, help=help, key=key,
         notes=[*defined(node.table), *_repeated(scope, path, key)],
@@ -335,7 +335,8 @@ def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, ke
     notes: list[Note] = []
     help: Hint
     if name in table.nodes:
-        message, help = f"`{name}` is a component, but a mount is required here", f"use one of its mounts, for example `{name}.{ORIGIN}`"
+        message = f"`{name}` is a component, but a mount is required here"
+        help = f"use a mount of the component, for example `{name}.{ORIGIN}`"
         notes = declared(table.nodes[name])
     elif name in table.exports:
         notes = [Note(message=f"`{name}` is exported here", span=table.scope.span(("mounts", name), key=True))]

@@ -63,8 +63,8 @@ def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: 
                 items.append(item)
             else:
                 scope.error(
-                    Code.NAME_CLASH, f"two {section} are named `{item.name}`", path, key=True, help="rename one of them",
-                    notes=[Note(message="the other one", span=scope.span(first.path, key=True))],
+                    Code.NAME_CLASH, f"two {section} are named `{item.name}`", path, key=True, help="rename one of the two elements",
+                    notes=[Note(message="the other element is defined here", span=scope.span(first.path, key=True))],
                 )
     return items, unbuilt
 
@@ -112,12 +112,14 @@ def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserve
         if first[1] == path or (first[1], path) in said:
             continue
         said.add((first[1], path))
-        note = [Note(message="the other one", span=scope.span(first[1], key=True))]
+        note = [Note(message="the other element is defined here", span=scope.span(first[1], key=True))]
         if first[0] == name:
             scope.error(
-                Code.NAME_CLASH, f"`{name}` names both {first[2]} and {what}", path, key=True, help="rename one of them", notes=note,
+                Code.NAME_CLASH, f"`{name}` names both {first[2]} and {what}", path, key=True, notes=note,
+                help="rename one of the two elements",
             )
         else:
             scope.error(
-                Code.NAME_CLASH, f"`{name}` and `{first[0]}` differ only in case", path, key=True, help="rename one of them", notes=note,
+                Code.NAME_CLASH, f"`{name}` and `{first[0]}` differ only in case", path, key=True, notes=note,
+                help="rename one of the two elements",
             )

@@ -76,7 +76,7 @@ def resolve(
     try:
         table = resolved(context, root.relative, spec, given, chosen, top=True)
     except TooManyErrors:
-        report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; the rest is not shown", None)
+        report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; further errors are not shown", None)
         return None
     if context.overfull:
         return None

@@ -86,7 +86,7 @@ class _Reader:
         if named is not None and named[1].table is not None:
             self.scope.error(
                 Code.REFERENCE, f"`{text}` is an assembly: the touch sensor `{self.name}` must be on one link", place,
-                help="use one of its components, for example `hand.finger`",
+                help="use a component of the assembly, for example `hand.finger`",
             )
             named = None
         self.sound &= named is not None
@@ -155,7 +155,7 @@ class _Reader:
 
     def _undriven(self, what: str, name: str, place: Path, *, key: bool) -> None:
         self.scope.error(
-            Code.JOINT_FIELD, f"{what} `{name}` has no drive to measure", place, key=key, help=f"give it a `drive`, or measure the {what}",
+            Code.JOINT_FIELD, f"{what} `{name}` has no drive to measure", place, key=key, help=f"add a `drive`, or measure the {what}",
         )
 
     def _joint(self) -> Joint | None:

@@ -83,7 +83,7 @@ def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, val
 def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
     """Parse the string for a path. All resulting nodes have the same location."""
     if (bad := forbidden(text)) is not None:
-        return PathNotFound(f"`{path}`: {bad[1]}", "remove it")
+        return PathNotFound(f"`{path}`: {bad[1]}", "remove the character")
     if is_flow(text):
         tree = read_flow(text, place)
         return PathNotFound(f"`{path}` cannot be read: {tree.message}", tree.help) if isinstance(tree, Diagnostic) else tree

@@ -67,13 +67,13 @@ def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bo
     kinds = ["pulley" if step.mount is None else "shape" if step.shape is not None else "mount" for step in steps]
     for number, (kind, before, after) in enumerate(zip(kinds, ["pulley", *kinds], [*kinds[1:], "pulley"], strict=False)):
         if kind == "shape" and not before == after == "mount":
-            fault = f"tendon `{name}` wraps around something that is not between two mounts"
-            help = "add a mount before it and one after it"
+            fault = f"tendon `{name}` wraps around a shape that is not between two mounts"
+            help = "add a mount before the shape and a mount after the shape"
         elif kind == "mount" and before == after == "pulley":
             fault = f"tendon `{name}` has only one mount here"
             help = "a path, and each of its segments between pulleys, needs at least two mounts"
         elif kind == "pulley" and (number == 0 or after == "pulley"):
-            fault, help = f"a pulley of tendon `{name}` has no path before or after it", "remove it"
+            fault, help = f"a pulley of tendon `{name}` has no path before or after it", "remove the pulley"
         else:
             continue
         scope.error(Code.TENDON_PATH, fault, (*path, number), help=help)
@@ -150,7 +150,7 @@ def _tendon(
             if getattr(spec.drive, key) is not None:
                 scope.error(
                     Code.DRIVE, f"the drive of tendon `{name}` cannot have `{key}`", (*path, "drive", key), key=True,
-                    help="set it under `dynamics`" if key == "armature" else "remove it",
+                    help="set it under `dynamics`" if key == "armature" else f"remove `{key}`",
                 )
         drive = Drive(
             component=None, kind=spec.drive.kind, kp=number("drive", "kp"), kv=number("drive", "kv"), effort=number("drive", "effort"),

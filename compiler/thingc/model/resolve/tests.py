@@ -227,7 +227,7 @@ class Reader:
                 if joint.mimic is not None:
                     why = f"mimics `{joint.mimic.joint}`"
                 self.error(Code.TEST, f"joint `{name}` {why}: it cannot be moved through a range", chosen[name][1], on_key=True,
-                           help=f"move `{joint.mimic.joint}`" if joint.mimic is not None else "remove it")
+                           help=f"move `{joint.mimic.joint}`" if joint.mimic is not None else "remove the joint from `joints`")
             else:
                 yield self._range(name, joint, *chosen[name])
 

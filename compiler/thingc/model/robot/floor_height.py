@@ -52,7 +52,7 @@ def _stood(assembly: Assembly, mode: LinkedMode, mesh_vertices: MeshVertices | N
     if start is None:
         if all(one.record is None or one.record.exact for one in assembly.occurrences):
             report.add(
-                Code.NOTHING_TOUCHES, f"mode `{mode.name}` is `on: floor`, but no part of `{assembly.name}` can touch it",
+                Code.NOTHING_TOUCHES, f"mode `{mode.name}` is `on: floor`, but no part of `{assembly.name}` can touch the floor",
                 mode.origin, path=mode.name, help="set `collision` of a part to a value other than `none`, or write `at: {xyz: ...}`",
             )
         return mode

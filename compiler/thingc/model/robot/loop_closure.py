@@ -56,8 +56,9 @@ def closures_of(
         link = assembly.link_of[choice.occurrence]
         if body_of[link] == 0 and stays(mode.base):
             report.add(
-                Code.HOLD, f"mode `{mode.name}` holds `{choice.path}`, which is on its root `{assembly.links[link].name}`: "
-                "it does not move anyway", hold.origin, path=choice.path, help="hold a mount of another link, or remove it",
+                Code.HOLD, f"mode `{mode.name}` holds `{choice.path}`, which does not move: "
+                f"it is on the root `{assembly.links[link].name}`", hold.origin, path=choice.path,
+                help="hold a mount of another link, or remove the hold",
                 notes=[Note(message=f"`{assembly.links[link].name}` begins here", span=assembly.links[link].origin[0])],
             )
             sound = False
@@ -83,16 +84,16 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Repo
         help: Hint
         if fixed is not None:
             why = f"whose loop is already cut at the fixed joint `{fixed.loop}`"
-            help = "remove it: a loop that a fixed joint closes is cut at that joint"
-            notes = [Note(message=f"`{fixed.loop}` is here", span=fixed.origin[0])]
+            help = "remove the joint from `cut`: a loop that a fixed joint closes is cut at the fixed joint"
+            notes = [Note(message=f"`{fixed.loop}` is defined here", span=fixed.origin[0])]
         elif closed:
             other = next(cut for cut in mode.cut if cut.joint == closed[0].name)
-            why, help = f"whose loop is already cut at `{other.joint}`", "remove one of the two: a loop is cut once"
+            why, help = f"whose loop is already cut at `{other.joint}`", "remove one of the two joints from `cut`: each loop is cut once"
             notes = [Note(message=f"`{other.joint}` is cut here", span=other.origin[0])]
         else:
             on_loops = [name for name, number in joints.items() if number not in taken or closing(assembly, taken, number)]
-            why = "which is on no loop"
-            help = did_you_mean(one.joint, on_loops, what="joints on loops") if on_loops else "remove it: there are no loops here"
+            why = "which is not in a loop"
+            help = did_you_mean(one.joint, on_loops, what="joints in loops") if on_loops else "remove `cut`: the mode has no loops"
         report.add(Code.CUT, f"mode `{mode.name}` cuts joint `{one.joint}`, {why}", one.origin, path=one.joint, help=help, notes=notes)
     return not wrong
 

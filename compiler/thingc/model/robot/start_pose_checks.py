@@ -10,6 +10,7 @@ from functools import partial
 from thingc.base.diagnostics import Code, Note, Report, allow_hint, shown_path
 from thingc.base.memo import Memo
 from thingc.base.numeric import hypot, maximum, minimum, radians, sum_of
+from thingc.base.one_line_repr import counted
 from thingc.base.pose import Pose, Vector
 from thingc.base.units import LENGTH, Quantity
 from thingc.model.assembly.kinematics import joints_of
@@ -73,13 +74,13 @@ def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, b
     shown = Quantity(float(f"{depth:.3g}"), LENGTH)
     raised = Quantity(float(f"{height + math.ceil(1e4 * depth) / 1e4:.6g}"), LENGTH)
     stands = any(one.collides for one in robot.assembly.occurrences)
-    help = f"write for example `at: {{xyz: 0 0 {raised}}}`{', or put it on the floor: `at: {on: floor}`' if stands else ''}"
+    help = f"write for example `at: {{xyz: 0 0 {raised}}}`{', or put the robot on the floor: `at: {on: floor}`' if stands else ''}"
     if height == 0.0 and mode.origin and stands:
         typed = shlex.join(["thingc", "set", shown_path(mode.origin[0].file), f"modes.{mode.name}.at.on=floor"])
-        help = f"run `{typed}` to put it on the floor, or write for example `at: {{xyz: 0 0 {raised}}}`"
+        help = f"run `{typed}` to put the robot on the floor, or write for example `at: {{xyz: 0 0 {raised}}}`"
     if height < 0.0:
-        help = f"`at` is at z = {Quantity(height, LENGTH)}, probably a sign error"
-    notes = [Note(message=f"`{part.path}` is here", span=part.origin[0])] if part.origin else []
+        help = f"check the sign of the height in `at`: it is {Quantity(height, LENGTH)}"
+    notes = [Note(message=f"`{part.path}` is defined here", span=part.origin[0])] if part.origin else []
     if others:
         notes.append(Note(message=f"also in mode{'' if len(others) == 1 else 's'} " + ", ".join(f"`{name}`" for name in others)))
     report.warn(
@@ -98,7 +99,7 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
             alike.setdefault(lowest, []).append(robot)
     for (number, depth), modes in alike.items():
         mode, part = modes[0].mode, modes[0].assembly.occurrences[number]
-        notes = [Note(message=f"`{part.path}` is here", span=part.origin[0])] if part.origin else []
+        notes = [Note(message=f"`{part.path}` is defined here", span=part.origin[0])] if part.origin else []
         others = ", ".join(f"`{robot.mode.name}`" for robot in modes[1:])
         feet = ", ".join(f"`{foot.mount.path}`" for foot in mode.feet[:3]) + (" and others" if len(mode.feet) > 3 else "")
         report.warn(
@@ -148,7 +149,7 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
             Code.START_LIMITS,
             f"mode `{mode.name}` starts without a pose, which puts `{first.path}` at 0, outside its limits {' to '.join(ends)}",
             mode.origin, path=mode.name, notes=[
-                *([Note(message=f"`{first.path}` is here", span=first.origin[0])] if first.origin else []),
+                *([Note(message=f"`{first.path}` is defined here", span=first.origin[0])] if first.origin else []),
                 *(Note(message=f"also `{joint.path}`") for joint in more[:3]),
                 *([Note(message=f"also in {others}")] if others else []),
             ], help=f"add a `pose` to the mode that sets `{first.path.replace('/', '.')}`; {allow_hint(Code.START_LIMITS)}",
@@ -169,11 +170,11 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
         path, *more = sorted(moved, key=lambda one: -abs(moved[one]))
         old, new = (joints[path].twist.shown(value) for value in (pose.values[path], pose.values[path] + moved[path]))
         lost = ", too far for a keyframe" if isinstance(frames[pose.name], Unclosed) else ""
-        others = f" ({len(more)} more of its values change)" if more else ""
+        others = f" ({counted(len(more), 'other value')} of the pose must also change)" if more else ""
         report.warn(
-            Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but its loops close at {new}{lost}{others}",
+            Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but the loops of the robot close only at {new}{lost}{others}",
             pose.origins[path], path=pose.name,
-            help=f"write `{path.replace('/', '.')}: {new}`, or leave out joints that may move; {allow_hint(Code.POSE_MOVED)}",
+            help=f"write `{path.replace('/', '.')}: {new}`, or remove values that may change; {allow_hint(Code.POSE_MOVED)}",
         )
 
 

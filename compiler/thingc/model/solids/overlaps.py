@@ -123,8 +123,8 @@ def reason_to_skip(one: Occurrence, other: Occurrence) -> str:
 def contact_places(assembly: Assembly, one: Occurrence, other: Occurrence) -> list[Note]:
     """Return the places in documents, in addition to the place of `other`, where `allow` can suppress the overlap of two parts."""
     links = {assembly.link_of[one.index], assembly.link_of[other.index]}
-    return [*(Note(message=f"`{one.path}` is here", span=span) for span in one.origin[:1]), *(
-        Note(message=f"joint `{mate.name or mate.loop}` connects them", span=mate.origin[0]) for mate in assembly.mates
+    return [*(Note(message=f"`{one.path}` is defined here", span=span) for span in one.origin[:1]), *(
+        Note(message=f"joint `{mate.name or mate.loop}` connects the two parts", span=mate.origin[0]) for mate in assembly.mates
         if (mate.joints or mate.loop) and {assembly.link_of[mate.parent], assembly.link_of[mate.child]} == links and mate.origin
     )]
 
@@ -133,7 +133,7 @@ def _warn(assembly: Assembly, pair: PartPair, shared: float, report: Report) -> 
     smaller, larger = sorted((pair.one, pair.other), key=_volume)
     share = float(f"{minimum(100.0 * shared / _volume(smaller), 100.0):.2g}")
     twice = pair.one.definition == pair.other.definition
-    help = "remove one of them" if twice and share >= 50.0 else "move one of them, or cut a clearance into the other"
+    help = "remove one of the two parts" if twice and share >= 50.0 else "move one of the two parts, or cut a clearance into the other part"
     return report.warn(
         Code.OVERLAP, f"`{pair.other.path}` and `{pair.one.path}` overlap: {share:g} % of `{smaller.path}` is "
         f"inside `{larger.path}` ({_cubic(shared)})" + (f", which is also a `{larger.definition.label}`" if twice else ""),

@@ -40,27 +40,29 @@ ROUND = (16, 16)
 JointForm = Literal["nodes", "node"]
 """How a joint is written: a node for each coordinate, or a single node for all coordinates."""
 
-_OPENS = Omitted(": rotating joints opens it")
+_OPENS = Omitted(": rotating the nodes of joints opens the loop")
 _NODE: Supported[JointForm] = Supported("nodes")
 _CHAIN: Supported[JointForm] = Supported("nodes", "a node for each coordinate")
 
 CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "joints": {
         "single": _NODE, "several": _CHAIN, "universal": _CHAIN, "ball": Supported("node"),
-        "screw": Lossy("nodes", "omitted", ": its node must also be shifted when it is rotated"),
+        "screw": Lossy("nodes", "omitted", ": the node of the joint must be rotated and shifted together"),
     },
     "of_joints": {
         "cone": BESIDE, "velocity": BESIDE, "damping": BESIDE, "friction": BESIDE, "armature": BESIDE, "stiffness": BESIDE,
-        "mimic": Omitted(": its node does not follow when that joint is rotated"), "polynomial": BESIDE, "tendon": BESIDE,
+        "mimic": Omitted(": the node of the joint does not follow the other joint"), "polynomial": BESIDE, "tendon": BESIDE,
     },
     "drives": {"position": BESIDE, "velocity": BESIDE, "motor": BESIDE, "universal": BESIDE, "ball": BESIDE},
     "loops": {
-        "hold": Omitted(": rotating joints moves it"), "weld": _OPENS, "ball": _OPENS, "hinge": _OPENS, "slide": _OPENS,
+        "hold": Omitted(": rotating the nodes of joints moves the held mount"),
+        "weld": _OPENS, "ball": _OPENS, "hinge": _OPENS, "slide": _OPENS,
         "screw": _OPENS, "universal": _OPENS, "several": _OPENS,
     },
     "bases": {"held": BESIDE, "free": BESIDE, "start": SAYS, "planar": BESIDE, "ball": BESIDE},
     "modes": {
-        "gravity": BESIDE, "poses": Supported(None, "where the mode starts"), "exclude": BESIDE, "timestep": BESIDE, "simulation": BESIDE,
+        "gravity": BESIDE, "poses": Supported(None, "only the start pose of the mode"),
+        "exclude": BESIDE, "timestep": BESIDE, "simulation": BESIDE,
     },
     "links": {
         "frames": BESIDE, "colours": SAYS, "friction": BESIDE, "rolling": BESIDE, "adhesion": BESIDE, "weightless": BESIDE,

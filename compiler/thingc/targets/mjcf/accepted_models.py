@@ -200,9 +200,9 @@ class _Limits:
         choice = occurrence.overrides.collision
         if has_inside(piece):
             return True
-        self.flat(occurrence, (f"its enclosing {choice} has no volume" if isinstance(piece, Primitive) else "its collision mesh is flat"))
+        self.flat(occurrence, (f"the enclosing {choice} has no volume" if isinstance(piece, Primitive) else "the collision mesh is flat"))
         return False
 
     def flat(self, occurrence: Occurrence, why: str) -> None:
-        what = f"its contacts: {why}, but MuJoCo needs a solid"
+        what = f"the contacts: {why}, but MuJoCo needs a solid"
         self.losses.append(Loss.of(occurrence.origin, "mjcf", None, occurrence.path, what, "omitted"))

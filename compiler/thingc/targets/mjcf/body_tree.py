@@ -45,7 +45,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
     """Yield the losses specific to this mode, for example from cut or reversed joints and from sensors."""
     for joint in _joints(robot):
         if joint.reversed and joint.kind.at_once and joint.dynamics.friction and joint.path.endswith("_0"):
-            what = "its dry friction: MuJoCo limits torques about the axes of the child in the tree, which is the parent in the document"
+            what = "the dry friction: MuJoCo limits torques about the axes of the child in the tree, which is the parent in the document"
             path = robot.assembly.mates[joint.mate].name or joint.path
             yield Loss.of(joint.origin, "mjcf", robot.mode.name, path, what, "approximated")
     yield from merged_joints.losses(robot)

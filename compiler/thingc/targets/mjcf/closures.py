@@ -180,13 +180,13 @@ def losses(robot: Robot) -> Iterator[Loss]:
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
         if frame.moved:
-            what = f"its values: the loops close with {_moved(frame.moved, turns)}"
+            what = f"the values: the loops close with {_moved(frame.moved, turns)}"
             yield Loss.of(frame.origin, "mjcf", mode, frame.name, what, "approximated")
     for one in robot.unclosed:
         if one.moved:
-            what = f"its keyframe: the loops close only with {_moved(one.moved, turns)}"
+            what = f"the keyframe: the loops close only with {_moved(one.moved, turns)}"
         else:
-            what = f"its keyframe: `{one.path}` does not close (at best {residual_words(one.residual)} apart)"
+            what = f"the keyframe: `{one.path}` does not close (at best {residual_words(one.residual)} apart)"
         yield Loss.of(one.origin, "mjcf", mode, one.name, what, "omitted")
     for closure in robot.closures:
         if not closure.joints or equality(closure) is None:
@@ -194,15 +194,15 @@ def losses(robot: Robot) -> Iterator[Loss]:
         joint = closure.joints[0]
         lost = [
             word for word, there in (
-                ("its limits", joint.limit.bounded),
-                ("its effort and velocity limits", joint.limit.effort is not None or joint.limit.velocity is not None),
-                ("its dynamics", joint.dynamics.acts),
-                ("its drive", any(one.path in robot.present for one in closure.joints)),
-                ("its mimic", joint.mimic is not None),
+                ("the limits", joint.limit.bounded),
+                ("the effort and velocity limits", joint.limit.effort is not None or joint.limit.velocity is not None),
+                ("the dynamics", joint.dynamics.acts),
+                ("the drive", any(one.path in robot.present for one in closure.joints)),
+                ("the mimic", joint.mimic is not None),
             ) if there
         ]
         if lost:
-            yield Loss.of(closure.origin, "mjcf", mode, closure.path, f"{', '.join(lost)}: a loop is cut here", "omitted")
+            yield Loss.of(closure.origin, "mjcf", mode, closure.path, f"{', '.join(lost)}: the loop is cut at this joint", "omitted")
 
 
 def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:

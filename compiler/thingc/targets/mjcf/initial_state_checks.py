@@ -285,7 +285,7 @@ def _written_at(joint: TreeJoint) -> Origin:
 def _say_inside(start: InitialState, others: Sequence[str], report: Report) -> None:
     robot, first = start.robot, start.inside[0]
     origins = {part.path: part.origin for part in robot.assembly.occurrences}
-    notes = [Note(message=f"`{path}` is here", span=origins[path][0]) for path in (first.one, first.other) if origins.get(path)]
+    notes = [Note(message=f"`{path}` is defined here", span=origins[path][0]) for path in (first.one, first.other) if origins.get(path)]
     notes += [
         Note(message=f"also `{one.one}` in `{one.other}`, {Quantity(float(f'{one.depth:.3g}'), LENGTH)} deep")
         for one in start.inside[1 : SHOWN + 1]
@@ -312,7 +312,7 @@ def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[st
     what, cure, needed = _of_kv(gains, joint) if gains.too_quick and gains.calmest > 0.0 else _of_stiffness(gains, joint)
     where = _written_at(joint)
     apart = joint.origin[:1] if where and joint.origin and joint.origin[0].line != where[0].line else ()
-    notes = [Note(message=f"joint `{name}` is here", span=span) for span in apart]
+    notes = [Note(message=f"joint `{name}` is defined here", span=span) for span in apart]
     if others:
         notes.append(Note(message=f"{quoted(others, SHOWN)} have the same drive"))
     report.warn(

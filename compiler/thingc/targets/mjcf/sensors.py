@@ -136,7 +136,7 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
         return "no link carries the root of a free base"
     bodies = {body.link for body in merged_joints.model_bodies(robot).values()}
     if not bodies.issuperset(sensor.touching):
-        return "its link does not exist in MuJoCo: it only connects two joints of a body"
+        return "the link of the sensor does not exist in MuJoCo, because it only connects two joints of a body"
     movable = {joint.path for body in robot.bodies for joint in body.joints}
     if sensor.joint is not None and sensor.joint not in movable:
         return f"a loop is cut at joint `{sensor.joint}`"
@@ -160,10 +160,10 @@ def losses(robot: Robot) -> Iterator[Loss]:
         what = f"this sensor: {missing}" if missing else ""
         how: How = "omitted"
         if not missing and sensor.kind in ("imu", "accelerometer") and stays(robot.base) and body_of(robot, sensor) == 0:
-            what, how = "gravity in its accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"
+            what, how = "gravity in the accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"
         elif not missing and sensor.kind == "force":
             place = elsewhere(robot, sensor)
             if place is not None:
-                what, how = f"the force at its mount: it measures the force {place}", "approximated"
+                what, how = f"the force at the mount: the sensor measures the force {place}", "approximated"
         if what:
             yield Loss.of(sensor.origin, "mjcf", robot.mode.name, sensor.path, what, how)

@@ -100,5 +100,5 @@ def losses(robot: Robot) -> Iterator[Loss]:
     for one in robot.assembly.tendons:
         if one not in there:
             between = "MuJoCo has no frame between two joints of a body for it"
-            what = f"this tendon: {between if one.steps else 'a loop is cut at one of its joints'}"
+            what = f"this tendon: {between if one.steps else 'a loop is cut at a joint of the tendon'}"
             yield Loss.of(one.origin, "mjcf", robot.mode.name, one.path, what, "omitted")

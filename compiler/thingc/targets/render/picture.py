@@ -62,7 +62,7 @@ def ready() -> None:
                 pass
     except Exception as fault:  # the loaders of OpenGL raise ImportError, AttributeError, RuntimeError or their own
         absent = isinstance(fault, (AttributeError, ImportError, OSError))  # PyOpenGL: None in place of the library
-        words = "its library is missing" if absent else " ".join(str(fault).split()).partition(",")[0] or type(fault).__name__
+        words = "the library is missing" if absent else " ".join(str(fault).split()).partition(",")[0] or type(fault).__name__
         raise NoGraphics(f"cannot render with MUJOCO_GL={backend}: {words}", _hint(backend)) from fault
 
 

@@ -16,7 +16,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     **URDF,
     "drives": {"position": _CONTROL, "velocity": _CONTROL, "motor": _CONTROL, "universal": _CONTROL, "ball": BALL_DRIVE},
     "modes": {
-        **URDF["modes"], "gravity": Omitted(": URDF has none"), "poses": Supported(None, "group states of the SRDF"),
+        **URDF["modes"], "gravity": Omitted(": not supported by URDF"), "poses": Supported(None, "group states of the SRDF"),
         "exclude": Supported(None, "disabled collisions of the SRDF"),
     },
 }

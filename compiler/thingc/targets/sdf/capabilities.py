@@ -18,11 +18,11 @@ SensorForm = Literal["imu", "force_torque", "camera", "magnetometer", "gpu_lidar
 """The type of a sensor in SDF."""
 
 _EACH: Supported[JointForm] = Supported("each")
-_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": its coordinates are separate joints, with links of 1e-9 kg between")
-_LOOP: Supported[LoopForm] = Supported("joint", "a joint, in models whose zero is a pose that closes it")
+_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": a joint for each coordinate, with links of 1e-9 kg between these joints")
+_LOOP: Supported[LoopForm] = Supported("joint", "a joint; in the zero pose of the model, the loop is closed")
 _PLUGIN = ", which only Gazebo reads"
-_LIGHT = Lossy(None, "approximated", ": the link has 1e-9 kg")
-_SMALL = Lossy(None, "approximated", ": its moments of inertia are 1e-12 kg m^2")
+_LIGHT = Lossy(None, "approximated", ": the link has a mass of 1e-9 kg in the file")
+_SMALL = Lossy(None, "approximated", ": the moments of inertia are 1e-12 kg m^2 in the file")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "joints": {
@@ -31,7 +31,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": SAYS,
         "mimic": Supported(None, "from SDFormat 1.11 on"),
-        "polynomial": Lossy(None, "approximated", ": linear, as near q = 0 of that joint"), "tendon": OMITTED,
+        "polynomial": Lossy(None, "approximated", ": linearized at q = 0 of the followed joint"), "tendon": OMITTED,
     },
     "drives": {
         "position": Lossy("position controller", "carried as custom data", _PLUGIN),
@@ -43,12 +43,12 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "screw": _LOOP, "universal": _LOOP, "several": _LOOP,
     },
     "bases": {
-        "held": Lossy(None, "approximated", ": fixed in the file"), "free": SAYS, "start": SAYS,
+        "held": Lossy(None, "approximated", ": the base is fixed in the file"), "free": SAYS, "start": SAYS,
         "planar": Lossy(None, _CHAIN.how, _CHAIN.words), "ball": SAYS,
     },
     "modes": {
         "gravity": Lossy(None, "carried as custom data", ", which is only in the world file"),
-        "poses": Omitted(": SDF has none"), "exclude": OMITTED, "timestep": Supported(None, "in the world"), "simulation": OMITTED,
+        "poses": Omitted(": not supported by SDF"), "exclude": OMITTED, "timestep": Supported(None, "in the world"), "simulation": OMITTED,
     },
     "links": {
         "frames": Supported(None, "`<frame>`"), "colours": SAYS, "friction": SAYS, "rolling": OMITTED, "adhesion": OMITTED,

@@ -54,24 +54,24 @@ def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
         yield from _of_joint(connection, len(chain(connection, zero.q)))
     yield from _of_sensors(robot)
     if zero.pose is not None:
-        what = f"the zero of its joints: in the file it is the pose `{zero.pose}`, in which loops and holds are closed"
+        what = f"the zero pose: in the file, all joints are at 0 in the pose `{zero.pose}`, in which loops and holds are closed"
         yield _loss(mode.name, mode.name, what, "approximated", mode.origin)
     for closure in robot.closures if not zero.closed else ():
-        what = "the hold in place" if closure.hold else "the loop through it"
-        yield _loss(mode.name, closure.path, f"{what}: no pose of the mode closes it", "omitted", closure.origin)
+        what = "the hold in place" if closure.hold else "the loop through this joint"
+        yield _loss(mode.name, closure.path, f"{what}: the mode has no pose in which it is closed", "omitted", closure.origin)
 
 
 def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
     """Yield the losses of a document's joint that is written as `number` joints. Joints of bases and holds have no losses."""
     if number > 1 and connection.joints:
-        yield _loss(None, connection.path, "the excluded contact of the links that it connects", "omitted", connection.origin)
+        yield _loss(None, connection.path, "the excluded contact between the links of this joint", "omitted", connection.origin)
     for joint in (joint for joint in connection.joints[:1] if joint.kind.at_once):
         of = joint.dynamics
         for name, value, unit in (
             ("damping", of.damping, "N m s/rad"), ("friction", of.friction, "N m"), ("stiffness", of.stiffness, "N m/rad"),
         ):
             if value:
-                what = f"its {name} of {value:.6g} {unit}: SDF has none for balls"
+                what = f"the {name} of {value:.6g} {unit}: not supported by SDF for ball joints"
                 yield _loss(None, connection.path, what, "omitted", joint.origin)
 
 
@@ -81,14 +81,14 @@ def _of_sensors(robot: Robot) -> Iterator[Loss]:
         if sensor.kind == "force" and on_free_root(robot, sensor):
             yield _loss(mode, sensor.path, "this sensor: no link carries the root of a free base", "omitted", sensor.origin)
         elif sensor.kind == "force" and (place := elsewhere(robot, sensor)) is not None:
-            what = f"the force at its mount: it measures the force {place}"
+            what = f"the force at the mount: the sensor measures the force {place}"
             yield _loss(mode, sensor.path, what, "approximated", sensor.origin)
         elif sensor.kind == "contact":
             links = [robot.assembly.links[link] for link in sensor.touching]
             if not any(robot.assembly.occurrences[member].touching for member in links[0].members):
-                yield _loss(None, sensor.path, "this sensor: its link has no collision shapes", "omitted", sensor.origin)
+                yield _loss(None, sensor.path, "this sensor: the link of the sensor has no collision shapes", "omitted", sensor.origin)
             elif len(links) > 1:
-                what = f"its limitation to contacts with `{links[1].name}`"
+                what = f"the limitation to contacts with `{links[1].name}`"
                 yield _loss(None, sensor.path, what, "omitted", sensor.origin)
 
 

@@ -126,7 +126,7 @@ class _Builder:
             name = f"{name}_{kind}"
         self.taken[name] = f"{kind} `{path}`"
         if name != own and made is None:
-            what = f"its name: `{name}` is used, because {self.taken[own]} is `{own}`"
+            what = f"the name: `{name}` is used, because {self.taken[own]} is `{own}`"
             self.losses.append(Loss.of(origin, "sdf", None, path, what, "approximated"))
         return name
 

@@ -14,22 +14,23 @@ DriveForm = Literal["transmission"]
 ShapeForm = Literal["itself", "cylinder and balls"]
 
 _EACH: Supported[JointForm] = Supported("each")
-_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": its coordinates are separate joints, with links of 1e-9 kg between")
-_BALL: Lossy[JointForm] = Lossy("each", "approximated", ": three hinges in series, whose angles are not its coordinates")
+_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": a joint for each coordinate, with links of 1e-9 kg between these joints")
+_BALL: Lossy[JointForm] = Lossy("each", "approximated", ": three hinges in series, whose angles differ from the coordinates of the ball")
 _LOOP = Omitted(", which stays open: URDF only supports trees")
 _GAINS: Lossy[DriveForm] = Lossy("transmission", "approximated", ": a transmission without gains")
-_NONE = Omitted(": URDF has none")
+_NONE = Omitted(": not supported by URDF")
 _ITSELF: Supported[ShapeForm] = Supported("itself")
-BALL_DRIVE = Omitted(": no joint in the file has its axis")
+BALL_DRIVE = Omitted(": no joint in the file has this axis")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     "joints": {
         "single": _EACH, "several": _CHAIN, "universal": _CHAIN,
-        "screw": Lossy("threaded", "approximated", ": a slide mimics the rotation; programs without mimics leave it free"), "ball": _BALL,
+        "screw": Lossy("threaded", "approximated", ": a slide mimics the rotation; without mimics, the slide moves freely"),
+        "ball": _BALL,
     },
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": OMITTED, "mimic": SAYS,
-        "polynomial": Lossy(None, "approximated", ": linear, as near q = 0 of that joint"), "tendon": OMITTED,
+        "polynomial": Lossy(None, "approximated", ": linearized at q = 0 of the followed joint"), "tendon": OMITTED,
     },
     "drives": {
         "position": _GAINS, "velocity": _GAINS, "motor": Supported("transmission", "`<transmission>`"), "universal": _GAINS,
@@ -40,7 +41,8 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
         "universal": _LOOP, "several": _LOOP,
     },
     "bases": {
-        "held": Lossy(None, "approximated", ": fixed in the file"), "free": Supported(None, "no link `world`, `<static>` false"),
+        "held": Lossy(None, "approximated", ": the base is fixed in the file"),
+        "free": Supported(None, "no link `world`, `<static>` false"),
         "start": Omitted(": the program that loads the file places a free base"), "planar": Lossy(None, _CHAIN.how, _CHAIN.words),
         "ball": Lossy(None, _BALL.how, _BALL.words),
     },
@@ -50,12 +52,12 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     },
     "links": {
         "frames": Supported(None, "massless links"), "colours": SAYS, "friction": OMITTED, "rolling": OMITTED, "adhesion": OMITTED,
-        "weightless": Lossy(None, "approximated", ": a moving link has 1e-9 kg"), "weightless_base": SAYS,
-        "point": SAYS, "line": Lossy(None, "approximated", ": 0 here, as for a point"),
+        "weightless": Lossy(None, "approximated", ": a moving link has a mass of 1e-9 kg in the file"), "weightless_base": SAYS,
+        "point": SAYS, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point"),
     },
     "shapes": {
         "box": _ITSELF, "cylinder": _ITSELF, "capsule": Supported("cylinder and balls", "a cylinder between two balls"), "sphere": _ITSELF,
-        "ellipsoid": Omitted(": URDF has none"), "plane": Omitted(": URDF has none"), "hull": _ITSELF, "mesh": _ITSELF,
+        "ellipsoid": Omitted(": not supported by URDF"), "plane": Omitted(": not supported by URDF"), "hull": _ITSELF, "mesh": _ITSELF,
     },
     "sensors": all_sensors(_NONE),
     "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},

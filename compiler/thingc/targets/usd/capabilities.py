@@ -19,11 +19,11 @@ ShapeForm = Literal["Cube", "Cylinder", "Capsule", "Sphere", "Plane", "Mesh"]
 _SINGLE: Supported[JointForm] = Supported("single")
 _GENERIC: Supported[JointForm] = Supported("generic", "a generic joint (D6)")
 _EXCLUDED: Supported[LoopForm] = Supported("joint", "a joint that is excluded from the articulation")
-_CUSTOM = Lossy(None, "carried as custom data", ", which Newton reads, and PhysX except for balls; not for generic joints")
-_LIGHT = Lossy(None, "approximated", ": the link has 1e-9 kg")
-_SMALL = Lossy(None, "approximated", ": its moments of inertia are 1e-12 kg m^2")
+_CUSTOM = Lossy(None, "carried as custom data", ", which Newton reads, and PhysX reads except for balls; not written for generic joints")
+_LIGHT = Lossy(None, "approximated", ": the link has a mass of 1e-9 kg in the file")
+_SMALL = Lossy(None, "approximated", ": the moments of inertia are 1e-12 kg m^2 in the file")
 _DRIVE: Supported[DriveForm] = Supported("drive")
-_NONE = Omitted(": UsdPhysics has none")
+_NONE = Omitted(": not supported by UsdPhysics")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
     "joints": {
@@ -32,12 +32,12 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
         "screw": Lossy("generic", "approximated", ": rotation and translation are independent"),
     },
     "of_joints": {
-        "cone": Lossy(None, "approximated", ": it limits the tilt of an axis, not the rotation about it"),
+        "cone": Lossy(None, "approximated", ": the file limits the tilt of an axis, but not the rotation about this axis"),
         "velocity": _CUSTOM, "damping": _CUSTOM, "friction": _CUSTOM, "armature": _CUSTOM, "stiffness": OMITTED,
         "mimic": Lossy(
             None, "carried as custom data", ", which Newton reads, and PhysX for hinges with limits; if both are hinges or both are slides",
         ),
-        "polynomial": Lossy(None, "approximated", ": linear, as near q = 0 of that joint"), "tendon": OMITTED,
+        "polynomial": Lossy(None, "approximated", ": linearized at q = 0 of the followed joint"), "tendon": OMITTED,
     },
     "drives": {"position": _DRIVE, "velocity": _DRIVE, "motor": _DRIVE, "universal": _DRIVE, "ball": OMITTED},
     "loops": {
@@ -46,7 +46,8 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
         "universal": _EXCLUDED, "several": _EXCLUDED,
     },
     "bases": {
-        "held": Lossy(None, "approximated", ": fixed in the file"), "free": SAYS, "start": SAYS, "planar": Supported(None, _GENERIC.how),
+        "held": Lossy(None, "approximated", ": the base is fixed in the file"),
+        "free": SAYS, "start": SAYS, "planar": Supported(None, _GENERIC.how),
         "ball": SAYS,
     },
     "modes": {"gravity": SAYS, "poses": _NONE, "exclude": Supported(None, "filtered pairs"), "timestep": OMITTED, "simulation": OMITTED},
@@ -58,7 +59,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
     "shapes": {
         "box": Supported("Cube"), "cylinder": Supported("Cylinder"), "capsule": Supported("Capsule"), "sphere": Supported("Sphere"),
         "ellipsoid": Supported("Sphere", "a scaled sphere"), "plane": Supported("Plane"), "hull": Supported("Mesh"),
-        "mesh": Lossy("Mesh", "approximated", ": its convex hull is used"),
+        "mesh": Lossy("Mesh", "approximated", ": the convex hull of the mesh is used"),
     },
     "sensors": all_sensors(_NONE),
     "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},

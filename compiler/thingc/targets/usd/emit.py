@@ -47,11 +47,12 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"]):
         if (number := len(chain(connection))) > 1:
-            what = f"its motion: {number} separate joints, with a link of 1e-9 kg between"
+            what = f"the motion: {number} separate joints, with a link of 1e-9 kg between the joints"
             yield _loss(mode.name, connection.path, what, "approximated", connection.origin)
         for joint in connection.joints:
             if joint.limit.effort is not None and joint.actuator is None:
-                what = f"its effort limit of {joint.limit.effort:.6g} {'N m' if joint.twist.turns else 'N'}: only drives have one"
+                unit = "N m" if joint.twist.turns else "N"
+                what = f"the effort limit of {joint.limit.effort:.6g} {unit}: only drives have an effort limit"
                 yield _loss(None, joint.path, what, "omitted", joint.origin)
             yield from _of_floats(joint)
     for body in robot.bodies:
@@ -63,14 +64,14 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
             yield from _infinite(link.name, what, value, unit, link.origin)
     for follower in followers(robot).values():
         if not follower.said:
-            what = f"its mimic of `{follower.leader}`: only a hinge can mimic a hinge, and a slide a slide"
+            what = f"the mimic of `{follower.leader}`: only a hinge can mimic a hinge, and a slide a slide"
             yield _loss(None, follower.path, what, "omitted", follower.origin)
     if not _closed(robot):
-        what = "its start pose: the file has q = 0, where loops and holds are open"
+        what = "the start pose: the file has q = 0, where loops and holds are open"
         yield _loss(mode.name, mode.name, what, "approximated", mode.origin)
     for one in robot.assembly.occurrences:
         if one.material is not None and one.material.torsion is not None:
-            what = "its torsional friction, which only Newton reads"
+            what = "the torsional friction, which only Newton reads"
             yield _loss(None, one.material.name, what, "carried as custom data", one.material.origin)
 
 
@@ -90,7 +91,7 @@ def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
 def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, degrees: bool = False) -> Iterator[Loss]:
     """Yield a loss if a number is too large for a float. Angles are converted to degrees."""
     if value > (numeric.radians(FLOAT_MAX) if degrees else FLOAT_MAX):
-        words = f"its {what} of {value:.6g} {unit}: infinite in the file, which supports numbers up to {FLOAT_MAX:.2g}"
+        words = f"the {what} of {value:.6g} {unit}: infinite in the file, which supports numbers up to {FLOAT_MAX:.2g}"
         yield _loss(None, path, words, "approximated", origin)
 
 

@@ -85,7 +85,7 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
     strange = NO_CHARACTER.search("".join(one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)))
     if strange is not None:
-        return f"a string in USD cannot contain the character `{escape_control(strange[0])}`", "remove it", last
+        return f"a string in USD cannot contain the character `{escape_control(strange[0])}`", "remove the character", last
     if key == SCHEMAS:
         schemas = value if isinstance(value, list) else [value]
         if not all(isinstance(one, str) and re.fullmatch(_NAME, one, re.ASCII) for one in schemas):

@@ -99,21 +99,21 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
         if getattr(arguments, option) is not None and what not in owners:
             written = "--name" if option == "component" else "--" + option.replace("_", "-")
             meant = " or ".join(map(_article, owners))
-            raise console.WrongCommandLine(f"{written} applies to {meant}, not to {_article(what)}", "remove it")
+            raise console.WrongCommandLine(f"{written} applies to {meant}, not to {_article(what)}", "remove the option")
     if arguments.to is None:
         if what not in ("part", "assembly"):
             help = f"write for example `thingc add {what} {arguments.name} --to robot.yaml`"
             raise console.WrongCommandLine(f"{_article(what)} requires a document", help)
         for option in ("on", "at", "by"):
             if getattr(arguments, option) is not None:
-                raise console.WrongCommandLine(f"--{option} requires --to", "write --to as well")
+                raise console.WrongCommandLine(f"--{option} requires --to", "add --to with the document")
         return _write(arguments, options, None, STUBS[what](arguments, None))
     if arguments.on is not None and arguments.at is not None:
         raise console.WrongCommandLine(
-            "--on cannot be combined with --at", "remove one of them: --on attaches a mount, --at places a frame",
+            "--on cannot be combined with --at", "use only one of the two options: --on attaches a mount, --at places a frame",
         )
     if arguments.by is not None and arguments.on is None:
-        raise console.WrongCommandLine("--by requires --on", "write --on as well")
+        raise console.WrongCommandLine("--by requires --on", "add --on with the mount")
     console.require_document(arguments.to)
     memo = Memo()
     documents = opened(arguments.to, options, memo)

@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
         exclusive = ("--adopt", "--dry-run", "--page-only", "--unpack", "--resume")
         said = [option for option in exclusive if getattr(arguments, option[2:].replace("-", "_"))]
         if len(said) > 1:
-            raise console.WrongCommandLine(f"{said[0]} cannot be combined with {said[1]}", "omit one of them")
+            raise console.WrongCommandLine(f"{said[0]} cannot be combined with {said[1]}", "use only one of the two options")
         timeout = None if arguments.timeout is None else console.time_of("--timeout", arguments.timeout)
         targets = _targets(arguments.emit)
         if arguments.adopt is not None:

@@ -151,7 +151,7 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
                 f"to set a value by its path, write --set '{name}={value}'" if by_path else "write for example -p 'reach=120 mm'",
             )
         if name in values:
-            raise WrongCommandLine(f"-p sets `{name}` twice", "keep one of them")
+            raise WrongCommandLine(f"-p sets `{name}` twice", "keep only one of the two values")
         values[name] = value
     return values
 
@@ -167,7 +167,7 @@ def paths(words: Sequence[str], form: str, example: str, twice: str, name: Calla
         if not equals or not path or not text:
             raise WrongCommandLine(f"expected {form}, found `{word}`", f"write for example {example}")
         if name(path) in map(name, texts):
-            raise WrongCommandLine(twice.format(path), "keep one of them")
+            raise WrongCommandLine(twice.format(path), "keep only one of the two values")
         texts[path] = text
     return texts
 

@@ -123,7 +123,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         of = f" of `thingc {command}`" if command is not None else ""
         known = {name.lstrip("-"): name for action in (own or parser)._actions for name in action.option_strings}
         if command is not None and word in known.values() and words.index(unknown[0]) < words.index(command):
-            raise WrongUsage(f"`{word}` is an option of `thingc {command}`, not of `thingc`", f"write it after `{command}`")
+            raise WrongUsage(f"`{word}` is an option of `thingc {command}`, not of `thingc`", f"write the option after `{command}`")
         close = nearest(word.lstrip("-"), known) if what == "option" else None
         help = f"did you mean `{known[close]}`?" if close else f"run `{(own or parser).prog} --help` for usage"
         raise WrongUsage(f"there is no {what} `{word}`{of}" if what == "option" else f"unexpected argument `{word}`", help)

@@ -35,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `touched`. Return the exit code, which is 0, or 2 if git cannot determine the changes."""
     if arguments.null and arguments.format == "json":
-        raise console.WrongCommandLine("-0 cannot be combined with --format json", "omit one of them")
+        raise console.WrongCommandLine("-0 cannot be combined with --format json", "use only one of the two options")
     paths = documents(arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store)
     shown = [shown_path(path) for path in paths]
     if arguments.format == "json":

@@ -61,7 +61,7 @@ def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
         return _asked([_revision("HEAD"), sides[0]], ())
     if len(sides) == 1:
         if sides[0].kind != "revision":
-            raise UnknownComparison(f"`{words[0]}` is only one state: expected two states", "give two, the old one first")
+            raise UnknownComparison(f"`{words[0]}` is only one state: expected two states", "write two states, the old state first")
         sides.append(Side(kind="checkout", name=CHECKOUT))
     return _asked(sides, documents)
 

@@ -214,7 +214,7 @@ def warn_of_mirror_pairs(robot: SourceRobot, report: Report) -> None:
             if what is not None:
                 report.warn(
                     Code.SOURCE_DOUBT, f"`{link.name}` and `{other.name}` have different {what}", other.weight.where,
-                    notes=[Note(message=f"`{link.name}` is here", span=link.weight.where)],
+                    notes=[Note(message=f"`{link.name}` is defined here", span=link.weight.where)],
                     help="if they are mirror images, correct one of them",
                 )
 

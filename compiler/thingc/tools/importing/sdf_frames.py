@@ -57,7 +57,7 @@ class Frames:
                 continue
             key = key_of(name, scope)
             if key in self.named or not key or key == WORLD:
-                notes = [Note(message="the first is here", span=self.named[key].element.place("name"))] if key in self.named else []
+                notes = [Note(message="the first element is here", span=self.named[key].element.place("name"))] if key in self.named else []
                 what = f"two elements of this model are named `{name}`" if notes else f"`{name}` is a reserved name of SDF"
                 self.values.report.add(Code.SOURCE_TREE, what, child.place("name"), notes=notes, help="rename it")
                 continue

@@ -53,7 +53,7 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: 
         names = quoted([link.name for link in roots], 6)
         report.add(
             Code.SOURCE_TREE, f"the robot has {len(roots)} roots (links without a parent): {names}", roots[1].where,
-            notes=[Note(message="the first is here", span=roots[0].where)], help="connect them by a joint, or split the file",
+            notes=[Note(message="the first root is here", span=roots[0].where)], help="connect the roots by a joint, or split the file",
         )
     return roots[0].name if len(report.diagnostics) == before else None
 
@@ -111,7 +111,7 @@ def look_at_mimics(hangings: Sequence[Attachment], moving: Set[str], report: Rep
     for circle in find_cycles(follows, lambda name: follows[name].joint if name in follows else None):
         if len(circle) > 1:
             message = f"joints mimic each other in a cycle: {circle_words(circle)}"
-            report.add(Code.SOURCE_VALUE, message, follows[circle[0]].where, help="remove `mimic` from one of them")
+            report.add(Code.SOURCE_VALUE, message, follows[circle[0]].where, help="remove `mimic` from one of these joints")
     for joint in (joint for one in hangings for joint in one.joints):
         if joint.follows is None or joint.name != joint.follows.joint and joint.follows.joint in moving:
             continue
@@ -126,8 +126,8 @@ def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, N
     first: dict[str, Named] = {}
     for one in things:
         if first.setdefault(one.name, one) is not one:
-            notes = [Note(message="the first is here", span=first[one.name].where)]
-            report.add(Code.SOURCE_TREE, f"two {kind} are named `{one.name}`", one.where, notes=notes, help="rename one of the two")
+            notes = [Note(message="the first element is here", span=first[one.name].where)]
+            report.add(Code.SOURCE_TREE, f"two {kind} are named `{one.name}`", one.where, notes=notes, help="rename one element")
     return first
 
 
@@ -155,5 +155,5 @@ def _circles(named: dict[str, SourceLink], above: dict[str, Attachment], report:
         circle = upwards[::-1]
         report.add(
             Code.SOURCE_TREE, f"links form a cycle: {circle_words(circle)}", above[circle[0]].where,
-            help="make one of them the root, or attach it to a link outside the cycle",
+            help="make one of these links the root, or attach one of them to a link outside the cycle",
         )

@@ -106,7 +106,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
         if ours == earlier.text:  # the comments in the new document may have changed, too
             one = replace(one, text=new)
     except MergeConflict as fault:
-        report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write it in plain form, and import again")
+        report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write the value in plain form")
         return None
     _say_conflicts(one, read_text(path, one.text, Report()) or texts[2], report)
     written = _changed_meshes(earlier, {name: data for name, data in files.items() if name not in (document, RECORD)}, report)
@@ -145,7 +145,7 @@ def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
     for conflict in one.conflicts:
         report.add(
             Code.SOURCE_CONFLICT, f"`{dotted(conflict.path)}` is {conflict.ours} here, but now {conflict.new} in the source: your value "
-            "remains", span_at(after.tree, conflict.path), help="both have changed since the last import: set the correct value",
+            "remains", span_at(after.tree, conflict.path), help="set the correct value: both values have changed since the last import",
         )
 
 

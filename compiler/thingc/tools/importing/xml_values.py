@@ -132,7 +132,7 @@ class Values:
         if "quat_xyzw" not in origin.attributes or quaternion is None:
             return placed(xyz, rpy), rpy
         if "rpy" in origin.attributes:
-            self.fault(origin, "quat_xyzw", "this `<origin>` has both `rpy` and `quat_xyzw`", "remove one of the two")
+            self.fault(origin, "quat_xyzw", "this `<origin>` has both `rpy` and `quat_xyzw`", "remove `rpy` or `quat_xyzw`")
         return Pose(translation=xyz, rotation=self.rotation(origin, "quat_xyzw", quaternion)), None
 
     def rotation(self, element: SourceElement, attribute: str, quaternion: Sequence[float]) -> Matrix:
@@ -148,7 +148,7 @@ class Values:
         """Return the only child element with this tag, or None. Report an error if a second child element has this tag."""
         first, *others = [*element.all(tag), None]
         if first is not None and len(others) > 1 and others[0] is not None:
-            self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "remove one of the two")
+            self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "remove one of the two elements")
         return first
 
     def shape(self, element: SourceElement, form: SourceElement, file: str, pose: Pose, losses: Losses) -> SourceShape | None:

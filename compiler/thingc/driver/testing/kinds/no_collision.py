@@ -79,9 +79,9 @@ def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> N
     for number, allowance in enumerate(check.allow):
         if number not in needed:
             report.warn(
-                Code.TEST_ALLOWANCE, f"test `{linked.test.name}` allows {allowance.text} to collide, but they never do",
+                Code.TEST_ALLOWANCE, f"test `{linked.test.name}` allows {allowance.text} to collide, but they never collide",
                 allowance.origin, path=f"tests.{linked.test.name}", help="remove the pair from `allow`",
-                notes=[Note(message=f"the reason given is: {allowance.reason}")],
+                notes=[Note(message=f"reason for the allowance: {allowance.reason}")],
             )
 
 
@@ -105,7 +105,7 @@ def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], c
     if len(worst) > LISTED + 1:
         notes.append(Note(message=f"and {counted(len(worst) - LISTED - 1, 'more pair')}"))
     notes += [
-        Note(message=f"the surface of `{path}` is not closed: its convex hull is used instead")
+        Note(message=f"the surface of `{path}` is not closed: the convex hull of the mesh is used instead")
         for path in collisions.hulls if path in (assembly.occurrences[first.one].path, assembly.occurrences[first.other].path)
     ]
     names = ", ".join(assembly.occurrences[index].path.replace("/", ".") for index in (first.one, first.other))

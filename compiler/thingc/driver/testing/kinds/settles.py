@@ -49,18 +49,18 @@ def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
         said = f"not at rest after {check.within:g} s"
         failure = Failure(
             code=SettleCode.TEST_SETTLES, key="within",
-            message=f"after {Quantity(check.within, TIME)} it still moves by {shown(drift, LENGTH)} in "
+            message=f"after {Quantity(check.within, TIME)} the robot still moves by {shown(drift, LENGTH)} in "
             f"{Quantity(check.hold, TIME)}, but at most {Quantity(check.drift, LENGTH)} is allowed",
         )
     elif check.moved is not None and moved > check.moved:
         failure = Failure(
             code=SettleCode.TEST_SETTLES, key="moved",
-            message=f"it comes to rest {far} from the pose, but at most {Quantity(check.moved, LENGTH)} is allowed",
+            message=f"the robot comes to rest {far} from the pose, but at most {Quantity(check.moved, LENGTH)} is allowed",
         )
     elif deepest > check.penetration:
         failure = Failure(
             code=SettleCode.TEST_SETTLES, key="penetration",
-            message=f"its contacts are {deep} deep at rest, but at most {Quantity(check.penetration, LENGTH)} is allowed",
+            message=f"the contacts of the robot are {deep} deep at rest, but at most {Quantity(check.penetration, LENGTH)} is allowed",
             help="start on the floor (`at: {on: floor}` of the mode) and without overlaps; if contacts are meant to be this soft, "
             "increase `penetration`",
         )

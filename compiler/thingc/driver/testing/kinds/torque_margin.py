@@ -65,7 +65,8 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
         ]
         failure = Failure(
             code=TorqueCode.TEST_TORQUE, key="min", notes=tuple(notes),
-            message=f"drive `{least}` needs {text} of its {limit}: a margin of {margins[least]:.3g}, below {check.minimum:g}",
+            message=f"drive `{least}` needs {text} of at most {limit}: its margin is {margins[least]:.3g}, "
+            f"but at least {check.minimum:g} is required",
         )
     return Outcome(measured=measured, expected=expected, said=said, failure=failure)
 
@@ -84,7 +85,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
             listed = ", ".join(f"`{path}` by {shown(height, LENGTH)}" for path, height in high.items())
             failure = Failure(
                 code=TorqueCode.TEST_FOOT, key="pose", message=f"in this pose, feet of the mode are above the other feet: {listed}",
-                help="lower them in the pose, or remove them from `standing_on`",
+                help="lower these feet in the pose, or remove them from `standing_on`",
             )
             return "stands on feet in the air", failure
     if held.fall is not None:
@@ -95,7 +96,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
         }[held.fall.how]
         failure = Failure(
             code=TorqueCode.TEST_FALLS, key="pose", message=f"in this pose the robot {said}: {why}",
-            help="move its feet or heavy parts, or add feet to `standing_on`",
+            help="move the feet or heavy parts of the robot, or add feet to `standing_on`",
         )
         return said, failure
     if held.unheld > SLACK:

@@ -15,14 +15,14 @@ from thingc.targets.mjcf.compat.consumer import Consumer, nothing_refused
 from thingc.targets.xml_writer import Element
 
 SECTIONS = {
-    ("equality", "joint"): "its mimic", ("equality", "weld"): "its closing constraint", ("equality", "connect"): "its closing constraint",
-    ("actuator", "adhesion"): "its adhesion", ("keyframe", "key"): "its keyframe",
+    ("equality", "joint"): "the mimic", ("equality", "weld"): "the closing constraint", ("equality", "connect"): "the closing constraint",
+    ("actuator", "adhesion"): "the adhesion", ("keyframe", "key"): "the keyframe",
 }
 """Elements that Drake ignores, by section and tag."""
 
 ATTRIBUTES = {
-    ("joint", "frictionloss"): "its dry friction", ("joint", "actuatorfrcrange"): "its effort limit",
-    ("body", "mocap"): "its motion at run time",
+    ("joint", "frictionloss"): "the dry friction", ("joint", "actuatorfrcrange"): "the effort limit",
+    ("body", "mocap"): "the motion at run time",
 }
 """Attributes that Drake ignores, by tag and attribute."""
 
@@ -47,7 +47,7 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
         if section.tag == "sensor":
             for path in dict.fromkeys(_path(one) for one in section.children):
                 origin = next(one.origin for one in section.children if _path(one) == path)
-                yield Loss.of(origin, "mjcf", None, path, "its sensor: not supported by Drake", "omitted")
+                yield Loss.of(origin, "mjcf", None, path, "the sensor: not supported by Drake", "omitted")
         for one in section.children:
             what = SECTIONS.get((section.tag, one.tag))
             if what is not None:

@@ -126,7 +126,7 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
     option = root.find("option")
     if option is not None and option.get("integrator") == "implicit":
         option.attributes["integrator"] = "implicitfast"
-        what = "its integrator `implicit`, which MJX lacks: `implicitfast` is used"
+        what = "the integrator `implicit`, which MJX lacks: `implicitfast` is used"
         yield Loss.of(robot.mode.origin, "mjcf", robot.mode.name, robot.mode.name, what, "approximated")
 
 
@@ -155,7 +155,7 @@ def _prisms(root: Element) -> Iterator[Loss]:
             ("mesh" if name == "size" else name): {"type": "mesh", "size": mesh}.get(name, value)
             for name, value in element.attributes.items()
         }
-        what = f"its cylinder, which MJX cannot collide with boxes and meshes: a prism of {SIDES} sides is used"
+        what = f"the cylinder, which MJX cannot collide with boxes and meshes: a prism of {SIDES} sides is used"
         yield Loss.of(element.origin, "mjcf", None, path, what, "approximated")
     if sizes:
         section = root.find("asset")
@@ -216,7 +216,7 @@ def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
             del key.attributes["ctrl"]
     for magnet in robot.assembly.adhesions:
         origin = robot.assembly.occurrences[magnet.occurrence].origin
-        yield Loss.of(origin, "mjcf", None, magnet.path, "its adhesion, which MJX lacks", "omitted")
+        yield Loss.of(origin, "mjcf", None, magnet.path, "the adhesion, which MJX lacks", "omitted")
 
 
 MJX = Consumer(name="mjx", label="MJX", version="mujoco-mjx 3.17.0", suit=_suit, refuses=_refuses)

@@ -167,7 +167,8 @@ class Flattening:
             return None
         if path in self.included or path == self.root.where.file:
             notes = [Note(message="first included here", span=self.included[path])] if path in self.included else []
-            self.report.add(Code.SOURCE_FILE, f"`{name}` is included a second time", where, notes=notes, help="remove this one")
+            self.report.add(Code.SOURCE_FILE, f"`{name}` is included a second time", where, notes=notes,
+                            help="remove one of the two `<include>` elements")
             return None
         self.included[path] = where
         return read_xml(path, data, self.report)
