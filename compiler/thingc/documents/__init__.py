@@ -1,1 +1,1 @@
-"""Documents: their text, schemas, names and tests."""
+"""The text, schemas, names and tests of documents."""

@@ -42,7 +42,7 @@ CONSUMERS = ("mjx", "warp", "drake", "pymjcf")
 
 
 class Tessellation(FrozenStruct):
-    """Tolerances for meshing curved surfaces.
+    """Tolerances for approximating curved surfaces by triangles.
 
     The mesh is at most `linear` [m] off the surface, and the angle between neighbouring facets is at most `angular` [rad].
     """
@@ -51,7 +51,7 @@ class Tessellation(FrozenStruct):
     angular: float
 
     def coarser(self, other: Tessellation) -> Tessellation:
-        """Return a tessellation with the larger value of each tolerance."""
+        """Return the tolerances with the larger value of each of two tessellations."""
         return Tessellation(linear=max(self.linear, other.linear), angular=max(self.angular, other.angular))
 
 
@@ -254,7 +254,7 @@ def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | 
 
 
 class _Settings(FrozenStruct):
-    """Settings of a workspace file, with relative paths and SI values."""
+    """The settings of a workspace file, with relative paths and values in SI units."""
 
     parts: tuple[str, ...] | None
     packages: tuple[str, ...]
@@ -270,7 +270,7 @@ class _Settings(FrozenStruct):
 
     @staticmethod
     def plain(table: dict[str, Any]) -> _Settings | None:
-        """Return the settings of a table. If a setting is unusual, return None or raise ValueError or TypeError."""
+        """Return the settings in a TOML table. For unusual settings, return None or raise ValueError or TypeError."""
         known = {"thingc", "parts", "packages", "build", "part_timeout", "part_memory", "mesh", "emit", "mesh_uri", "about", "compat"}
         mesh, about = table.get("mesh", {}), table.get("about", {})
         if table["thingc"] != "workspace/1" or not known.issuperset(table.keys() - {"$schema"}):
@@ -398,7 +398,7 @@ def _explained(path: str, data: bytes, root: str, prefix: Path, inputs: dict[str
 
 
 def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
-    """Return the settings of a validated model. Expressions and values that are not above 0 are reported as errors."""
+    """Convert a validated model to settings. Expressions, and values that are not above 0, are reported as errors."""
 
     def value(said: Any, path: Path, default: float) -> float:
         if said is None:

@@ -1,1 +1,1 @@
-"""The driver runs the passes in order. This package also contains the Python API of `import thingc`."""
+"""Run the compiler passes in order. This package also contains the Python API of `import thingc`."""

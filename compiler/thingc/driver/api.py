@@ -1,4 +1,4 @@
-"""Python API: `thingc.compile("assemblies/arm.yaml").modes["bench"].mjcf()`."""
+"""The Python API of the compiler, such as `thingc.compile("assemblies/arm.yaml").modes["bench"].mjcf()`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from thingc.targets.html.emit import Page, page_of
 
 
 class CompileError(Exception):
-    """The document has errors. `diagnostics` contains all diagnostics. `str()` formats the diagnostics as on the command line."""
+    """Raised if a document has errors. `diagnostics` contains all diagnostics. `str()` formats the diagnostics as on the command line."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__("\n" + as_text(diagnostics))
@@ -130,7 +130,7 @@ def compile(
     strict: bool = False,
     printed: Printed | None = None,
 ) -> Compiled:
-    """Compile an assembly document. Writes only to the store.
+    """Compile an assembly document, without writing any files except to the store.
 
     Args:
         parameters: Values of parameters as strings (`{"reach": "120 mm"}`), as numbers in SI units, or as booleans, as for `family`.

@@ -1,4 +1,4 @@
-"""A single build: compile a document and, if there are no errors, write its build folder.
+"""Build a document: compile the document and, if there are no errors, write its build folder.
 
 `thingc build` and `thingc watch` use this module.
 """
@@ -65,7 +65,7 @@ def build(environment: Environment, wish: BuildRequest) -> BuildResult:
 
 
 def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest) -> BuildResult:
-    """Add the files of a compilation without errors to the result. Emitters may report errors."""
+    """Add the files of all targets to the result of a compilation without errors. The emitters may report further errors."""
     compilation, workspace = built.compilation, environment.workspace
     assert workspace is not None and compilation.assembly is not None
     place = os.path.abspath(wish.output or os.path.join(workspace.root, workspace.build)), compilation.assembly.name
@@ -111,7 +111,7 @@ def _model_again(environment: Environment, compilation: Compilation) -> int:
 
 
 def _deny(losses: Sequence[Loss], document: Origin, report: Report) -> None:
-    """Report export losses that no `allow` suppresses, neither at the place of the loss nor at the top of the document."""
+    """Report each export loss that is not suppressed by an `allow` at its place in the document or at the top of the document."""
     for loss in losses:
         if not report.allows(Code.LOSS_DENIED, (*loss.origin, *document)):
             mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""

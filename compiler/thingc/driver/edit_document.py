@@ -22,7 +22,7 @@ from thingc.driver.environment import Environment, Options
 
 
 class EditResult(FrozenStruct):
-    """The result of writing values.
+    """The result of writing values to a document.
 
     `found` are all diagnostics. `text` is the new text of the document `root` (None if it was not computed). `done` lists the written
     values, each as path, previous value (None if the key did not exist) and new value.
@@ -82,7 +82,7 @@ def document_change(root: Document, text: str) -> tuple[bytes, bytes]:
 
 
 def opened(document: str, options: Options, memo: Memo) -> Documents | None:
-    """Load a document and all referenced documents. Return None if a document cannot be read or is invalid."""
+    """Load a document and all referenced documents. Return None if one of them cannot be read or is invalid."""
     with Environment(document, options, memo=memo) as environment:
         if environment.workspace is None:
             return None
@@ -106,7 +106,7 @@ def checked(
 
 
 def keys_of(root: Document, path: str) -> Keys:
-    """Return the key path in the document for a parameter or a path."""
+    """Return the keys of a value in the document, given the name of a parameter or a dotted path."""
     if "." in path:
         return tuple(path.split("."))
     full = isinstance(node_at(root.tree, ("parameters", path)), MappingNode)
@@ -114,7 +114,7 @@ def keys_of(root: Document, path: str) -> Keys:
 
 
 def _parse_value(text: str) -> Written:
-    """Parse a value as in a document. Return the string itself if it is not a valid value."""
+    """Parse a string as a value in a document. Return the string itself if it is not a valid value."""
     tree = read_flow(text, line_of("")) if is_flow(text) else None
     return text if tree is None or isinstance(tree, Diagnostic) else _texts(tree)
 

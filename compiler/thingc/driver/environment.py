@@ -1,4 +1,4 @@
-"""The environment of a compilation: workspace, store, source of parts, and report."""
+"""The environment of a compilation: the workspace, the store, the source of parts, and the report for diagnostics."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Environment:
 
     @cached_property
     def store(self) -> Store:
-        """The content-addressed store."""
+        """The content-addressed store of parts and meshes."""
         return store_of(self.options)
 
     @cached_property
@@ -143,7 +143,7 @@ class Environment:
 
 
 def attempted(document: str, options: Options, work: Callable[[Environment], Answer]) -> Answer:
-    """Call `work` with an environment.
+    """Call `work` with a new environment, and try again if the store is damaged.
 
     If the store is damaged, call `work` a second time with a new environment, which restores the blob.
     """

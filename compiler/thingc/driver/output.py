@@ -44,7 +44,8 @@ class Blobs(Protocol):
 
 
 class OutputError(Exception):
-    """A build folder cannot be written. `message` is the reason, `hint` is the help text. The command line exits with code 2."""
+    """Raised if a build folder cannot be written. `message` is the reason, and `hint` is the help text. The command line exits with code 2.
+    """
 
     code = Code.OUTPUT
 
@@ -54,12 +55,14 @@ class OutputError(Exception):
         self.hint = hint
 
     def diagnose(self, report: Report) -> None:
-        """Add the error to `report`. The diagnostic has no place in a document."""
+        """Add the error to `report` as a diagnostic without a location."""
         report.add(self.code, self.message, None, help=self.hint)
 
 
 class UnexpectedFilesError(OutputError):
-    """The folder contains files that a build must not delete. `names` are relative to `folder` and sorted."""
+    """Raised if a build folder contains files that a build must not delete. `names` are the sorted paths of these files, relative to
+    `folder`.
+    """
 
     code = Code.UNEXPECTED
 
@@ -75,7 +78,7 @@ NOTHING = hashlib.sha256(b"").hexdigest()
 
 
 class UnexpectedFiles(FrozenStruct, kw_only=False):
-    """Files in a folder that a build must not delete, by relative path, sorted.
+    """The files in a build folder that a build must not delete, as sorted relative paths.
 
     `others` are files that no build wrote. `changed` are files that a build wrote and that have since been edited or replaced by a link.
     `owner` is the document whose build the folder contains, or None.
@@ -87,7 +90,7 @@ class UnexpectedFiles(FrozenStruct, kw_only=False):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All paths in sorted order."""
+        """The paths of all these files, sorted."""
         return tuple(sorted((*self.others, *self.changed)))
 
 
@@ -226,7 +229,7 @@ def listed(folder: str) -> frozenset[str]:
 
 
 def unswept(folder: str) -> bool:
-    """Return whether a killed build left files behind or a build is in progress.
+    """Return whether a killed build left temporary files behind, or a build is in progress.
 
     The next build deletes such files, or waits for the other build.
     """
@@ -277,7 +280,7 @@ def _beside(folder: str, what: str) -> str:
 
 @contextlib.contextmanager
 def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
-    """Hold the lock of `folder`.
+    """Lock a build folder while the context is active.
 
     The lock file is deleted on release. Therefore, after a wait, the function checks whether the path still refers to the same file.
     """
@@ -316,7 +319,7 @@ def same_file(descriptor: int, path: str) -> bool:
 
 
 def _mend(folder: str) -> None:
-    """Complete or undo the changes that a killed run made."""
+    """Complete or undo the changes of a run that was killed."""
     old = _beside(folder, "old")
     if os.path.lexists(old):
         if os.path.lexists(folder):

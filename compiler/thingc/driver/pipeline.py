@@ -1,4 +1,4 @@
-"""The driver, which runs the passes in order.
+"""Run the compiler passes in order.
 
     documents -> specs -> definition -> part records -> assembly -> robots (one per mode) -> artifacts
       load     validate   resolve        realize        link       root                 emit
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 PASSES = ("thingc.model.resolve.choices", "thingc.model.resolve.assembly", "thingc.model.assembly", "thingc.model.robot")
-"""Modules of the passes after `describe`. These modules are imported while the CAD kernel loads."""
+"""The modules of the passes that run after parts are described. These modules are imported while the CAD kernel loads."""
 
 
 _LOOKED_THROUGH = 1 << 20
@@ -48,7 +48,7 @@ _LEADS_TO_PARTS = re.compile(rb"\b(?:part|file|assembly)[\"']?\s*[:=]")
 
 
 class UnknownChoice(Exception):
-    """An unknown mode, target or program was requested. This is a command line error."""
+    """Raised if an unknown mode, target or program is requested on the command line."""
 
     def __init__(self, message: str, hint: Hint) -> None:
         super().__init__(f"{message}: {hint}")
@@ -71,7 +71,7 @@ def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
 
 
 class Compilation(FrozenStruct):
-    """The result of compiling a document with given settings: the report, and the output of each pass that succeeded.
+    """The result of a compilation: the report with all diagnostics, and the output of each pass that succeeded.
 
     `documents` are the document and all documents that it or a choice references. `robots` has an entry for each chosen mode. `decisions`
     are the reasons why parts were built or reused, and `records` are the properties of parts, both by definition text. `repeated` is True
@@ -104,7 +104,7 @@ class Compilation(FrozenStruct):
 
 
 def check(environment: Environment) -> Compilation:
-    """Run every pass up to `root` for all modes of a document. The document may be of any kind that can be checked. Errors are reported.
+    """Check a document of any kind: run every pass up to `root`, for all modes. Errors are reported.
 
     Materials documents are only resolved. Variants documents are only validated.
     """
@@ -117,7 +117,7 @@ def compile(
     environment: Environment, modes: Sequence[str] = (), *, kinds: Sequence[str] = ("assembly",),
     settings: Callable[[Sources], Settings] | None = None,
 ) -> Compilation:
-    """Run every pass up to `root` for the named modes (by default all).
+    """Compile an assembly document: run every pass up to `root`, for the named modes (by default all).
 
     `kinds` are the accepted kinds of document. `settings` computes the settings from the sources (default: the settings of the options).
     Errors are reported. Raises `UnknownChoice`, and `BlobMissing` if the store is damaged (see `environment.attempted`).
@@ -133,7 +133,7 @@ def compile(
 
 
 def recompile(environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
-    """Compile the sources with other settings (see `compile`).
+    """Compile documents that are already loaded with other settings (see `compile`).
 
     Checks of a single robot (start below the floor, overlapping parts) are skipped.
     """
@@ -151,7 +151,7 @@ def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
 
 
 def build(environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None) -> dict[str, Artifacts]:
-    """Run the passes after `root`: check for overlaps, which are warnings, and emit artifacts.
+    """Run the passes after `root`: warn of overlapping parts, and emit the files of the targets.
 
     The CAD kernel writes the STEP file in parallel.
 
@@ -178,7 +178,7 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
 
 
 def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, modelling: bool = False) -> Sources | None:
-    """Run `load` and `validate`, and describe the referenced parts. Return None if there is no valid document.
+    """Run the passes `load` and `validate`, and describe the referenced parts. Return None if the document is not valid.
 
     `modelling` is True if the caller builds parts next. In this case, the CAD kernel is loaded in advance if some parts are likely to be
     new.
@@ -210,7 +210,7 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
 
 
 def _may_name_parts(environment: Environment) -> bool:
-    """Return whether part code may run and the beginning of the document refers to parts. Otherwise, the CAD kernel is not needed."""
+    """Return whether the CAD kernel may be needed: part code may run, and the beginning of the document refers to parts."""
     if not environment.options.code:
         return False
     text = environment.options.texts.get(environment.document)
@@ -223,14 +223,14 @@ def _may_name_parts(environment: Environment) -> bool:
 
 
 def settings_of(options: Options) -> Settings:
-    """Return the settings of the options."""
+    """Return the settings that the options of a compilation specify."""
     from thingc.model.resolve.resolver import Settings
 
     return Settings(parameters=options.parameters, choices=options.choices)
 
 
 def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report, memo: Memo | None) -> Sources:
-    """Return the sources, including the documents and parts that `choices` select. Errors in these documents and parts are reported.
+    """Add the documents and parts that `choices` select to the sources. Report errors in these documents and parts.
 
     `memo` caches results for the current contents of the documents.
     """
@@ -263,7 +263,7 @@ def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], 
 
 
 def model(environment: Environment, own: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:
-    """Run only `resolve`. Return the definition with these settings, before parts are built.
+    """Run only the pass `resolve`, before parts are built, and return the resolved document.
 
     Errors are reported. Return None if nothing is valid.
     """
@@ -273,7 +273,7 @@ def model(environment: Environment, own: Sources, settings: Settings, report: Re
 
 
 def _passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str], of_text: Memo | None) -> Compilation:
-    """Run the passes from the sources to the robots.
+    """Run the passes `resolve`, `link` and `root` on the loaded documents.
 
     `of_text` caches results that are valid for the current contents of the documents. The memo of the environment caches results that are
     always valid.
@@ -345,7 +345,7 @@ def emit(environment: Environment, compilation: Compilation, targets: Sequence[s
 
 
 def request_of(environment: Environment, compilation: Compilation, *, verify: int = 1, folder: str | None = None) -> EmitRequest:
-    """Return the request for targets. The report of the compilation must have no errors."""
+    """Return the input for the emitters of targets. The compilation must not have errors."""
     from thingc.targets.request import EmitRequest
 
     geometry = environment.geometry
@@ -380,7 +380,7 @@ def files(environment: Environment, compilation: Compilation, artifacts: Mapping
 
 
 def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
-    """Report unneeded allowances after these stages. With settings, nothing is reported, because other values may need the allowances."""
+    """Warn of unused `allow` entries after these stages. With settings, nothing is reported, because other values may need the entries."""
     settings, documents = compilation.settings, compilation.documents
     if compilation.assembly is None or documents is None or compilation.report.failed or settings.parameters or settings.choices:
         return

@@ -60,7 +60,7 @@ class Session:
         return made
 
     def passes(self, environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str]) -> Compilation:
-        """Run the passes of a compilation. `environment` and `sources` are those of the session, or copies."""
+        """Run the passes of one compilation, with the environment and the sources of the session or with copies."""
         return pipeline.recompile(environment, sources, settings, modes)
 
     def emit(self, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:

@@ -1,4 +1,4 @@
-"""Settings by parameter name or path in the document. Values are numbers in SI units, or strings as in documents."""
+"""Read settings by parameter name or path in the document. Values are numbers in SI units, or strings as in documents."""
 
 from __future__ import annotations
 
@@ -58,7 +58,9 @@ class SettingsReader:
         self._numeric: set[str] = set()  # names with numeric settings
 
     def kind(self, name: str) -> ExpressionValue | None:
-        """Return the value that the document specifies, or its default. Return None if the value does not exist or cannot be evaluated."""
+        """Return the value that the document or a default specifies at a path. Return None if there is no value, or if it cannot be
+        evaluated.
+        """
         if name not in self._kinds:
             known = self._kinds[name] = self.parameters.get(name) if "." not in name else self._stated(name)
             vector, _, index = name.rpartition(".")
@@ -146,7 +148,7 @@ class SettingsReader:
         return ParsedSettings(names=names, values=tuple(map(numbers.__getitem__, names)), texts=tuple(sorted(texts.items())), report=report)
 
     def _number(self, name: str, value: Any) -> float | None:
-        """Return a value in SI units.
+        """Convert the value of a numeric setting to SI units.
 
         Return None if the value is not a number, or if its kind differs from the kind of the value in the document.
         """
@@ -196,7 +198,7 @@ class SettingsReader:
         return texts
 
     def settings(self, read: ParsedSettings, units: Mapping[str, str] | None = None, given: Mapping[str, str] | None = None) -> Settings:
-        """Return settings as for `thingc build -p` and `--set`.
+        """Return the settings in the form of the options `-p` and `--set` of `thingc build`.
 
         Numbers are written as in `given`, else exactly in their unit or in SI units.
         """
@@ -210,7 +212,7 @@ class SettingsReader:
 
 
 def settings_with(own: Settings, values: Mapping[str, Any], report: Report, sources: Sources) -> Settings:
-    """Return the settings `own` with `values` added, or only `own` for an invalid assembly. Invalid names are reported."""
+    """Add `values` to the settings `own`, and report invalid names. For an invalid assembly, return `own`."""
     if not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
         return own
     reader = SettingsReader(sources)

@@ -1,4 +1,4 @@
-"""Skip runs if nothing has changed. A stamp records all inputs of a finished run.
+"""Skip a run of a command if no input has changed since the last run. A stamp records all inputs of a finished run.
 
 A stamp is valid if every input has the same content, every missing file is still missing, and thingc and the installed packages are the
 same. In this case the result of the run (its diagnostics, and for a build the folder that it wrote) is also valid, and no document needs to
@@ -29,7 +29,7 @@ FOLDER = "folder:"
 
 
 def fingerprint() -> str:
-    """Return a digest of the installation.
+    """Return a digest of the installed packages and of the code of thingc.
 
     The digest covers the interpreter, the installed packages (the names of their metadata folders contain the version), the environment
     variables of workers, and the files of thingc.
@@ -70,7 +70,7 @@ def state_of(path: str, store: Store | None = None) -> str | None:
 
 
 def key_of(command: str, document: str, choice: Mapping[str, object]) -> str:
-    """Return the key of a run's stamp in the store."""
+    """Return the key under which the store contains the stamp of a run."""
     text = json.dumps([command, os.path.abspath(document), choice], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -1,4 +1,4 @@
-"""Reasons for building or reusing a part, and an in-memory cache of recent records with their reasons."""
+"""The reasons why parts are built or reused, and an in-memory cache of recent part records."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Client of the worker processes: start them, send requests, collect answers, parse crash traces, and end all processes."""
+"""Start and end worker processes, send requests to them, collect the answers, and parse the traces of crashes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ ABSENT = "absent"
 
 
 class WorkerBroken(Exception):
-    """No worker can be started: the kernel does not load (`detail` is the traceback), or the system cannot start a process."""
+    """Raised if no worker can be started, because the CAD kernel cannot be loaded (`detail` is the traceback) or the system cannot start a
+    process.
+    """
 
     def __init__(self, message: str, detail: str = "") -> None:
         super().__init__(message)
@@ -100,7 +102,7 @@ class Workers:
             self.ensure()
 
     def _leave_others(self) -> None:
-        """Drop the workers in a forked child: they belong to the parent process, which continues to use them."""
+        """Forget the workers in a forked child process. They belong to the parent process, which continues to use them."""
         if self._owner != os.getpid():
             self._owner = os.getpid()
             self._processes, self._lines = [], queue.SimpleQueue()
@@ -126,7 +128,7 @@ class Workers:
                     self._begun[_request_text(request)] = self._send(self._processes[0], request)
 
     def prepare(self, files: Sequence[str]) -> None:
-        """Tell running workers that fork to prepare for a part whose code is in these files."""
+        """Let running workers prepare for a part whose code is in these files."""
         self._leave_others()
         for worker in self._processes if self.forking else ():
             worker.process.ask({"prepare": files})
@@ -187,7 +189,7 @@ class Workers:
                 under_way.add(self._send(worker, request) if (begun := self._taken(request)) is None else begun)
 
     def _taken(self, request: Mapping[str, Any]) -> int | None:
-        """Return the number of a request that `begin` sent, or None. The request becomes a request of `run`.
+        """Return the number of a request that `begin` has already sent, or None. `run` then waits for its answer.
 
         If the answer has already arrived, it is put back into the queue.
         """
@@ -227,7 +229,7 @@ class Workers:
         return known, answer, True
 
     def _answered(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any] | None]:
-        """Return the number and the request of an answer, after removing `id` and `span` from the answer.
+        """Return the number and the request to which an answer belongs, and remove `id` and `span` from the answer.
 
         The request is None if it was cancelled. It is also None if `begin` sent the request and `run` has not requested it yet. In this
         case, the answer is stored.
@@ -272,7 +274,7 @@ class Workers:
         return self._number
 
     def _put_off(self, worker: _Process) -> None:
-        """Set a new deadline for the next message of a worker, after each message from the worker and each request to the worker.
+        """Extend the deadline of a worker. Call this method after each message from the worker and each request to it.
 
         A forking worker enforces the deadlines of its children, so the worker sends an answer within each timeout.
         """
@@ -288,7 +290,7 @@ class Workers:
 
 
 class NoWorkers(Workers):
-    """A replacement for `Workers` without processes: each request fails with the kind `ABSENT`."""
+    """A replacement for `Workers` that does not start processes. Each request fails with the kind `ABSENT`."""
 
     there = False
 
@@ -296,7 +298,7 @@ class NoWorkers(Workers):
         super().__init__(1)
 
     def warm(self) -> None:
-        """Do nothing."""
+        """Do nothing, because there are no workers."""
 
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
         """Yield a failure for every request."""
@@ -339,7 +341,7 @@ def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _request_text(request: Mapping[str, Any]) -> str:
-    """Return a string for comparing requests. The strings for 1, 1.0 and True differ."""
+    """Return a string by which requests are compared. The strings for 1, 1.0 and True differ."""
     return json.dumps(request, sort_keys=True)
 
 

@@ -30,7 +30,7 @@ _T = TypeVar("_T")
 
 
 class BadMesh(Exception):
-    """The reason why a file is not a valid mesh. In messages, the reason comes after the file's name."""
+    """Raised if a file is not a valid mesh. The message is the reason, to be appended to the name of the file."""
 
 
 def damaged(suffix: str, fault: Exception) -> BadMesh:
@@ -79,7 +79,7 @@ def bounded(suffix: str, data: bytes, most: int = MOST) -> None:
 
 
 def refuse_beyond(count: int, most: int = MOST, what: str = "triangles") -> None:
-    """Raise `BadMesh` if `count` of `what` is more than `most`."""
+    """Raise `BadMesh` if a mesh has more than `most` elements, such as triangles."""
     if count > most:
         raise BadMesh(f"has {count} {what}, but at most {most} are supported")
 

@@ -1,4 +1,4 @@
-"""Requests to workers to build parts, and the keys of their results."""
+"""Create the requests to workers that build parts, and the keys of their results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Likely = Callable[[], Mapping[str, Collection[LikelySlicing]]] | None
 
 
 class PartRequest(FrozenStruct):
-    """The key of a definition's record, its code (None for a file or an installed package), and the request to build it."""
+    """A request to build a part, with the key of the result and the code of the part (None for a file or an installed package)."""
 
     build_key: BuildKey
     code: CodeIngredients | None
@@ -56,13 +56,13 @@ class PartRequests:
         return {name: value for name, value in definition.parameters if repr(value) != repr(own.get(name))}
 
     def expect_slicings(self, definitions: Sequence[PartDefinition], wanted: Mapping[str, Collection[LikelySlicing]]) -> None:
-        """Store the current or expected slicings of parts; `wanted` is by definition text."""
+        """Set the slicings that parts will need. `wanted` maps the text of a definition to its slicings."""
         self.slicings.update((definition.reference, set()) for definition in definitions)
         for definition in definitions:
             self.slicings[definition.reference].update(wanted.get(definition.text, ()))
 
     def suppose(self, definitions: Sequence[PartDefinition], likely: Likely) -> None:
-        """Store the likely slicings of parts, but only for classes without slicings."""
+        """Set the likely slicings of parts whose class does not have slicings yet."""
         if likely is not None and (fresh := [one for one in definitions if one.reference not in self.slicings]):
             self.expect_slicings(fresh, likely())
 

@@ -1,4 +1,4 @@
-"""The interface through which passes get parts, either from the geometry service or only from a lock."""
+"""The interface through which passes get parts, either from the geometry service or from a lock file."""
 
 from __future__ import annotations
 

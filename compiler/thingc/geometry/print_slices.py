@@ -1,4 +1,4 @@
-"""Print settings of a part, and the integrals that result from slicing the part. Plain frozen data in SI units.
+"""Print settings of a part, and the integrals that result from slicing the part, in SI units.
 
 The integrals do not depend on the infill: the mass at any percentage is a sum of three terms (`SliceResult.printed`).
 """
@@ -56,7 +56,7 @@ class Moments(OneLineRepr, FrozenStruct):
 
     @classmethod
     def of(cls, numbers: Sequence[float]) -> Moments:
-        """Return the moments with these ten numbers. This is the inverse of `numbers`."""
+        """Create moments from ten numbers. This method is the inverse of `numbers`."""
         volume, x, y, z, xx, yy, zz, xy, xz, yz = numbers
         return cls(volume=volume, first=(x, y, z), second=((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
 
@@ -91,7 +91,7 @@ class Moments(OneLineRepr, FrozenStruct):
 
 
 class SliceResult(OneLineRepr, FrozenStruct, tag=True):
-    """The material of a part.
+    """The material of a sliced part, as moments of its solid regions and of its infill lines.
 
     `solid` does not depend on the infill. `joins` contains the pieces along the walls that connect infill lines. They do not depend on the
     infill either. `sparse` contains the infill lines at an infill of 100 %.
@@ -112,6 +112,6 @@ class SliceResult(OneLineRepr, FrozenStruct, tag=True):
 
 
 class SliceFailure(FrozenStruct, tag=True):
-    """The reason why a part cannot be sliced. In messages, the reason comes after the part's name."""
+    """The reason why a part cannot be sliced, to be appended to the name of the part."""
 
     reason: str

@@ -1,4 +1,4 @@
-"""The answers of the geometry service: plain frozen data in SI units, readable without the CAD kernel.
+"""The answers of the geometry service, in SI units. They can be read without the CAD kernel.
 
 A `PartSchema` describes the parameters of a part. A `PartDefinition` is a part with values for all parameters. A `PartRecord` contains
 everything about its geometry that later passes use.
@@ -53,7 +53,7 @@ def written(kind: str, value: Value, digits: int = 12) -> str:
 
 
 class ParameterSchema(OneLineRepr, FrozenStruct, array_like=True):
-    """One argument of a part's `__init__`.
+    """The schema of a part parameter, which is an argument of the part's `__init__`.
 
     A parameter of the kind `choice` has `choices`. `default` is None if the parameter is `required`.
     """
@@ -86,7 +86,7 @@ class PartSchema(OneLineRepr, FrozenStruct):
 
     @property
     def default(self) -> PartDefinition | None:
-        """The definition with every parameter at its default, or None if a parameter has no default."""
+        """The definition of the part with default values for all parameters, or None if a parameter has no default."""
         values: list[tuple[str, Value]] = []
         for parameter in self.parameters:
             if parameter.default is None:
@@ -102,7 +102,7 @@ class PartSchema(OneLineRepr, FrozenStruct):
         return {parameter.name: parameter.default for parameter in self.parameters if parameter.default is not None}
 
     def definition(self, values: Mapping[str, Value]) -> PartDefinition:
-        """Return the definition with these canonical values of all parameters."""
+        """Return the definition of the part with these canonical values for all parameters."""
         kinds = {parameter.name: parameter.kind for parameter in self.parameters}
         given = tuple(sorted(values.items()))
         words = {name: written(kinds[name], value, LABEL_DIGITS) for name, value in given}
@@ -186,7 +186,7 @@ def with_mirror(printed: str, axis: str) -> str:
 
 
 def _printed(reference: str, arguments: Mapping[str, str]) -> str:
-    """Return the reference, with the arguments (if any) in parentheses."""
+    """Format a reference with its arguments, if any, in parentheses."""
     return f"{reference}({', '.join(f'{name}={value}' for name, value in arguments.items())})" if arguments else reference
 
 
@@ -381,7 +381,7 @@ class StoredFile(OneLineRepr, FrozenStruct):
 
 
 class AssemblyFailed(Exception):
-    """The kernel could not write the STEP file of the assembly `name`: `reason` is the message, `detail` the traceback."""
+    """Raised if the CAD kernel cannot write the STEP file of an assembly. `reason` is the message, and `detail` is the traceback."""
 
     def __init__(self, name: str, reason: str, detail: str = "") -> None:
         super().__init__(f"cannot write the STEP file of {name}: {reason}")

@@ -1,4 +1,4 @@
-"""Part records in the store. A lookup uses the part's key, or its outline and the functions that ran when the part was built."""
+"""Look up part records in the store, by the key of the part, or by its outline and the functions that ran when the part was built."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Ran = Mapping[str, Sequence[int] | None]
 
 
 def outlined(code: CodeIngredients) -> CodeIngredients:
-    """Return the code without the bodies of its functions."""
+    """Return the inputs of a part with its code reduced to an outline, without the bodies of functions."""
     return dataclasses.replace(code, ingredients={one.label: f"{one.facts.outline} {one.path}" for one in code.sources.values()})
 
 
@@ -59,7 +59,7 @@ def _digest(code: CodeIngredients, ran: Ran) -> str | None:
 
 
 class KeptRecords:
-    """The complete records of a workspace's parts: the store contains every file that they reference."""
+    """The part records of a workspace for which the store contains all referenced files."""
 
     def __init__(self, workspace: Workspace, store: Store, parts: PartCode, results: Results) -> None:
         self._workspace, self._store, self._parts, self._results = workspace, store, parts, results
@@ -105,7 +105,7 @@ class KeptRecords:
 
 
 class ConvexAnswers:
-    """Convex pieces by mesh, cached in a store. `versions` returns the versions of the software that computes them."""
+    """A cache of the convex pieces of meshes. `versions` returns the versions of the software that computes them."""
 
     def __init__(self, store: Store, versions: Callable[[], Mapping[str, str]]) -> None:
         self._store = store

@@ -35,12 +35,12 @@ Answer = TypeVar("Answer", PartSchema, PartFailure)
 
 
 def to_json(answer: PartSchema | PartFailure, root: str) -> Any:
-    """Return the JSON value of a schema or failure. This is the inverse of `from_json`."""
+    """Convert a part schema or a failure to a JSON value. This function is the inverse of `from_json`."""
     return {**to_builtins(answer), "file": shortened(answer.file, root)}
 
 
 def from_json(value: Any, root: str, kind: type[Answer]) -> Answer:
-    """Return a part schema or a failure."""
+    """Convert a JSON value to a part schema or a failure."""
     return convert({**value, "file": full(value["file"], root)}, kind)
 
 
@@ -60,7 +60,7 @@ def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]
 
 
 def record_to_json(record: PartRecord, root: str) -> Any:
-    """Return the JSON value of a record. This is the inverse of `record_from_json`.
+    """Convert a part record to a JSON value. This function is the inverse of `record_from_json`.
 
     The JSON does not contain `convex` and `slices`, which are cached separately. It also contains `mount_order`, because the store sorts
     keys.
@@ -72,7 +72,7 @@ def record_to_json(record: PartRecord, root: str) -> Any:
 
 
 def record_from_json(value: Any, root: str) -> PartRecord:
-    """Return a part record, without convex pieces and slices."""
+    """Convert a JSON value to a part record, without convex pieces and slices."""
     record = convert({**value, "mounts": {name: value["mounts"][name] for name in value["mount_order"]}}, PartRecord)
     code = None if record.code is None else (full(record.code[0], root) or "", record.code[1])
     return replace(record, code=code, warnings=tuple(replace(warning, file=full(warning.file, root)) for warning in record.warnings))

@@ -43,7 +43,7 @@ Printed = Callable[[str, Sequence[str]], None]
 
 
 class _Task(FrozenStruct):
-    """A request to the worker, and the subject of its answer."""
+    """A request to a worker, and the part or mesh that it concerns."""
 
     subject: str
     build_key: BuildKey
@@ -52,7 +52,7 @@ class _Task(FrozenStruct):
 
 
 class GeometryService:
-    """Part schemas, part records and STEP files of one workspace. A context manager that ends its workers on exit.
+    """Provides the part schemas, part records and STEP files of one workspace. On exit, this context manager ends its workers.
 
     At most `jobs` parts are built at the same time. Each part may take at most `timeout` [s]. `on_progress(what, done, total)` is called
     for each part, and `on_printed(part, lines)` with the lines that a part printed.
@@ -125,7 +125,8 @@ class GeometryService:
         self._worker_pool().warm()
 
     def anticipate(self) -> bool:
-        """Call `warm` if there was no previous run in this workspace, or if a file that parts depend on has changed since then.
+        """Start to load the CAD kernel if there was no previous run in this workspace, or if a file that parts depend on has changed since
+        then.
 
         Return whether the method called `warm`. Call this method before reading documents, because loading the kernel takes longest. With a
         lock, `warm` is not called.
@@ -331,7 +332,7 @@ class GeometryService:
     def _model(
         self, tasks: Sequence[_Task], definitions: Mapping[str, PartDefinition], answers: dict[str, PartRecord | PartFailure],
     ) -> None:
-        """Add the answers of these tasks to `answers`. If another process has locked a part, that process builds the part."""
+        """Build the parts of these tasks, and add the results to `answers`. If another process is building a part, wait for its result."""
         by_text = {task.subject: task for task in tasks}
         elsewhere: list[_Task] = []
 

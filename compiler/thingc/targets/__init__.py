@@ -1,4 +1,4 @@
-"""Targets: each output format has a module or a folder. This package exports the API for emitters in other packages."""
+"""The output formats of thingc, called targets. This package also exports the API for emitters in other packages."""
 
 from __future__ import annotations
 

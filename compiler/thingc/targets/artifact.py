@@ -35,7 +35,7 @@ HOW: tuple[How, ...] = get_args(How)
 
 
 class Loss(FrozenStruct):
-    """A feature of a robot that a target cannot express.
+    """An export loss: a feature of a robot that a target cannot express.
 
     `mode` is None if the loss does not belong to a single mode. `path` is the path of the occurrence, joint or mount. `what` describes the
     loss; `origin` lists its places in the documents.
@@ -50,17 +50,17 @@ class Loss(FrozenStruct):
 
     @property
     def span(self) -> Span | None:
-        """The first place of the origin, or None."""
+        """The innermost location of the loss in the documents, or None."""
         return next(iter(self.origin), None)
 
     @staticmethod
     def of(origin: Origin, target: str, mode: str | None, path: str, what: str, how: How) -> Loss:
-        """Return a loss. This constructor takes `origin` as the first argument."""
+        """Create a loss. Unlike the constructor, this method takes `origin` as its first argument."""
         return Loss(target=target, mode=mode, path=path, what=what, how=how, origin=origin)
 
 
 def counts_of(losses: Iterable[Loss]) -> dict[str, int]:
-    """Return the number of losses for each value of `how`."""
+    """Count the losses for each value of `how`."""
     counts = Counter(loss.how for loss in losses)
     return {how: counts[how] for how in HOW if counts[how]}
 

@@ -1,4 +1,4 @@
-"""Capabilities of formats, with one table for each target.
+"""The features of robots that each target supports, as one table for each target.
 
 The table determines what the emitter writes, which losses it reports, and the target's column in `docs/formats.md`.
 
@@ -35,7 +35,7 @@ Sensor = TypeVar("Sensor")
 
 
 class Supported(FrozenStruct, Generic[By], kw_only=False):
-    """The format supports the feature.
+    """The format fully supports the feature.
 
     `how` is the name of the feature in the format, if it differs. `by` is the emitter's keyword for how the feature is written, or None if
     it is always written in the same way.
@@ -68,7 +68,7 @@ class Omitted(FrozenStruct, kw_only=False):
 
 
 class Companion(FrozenStruct, kw_only=False):
-    """Users do not expect the feature in files of this format. The feature is not written, and this is not a loss."""
+    """The feature does not belong in files of this format. It is not written, and no loss is reported."""
 
 
 Written = Supported[By] | Lossy[By]
@@ -86,7 +86,7 @@ def written(cell: Cell[By]) -> By | None:
 
 
 class Joints(TypedDict, Generic[By]):
-    """Cells for joints, by type of motion (see `joint_cell`).
+    """The support of joints, by type of motion (see `joint_cell`).
 
     A planar or ball base and a joint that cuts a loop use the same cells.
     """
@@ -99,7 +99,7 @@ class Joints(TypedDict, Generic[By]):
 
 
 class OfJoints(TypedDict):
-    """Cells for properties of joints."""
+    """The support of the properties of joints."""
 
     cone: Plain
     velocity: Plain
@@ -113,7 +113,7 @@ class OfJoints(TypedDict):
 
 
 class Drives(TypedDict, Generic[By]):
-    """Cells for drives, by kind. The drives of a `ball` have their own axes. A `universal` joint has two drives."""
+    """The support of drives, by kind. Each drive of a `ball` has its own axis. A `universal` joint has two drives."""
 
     position: Cell[By]
     velocity: Cell[By]
@@ -123,7 +123,7 @@ class Drives(TypedDict, Generic[By]):
 
 
 class LoopKinds(TypedDict, Generic[By]):
-    """Cells for loops, by the motion that remains free at the cut. A `hold` keeps a mount at its position in the world."""
+    """The support of loops, by the motion that remains free at the cut. A `hold` keeps a mount at its position in the world."""
 
     hold: Cell[By]
     weld: Cell[By]
@@ -136,7 +136,7 @@ class LoopKinds(TypedDict, Generic[By]):
 
 
 class Bases(TypedDict):
-    """Cells for bases that can move. `start` is the initial pose of a free base."""
+    """The support of bases that can move. `start` is the initial pose of a free base."""
 
     held: Plain
     free: Plain
@@ -146,7 +146,7 @@ class Bases(TypedDict):
 
 
 class Modes(TypedDict):
-    """Cells for properties of modes. `simulation` covers all simulation settings except `timestep`."""
+    """The support of the properties of modes. `simulation` covers all simulation settings except `timestep`."""
 
     gravity: Plain
     poses: Plain
@@ -156,7 +156,7 @@ class Modes(TypedDict):
 
 
 class Links(TypedDict):
-    """Cells for properties of links.
+    """The support of the properties of links.
 
     `rolling` is rolling friction. `weightless` is a massless link that a joint moves, and `weightless_base` is a massless base. `point` and
     `line` are masses at a point or on a line; no solid can have such an inertia.
@@ -174,7 +174,9 @@ class Links(TypedDict):
 
 
 class ContactShapes(TypedDict, Generic[By]):
-    """Cells for collision shapes. `mesh` is a non-convex mesh that is not replaced by its hull. Visual primitives use the same cells."""
+    """The support of collision shapes. `mesh` is a non-convex mesh that is not replaced by its convex hull. Visual primitives use the same
+    cells.
+    """
 
     box: Cell[By]
     cylinder: Cell[By]
@@ -187,7 +189,7 @@ class ContactShapes(TypedDict, Generic[By]):
 
 
 class Sensors(TypedDict, Generic[By]):
-    """Cells for sensors, by kind."""
+    """The support of sensors, by kind."""
 
     imu: Cell[By]
     force: Cell[By]
@@ -210,12 +212,12 @@ class Sensors(TypedDict, Generic[By]):
 
 
 def all_sensors(cell: Cell[By]) -> Sensors[By]:
-    """Return the same cell for every kind of sensor."""
+    """Return the same support for every kind of sensor."""
     return cast("Sensors[By]", dict.fromkeys(Sensors.__annotations__, cell))
 
 
 class OfSensors(TypedDict):
-    """Cells for properties of the sensors that are written."""
+    """The support of the properties of sensors that are written."""
 
     noise: Plain
     cutoff: Plain
@@ -241,7 +243,7 @@ class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
 
 
 AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
-"""Type of the capabilities of any target."""
+"""The type of the capabilities of any target."""
 
 
 def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
@@ -257,7 +259,7 @@ def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Seque
 
 
 class _Lost:
-    """Finds the features of a robot, and yields a loss for each feature without full support. Losses common to all modes have no mode."""
+    """Yields a loss for each feature of a robot that a target does not fully support. Losses that are common to all modes have no mode."""
 
     def __init__(self, target: str, says: AnyCapabilities, cut: bool) -> None:
         self.target = target
@@ -318,7 +320,7 @@ class _Lost:
                 yield from self(cell, None, path, f"the {what} of {value:.6g} {unit}", joint.origin)
 
     def of_mode(self, robot: Robot) -> Iterator[Loss]:
-        """Yield the losses of one mode."""
+        """Yield the losses of the base, the links, the loops and the settings of one mode."""
         mode, modes = robot.mode, self.says["modes"]
         for closure in robot.closures:
             cell = self.says["loops"]["hold" if closure.hold else closure.kind]
@@ -422,7 +424,7 @@ class _Lost:
 
 
 def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["position", "velocity", "motor", "universal", "ball"]:
-    """Return the cell for the drive of a joint."""
+    """Return the name of the table cell for the drive of a joint."""
     return joint.kind.name if joint.kind.name in ("ball", "universal") else drive.kind
 
 
@@ -440,5 +442,5 @@ def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "sc
 
 
 def shape_cell(kind: Literal["mesh"] | PrimitiveShape) -> Literal["hull"] | PrimitiveShape:
-    """Return the cell for a collision shape. A mesh is treated as convex."""
+    """Return the name of the table cell for a collision shape. A mesh is treated as convex."""
     return "hull" if kind == "mesh" else kind

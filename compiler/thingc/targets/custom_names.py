@@ -32,7 +32,7 @@ AS_WRITTEN = frozenset({AssemblyDefinition, Component, Definition, FileNames, Li
 
 
 def called(request: EmitRequest) -> EmitRequest:
-    """Return the request with custom names, or the unchanged request if the documents contain no custom names."""
+    """Return a request whose elements have the custom names. If the documents contain no custom names, return the same request."""
     names = request.assembly.names
     if names is None:
         return request

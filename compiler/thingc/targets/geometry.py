@@ -25,7 +25,7 @@ from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss, StoredArtifact
 
 PIECES = {"decompose": "convex"}
-"""Words in the file names of convex pieces, by value of `collision`, if the words differ from the value."""
+"""Words in the file names of convex pieces, for values of `collision` that differ from these words."""
 
 ENDLESS = 100.0
 """Half the size [m] of a plane that represents an infinite plane, in formats without infinite planes."""
@@ -91,7 +91,7 @@ class Geometry(FrozenStruct):
 
     @property
     def assets(self) -> dict[str, StoredArtifact]:
-        """The content of each mesh file."""
+        """The contents of all mesh files, by file name."""
         return {mesh.file: mesh.stored for mesh in self.meshes}
 
 

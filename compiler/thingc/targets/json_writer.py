@@ -19,7 +19,7 @@ def encode(value: object) -> bytes:
 
 
 class JsonFragment(str):
-    """A value that is already encoded as JSON, with the indentation for its depth (see `fragment`)."""
+    """A value that is already encoded as JSON, indented for its nesting depth (see `fragment`)."""
 
     __slots__ = ()
 
@@ -31,7 +31,7 @@ def fragment(value: object, depth: int) -> JsonFragment:
 
 @formatter("json")
 def number(value: float) -> str:
-    """Return the text of a finite number."""
+    """Format a finite number as in the JSON files of builds."""
     return repr(value + 0.0)  # replaces the -0.0 in rotations by 0.0
 
 

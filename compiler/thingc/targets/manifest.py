@@ -21,7 +21,7 @@ DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "t
 
 
 class BuildChoice(FrozenStruct):
-    """The options of a build.
+    """The options of a build that the manifest records.
 
     `modes` are names in document order. `emit` (targets) and `compat` (readers of MuJoCo models) are names in the order of their tables.
     Values of parameters and choices are strings.

@@ -55,7 +55,7 @@ def alone(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
 
 
 def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> dict[str, object]:
-    """Return one mode as plain data for JSON, with lengths in metres and angles in radians.
+    """Return the data of one mode for JSON, with lengths in metres and angles in radians.
 
     Names of links and of MuJoCo joints have the path separator `separator`, as in the model.
 
@@ -111,7 +111,7 @@ def _hold(closure: Closure, names: Sequence[str], separator: str) -> dict[str, o
 
 
 def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[JsonFragment]:
-    """Return the entries of the bodies in order. `names` are their names."""
+    """Return the JSON entries of the links of a mode, in order. `names` are the names of the bodies."""
     links: list[JsonFragment] = []
     at_zero: list[Pose] = []
     for name, body in zip(names, robot.bodies, strict=True):
@@ -147,7 +147,7 @@ def _joint_json(
     mate: Mate, parts: tuple[Pose, Pose], links: tuple[str, str], crossed: tuple[TreeJoint, ...], addresses: tuple[int, int],
     separator: str,
 ) -> JsonFragment:
-    """Return a joint of the tree.
+    """Return the JSON entry of a joint of the tree.
 
     `parts` are the poses of the document's parent and child in their links. `links` are the parent and child in this mode. `addresses` are
     the joint's first addresses in `qpos` and `qvel`.
@@ -184,7 +184,7 @@ def _joint_json(
 
 
 def _coordinate(path: str, twist: Twist) -> dict[str, object]:
-    """Return a coordinate with its twist. The axis of the twist passes through the origin."""
+    """Return the JSON entry of a joint coordinate with its twist. The axis of the twist passes through the origin."""
     linear, angular = twist.velocity((0.0, 0.0, 0.0))
     return {"name": path, "angular": angular, "linear": linear}
 

@@ -1,4 +1,5 @@
-"""Names in formats other than MJCF: paths with `_` in place of `/` and `::` (the separator of Gazebo). Each name must be unique."""
+"""Convert paths to names in formats other than MJCF, with `_` in place of `/` and `::` (the separator of Gazebo). Each name must be unique.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ def package_name(robot: str) -> str:
 
 
 def frames(robot: Robot) -> dict[int, list[Site]]:
-    """Return the additional frames by body index.
+    """Return the frames that are written as extra links or frames, by the index of their body.
 
     If several paths have the same name and frame, only the first path is included.
     """

@@ -1,4 +1,4 @@
-"""Graphs of a robot as networkx graphs. They are only for export; the compiler does not use them.
+"""Export the graphs of a robot to networkx. The compiler itself does not use networkx.
 
 Attributes without a value are omitted, because GraphML has no null.
 """
@@ -39,7 +39,7 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
 
 
 def mate_graph(assembly: Assembly) -> Graph:
-    """Return the graph of mates.
+    """Return the graph of occurrences and the mates between them.
 
     Nodes are paths of occurrences with `definition` (its text), `link` and `mass` [kg]. Edges go from the parent of a mate to its child.
     The key of an edge is `mount -> mount`; its attributes are `parent_mount`, `child_mount`, `joint` (omitted if rigid) and `loop`.
@@ -57,7 +57,7 @@ def mate_graph(assembly: Assembly) -> Graph:
 
 
 def link_graph(assembly: Assembly) -> Graph:
-    """Return the graph of links.
+    """Return the graph of links and the joints between them.
 
     Nodes are names of links with `mass` [kg] and `occurrences`. Edges go from the document's parent of a joint to its child. The key of an
     edge is the path of the joint; its attributes are `kind`, `coordinates` (their paths) and `loop`.
@@ -82,7 +82,7 @@ def _said(**attributes: Any) -> dict[str, Any]:
 
 
 def graphml(graph: Graph) -> str:
-    """Return a graph without lists as GraphML.
+    """Return a graph as GraphML text. Its attributes must not contain lists.
 
     Edge ids are numbers, because ids must be unique in a file. The attribute `name` contains the key.
     """

@@ -40,7 +40,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sd
 
 
 Fault = tuple[str, Hint, int]
-"""The fault of an attribute: a message, a hint, and the index of its key."""
+"""The fault of a raw attribute: a message, a hint, and the index of the invalid key."""
 
 
 def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:

@@ -17,7 +17,7 @@ from thingc.model.robot.types import Robot
 
 
 class EmitRequest(FrozenStruct, eq=False):
-    """The input of an emitter.
+    """The input of an emitter: the assembly, the robots, and the options of a build.
 
     `assembly` is the robot without a root, and `robots` has it once per chosen mode, in document order. `store` has the meshes, `geometry`
     makes STEP files, and `report` receives diagnostics. `verify` is the interval at which MuJoCo compiles models that differ only in
@@ -37,6 +37,6 @@ class EmitRequest(FrozenStruct, eq=False):
     folder: str | None = None
     repeated: bool = False
     memo: Memo = field(default_factory=Memo)
-    """Results that are computed once for all modes and, in a session, once for all requests."""
+    """A cache of results for all modes and, in a session, for all requests."""
     made: dict[str, Any] = {}
     """Results of targets that other targets use, by name."""

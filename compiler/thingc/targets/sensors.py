@@ -1,4 +1,4 @@
-"""Places of sensors in a robot, and the quantities that simulators measure at these places, for any target."""
+"""Find where sensors are in a robot, and which quantities simulators measure there."""
 
 from __future__ import annotations
 

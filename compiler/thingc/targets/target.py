@@ -8,7 +8,7 @@ from thingc.base.frozen_struct import FrozenStruct
 
 
 class Target(FrozenStruct):
-    """A target of thingc.
+    """A target: its name, its files, and its emitter.
 
     `position` is the position of the target in the order in which a build writes targets. `says` is a short description, `emitters` are
     references of the form `module:function`, and `writes` are patterns of file paths. `files` describes the files by path, for the picture

@@ -28,7 +28,7 @@ class RawValue(FrozenStruct):
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Element:
-    """An XML element.
+    """An XML element with its origin in the documents.
 
     `text` is the content of an element without children, `origin` is its place in the documents, and `raw` are its raw attributes. All
     three are empty by default.
@@ -53,16 +53,16 @@ class Element:
         return self._opening
 
     def get(self, name: str, default: str = "") -> str:
-        """Return an attribute as a string."""
+        """Return the value of an attribute as a string."""
         return format_value(self.attributes.get(name, default))
 
     @property
     def texts(self) -> dict[str, str]:
-        """All attributes as strings."""
+        """The values of all attributes as strings."""
         return {name: format_value(value) for name, value in self.attributes.items()}
 
     def copy(self) -> Element:
-        """Return a copy of the tree whose elements can be changed."""
+        """Return a deep copy of the element, which can be changed independently."""
         top = self._alone()
         waiting = [(self, top)]
         while waiting:
@@ -120,7 +120,7 @@ class Element:
 
 
 class XmlText(FrozenStruct):
-    """A document as text. `lines[k]` is the element that opens on line `k + 1` (None for a closing tag or a blank line)."""
+    """The text of an XML document. `lines[k]` is the element that opens on line `k + 1` (None for a closing tag or a blank line)."""
 
     text: str
     lines: tuple[Element | None, ...]
@@ -141,7 +141,7 @@ def number(value: float) -> str:
 
 
 def format_value(value: XmlValue) -> str:
-    """Return a value as a string. Numbers are separated by spaces."""
+    """Format the value of an attribute or an element. Numbers are separated by spaces."""
     if isinstance(value, str):
         return value
     return " ".join(map(number, value)) if isinstance(value, tuple) else number(value)
@@ -152,7 +152,9 @@ def _escaped(value: XmlValue) -> str:
 
 
 def write(root: Element, heading: str, *, sections: bool = True) -> XmlText:
-    """Return the document: one element per line, two spaces per level, blank lines around `sections`, and `heading` as a comment."""
+    """Return the text of an XML document: one element per line, two spaces per level, blank lines around `sections`, and `heading` as a
+    comment.
+    """
     text: list[str] = [f"<!-- {_DASHES.sub('-', heading)} -->"]
     lines: list[Element | None] = [None]
     under_way: list[tuple[Iterator[Element], str, str]] = [(iter((root,)), "", "")]  # a stack, because a chain of links may be long

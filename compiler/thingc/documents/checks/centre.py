@@ -1,4 +1,4 @@
-"""`centre`: the centre of mass of the robot, or of some of its components, lies within a box."""
+"""The document test `centre`: the centre of mass of the robot, or of some components, must be inside a box."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class CentreTest(Model):
 
 
 class CentreCheck(OneLineRepr, FrozenStruct):
-    """Requires the centre of mass of components (of the robot if no component is named) to be in a box.
+    """A parsed `centre` test. It requires the centre of mass of the named components, or of the whole robot, to be in a box.
 
     `box["x"]` is (smallest, largest) [m].
     """

@@ -1,4 +1,4 @@
-"""`ground_clearance`: the robot keeps a distance from a level plane. Components that may touch the plane are excluded."""
+"""The document test `ground_clearance`: the robot must keep a distance from a horizontal plane."""
 
 from __future__ import annotations
 
@@ -44,7 +44,9 @@ class GroundClearanceTest(Model):
 
 
 class GroundClearance(OneLineRepr, FrozenStruct):
-    """Requires all parts, except parts of the components `spared`, to be at least `least` [m] above z = `plane` [m] in the mode's world."""
+    """A parsed `ground_clearance` test. It requires all parts, except parts of the components `spared`, to be at least `least` [m] above z
+    = `plane` [m] in the world of the mode.
+    """
 
     plane: float
     least: float

@@ -1,4 +1,4 @@
-"""Definition of a kind of document test. The modules of kinds and the compiler passes share this definition."""
+"""The definition of a kind of document test, such as `mass` or `reach`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Stated = TypeVar("Stated", bound=OneLineRepr)
 
 
 class CheckKind(FrozenStruct, Generic[Written, Stated]):
-    """A kind of test. `TestMeasurement` in `driver/testing/outcomes.py` measures it.
+    """A kind of document test. The class `TestMeasurement` in `driver/testing/outcomes.py` measures tests of this kind.
 
     `model` is the model of the value under the key `name`. If the model has a field `mode`, the test runs once for each mode; if it has a
     field `pose`, once for each pose; otherwise once. `read(written, reader)` returns the specification of the test, in SI units and with

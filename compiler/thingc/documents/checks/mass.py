@@ -1,4 +1,4 @@
-"""`mass`: the mass of the robot, or of some of its components, is within bounds."""
+"""The document test `mass`: the mass of the robot, or of some components, must be within bounds."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class MassTest(Model):
 
 
 class MassCheck(OneLineRepr, FrozenStruct):
-    """Requires the mass [kg] of components (of the robot if no component is named) to be within bounds."""
+    """A parsed `mass` test. It requires the mass [kg] of the named components, or of the whole robot, to be within bounds."""
 
     of: tuple[Reference, ...]
     minimum: float | None

@@ -1,4 +1,4 @@
-"""`no_collision`: parts do not collide with each other, in poses or over ranges of joints."""
+"""The document test `no_collision`: parts must not collide with each other, in poses or over ranges of joints."""
 
 from __future__ import annotations
 
@@ -87,7 +87,8 @@ class AllowedContact(OneLineRepr, FrozenStruct):
 
 
 class CollisionCheck(OneLineRepr, FrozenStruct):
-    """Requires that no components overlap, and that components on links without a common joint are at least `clearance` [m] apart.
+    """A parsed `no_collision` test. It requires that no components overlap, and that components on links without a common joint are at
+    least `clearance` [m] apart.
 
     With `ranges`, the requirement applies at `samples` positions in these ranges.
     """
@@ -111,7 +112,7 @@ def read_no_collision(written: NoCollisionTest, reader: Reader) -> CollisionChec
 
 
 def _allowance(said: AllowSpec, reader: Reader, index: int) -> AllowedContact:
-    """Read a pair that may touch."""
+    """Read a pair of components that may touch each other."""
     one, other = (reader.components(text, ("allow", index, "pair", side)) for side, text in enumerate(said.pair))
     return AllowedContact(
         one=one, other=other, text=f"`{said.pair[0]}` and `{said.pair[1]}`", reason=said.reason.strip(),

@@ -1,4 +1,4 @@
-"""`point`: a mount can be brought to a point, with every joint within its limits."""
+"""The document test `point`: a mount must be able to reach a point, with every joint within its limits."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class PointTest(Model):
 
 
 class PointCheck(OneLineRepr, FrozenStruct):
-    """Requires `mount` to come `within` [m] of `point` [m].
+    """A parsed `point` test. It requires the mount to come closer than `within` [m] to `point` [m].
 
     With a unit vector `direction`, the z axis of the mount deviates by at most `angle` [rad].
     """

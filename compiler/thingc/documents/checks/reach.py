@@ -1,4 +1,4 @@
-"""`reach`: the largest distance between two mounts, over the ranges of all joints, is within bounds."""
+"""The document test `reach`: the largest distance between two mounts, over the ranges of all joints, must be within bounds."""
 
 from __future__ import annotations
 
@@ -46,7 +46,9 @@ class ReachTest(Model):
 
 
 class ReachCheck(OneLineRepr, FrozenStruct):
-    """Requires the largest distance [m] of the mounts `of` and `base`, over the ranges of all joints, to be within bounds."""
+    """A parsed `reach` test. It requires the largest distance [m] between the mounts `of` and `base`, over the ranges of all joints, to be
+    within bounds.
+    """
 
     of: Reference
     base: Reference

@@ -1,4 +1,4 @@
-"""`settles`: the simulated robot comes to rest after it is released in a pose, with its drives set to this pose."""
+"""The document test `settles`: the simulated robot must come to rest after it is released in a pose, with its drives set to this pose."""
 
 from __future__ import annotations
 
@@ -53,7 +53,8 @@ class SettlesTest(Model):
 
 
 class SettleCheck(OneLineRepr, FrozenStruct):
-    """Requires every point of every link to be less than `drift` [m] from its final position, from `within` [s] on for `hold` [s].
+    """A parsed `settles` test. It requires every point of every link to stay within `drift` [m] of its final position, from the time
+    `within` [s] on and for `hold` [s].
 
     The final position of a point must be at most `moved` [m] from the pose (None: any distance), and contacts must be at most `penetration`
     [m] deep.

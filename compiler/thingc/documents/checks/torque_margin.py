@@ -1,4 +1,4 @@
-"""`torque_margin`: drives hold the robot still against gravity, with a margin."""
+"""The document test `torque_margin`: the drives must hold the robot still against gravity, with a margin."""
 
 from __future__ import annotations
 
@@ -45,7 +45,9 @@ class TorqueMarginTest(Model):
 
 
 class TorqueCheck(OneLineRepr, FrozenStruct):
-    """Requires the effort limits of the drives of `joints` (paths) to be at least `minimum` times the static effort."""
+    """A parsed `torque_margin` test. It requires the effort limit of each drive of `joints` (paths) to be at least `minimum` times the
+    static effort.
+    """
 
     joints: tuple[str, ...]
     minimum: float
@@ -79,7 +81,7 @@ def _carried(mode: Mode) -> bool:
 
 
 def _left_out(joints: Sequence[str], mode: Mode) -> list[str]:
-    """Return the `joints` (paths) whose drives a mode does not use."""
+    """Return those of the `joints` (paths) whose drives are not used in a mode."""
     present = mode.actuators
     return [joint for joint in joints if present is not None and joint not in present]
 

@@ -1,4 +1,5 @@
-"""Expressions such as `=reach / 2 + 8 mm`. Every term has a source position. Physical dimensions are checked during evaluation.
+"""Parse and evaluate expressions such as `=reach / 2 + 8 mm`. Every term has a source position. Physical dimensions are checked during
+evaluation.
 
     comparison := sum [("<" | "<=" | ">" | ">=" | "==" | "!=") sum]
     sum        := product (("+" | "-") product)*

@@ -12,7 +12,7 @@ from thingc.base.units import Quantity, scan_number
 
 
 class ExpressionError(ValueError):
-    """An expression cannot be parsed or evaluated.
+    """Raised if an expression cannot be parsed or evaluated.
 
     `kind` is `expression` (syntax), `name` (an unknown name), `dimension`, `unit` or `value` (a result that is not
     finite). `offset` and `end` are character positions in the source text of the expression, which includes the `=`, if any.
@@ -42,19 +42,19 @@ class Literal(_Place):
 
 
 class NameUse(_Place):
-    """A name: a parameter, or the index of a repeat."""
+    """A name in an expression: a parameter, or the index of a repeat."""
 
     name: str
 
 
 class Unary(_Place):
-    """`-a` (a leading `+` is dropped)."""
+    """The negation `-a`. A leading `+` is dropped."""
 
     operand: Term
 
 
 class Binary(_Place):
-    """`a op b`, `op` one of `+ - * / ** < <= > >= == !=`."""
+    """A binary operation `a op b`. The operator is one of `+ - * / ** < <= > >= == !=`."""
 
     operator: str
     left: Term
@@ -62,7 +62,7 @@ class Binary(_Place):
 
 
 class Call(_Place):
-    """`function(a, b)`."""
+    """A function call, such as `min(a, b)`."""
 
     function: str
     arguments: tuple[Term, ...]

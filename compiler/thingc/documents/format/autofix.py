@@ -140,7 +140,7 @@ def safe_edits(
 
 
 def _base(word: str) -> str:
-    """Return a name without the suffix that is the index of a repeat."""
+    """Return the name of a repeated element without its index, such as `leg` for `leg_0`."""
     return re.sub(r"_(?:\d+|\$\w+)$", "", word)
 
 
@@ -161,7 +161,7 @@ def _word_counts(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]
 
 
 def _told_apart(edit: Edit, words: Counter[str], given: set[str]) -> bool:
-    """Return whether a name is certainly misspelt at its use.
+    """Return whether a name is used in a document but is certainly a misspelling of another name.
 
     The result is False if the other spelling is declared but not used elsewhere.
     """

@@ -1,4 +1,4 @@
-"""`format_document`: format a document in canonical layout, and verify that its meaning is unchanged."""
+"""Format documents in the canonical layout, and verify that the meaning of a document does not change."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def schema_path(relative: str) -> str:
 
 
 def same(before: Node, after: Node, shape: FieldType | None) -> bool:
-    """Return whether two trees are equivalent: equal values and keys, and user-defined keys in the same order.
+    """Return whether two trees have equal keys and values, and user-defined keys in the same order.
 
     A difference in the space before a unit is ignored.
     """

@@ -16,7 +16,7 @@ COMMENT_GAP = 2
 
 
 class UnsupportedStyle(Exception):
-    """The document has unsupported syntax and is not changed."""
+    """Raised if a document contains syntax that the formatter does not support."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -64,7 +64,7 @@ class Item:
 
 @dataclass(slots=True, kw_only=True)
 class Segment:
-    """A value: `scalar` (also an alias), `map` or `list`. `flow` is True if the value is in braces or brackets.
+    """A value in a document: a scalar (or an alias), a mapping or a list. `flow` is True if the value is in braces or brackets.
 
     `body` is the index of the first character after the anchor of the value. `names` are the anchors inside the value; `aliases` are the
     anchors to which the value refers. `trailing` are comments at the end of a block. `column` (from 0) is the column of a block's keys or
@@ -90,7 +90,7 @@ class Segment:
 
 
 class Trivia(FrozenStruct):
-    """The text between two segments: a comment at the end of the line, and the following comment lines as (column, text).
+    """The text between two segments: a comment at the end of the line, and the comment lines that follow as (column, text).
 
     An empty line is None.
     """

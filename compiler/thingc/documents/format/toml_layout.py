@@ -48,7 +48,7 @@ class _Names:
                 table.add((item.name,), item.value)
 
     def settle(self, shape: FieldType | None) -> None:
-        """Determine types and positions, after all keys have been added."""
+        """Determine the types and positions of all keys. Call this method after all keys have been added."""
         self.shape = shape
         known = list(self.below)
         inner = shape_for(shape, dict.fromkeys(known))
@@ -61,7 +61,7 @@ class _Names:
         return tuple(self.at(words[:depth]).ranks[word] for depth, word in enumerate(words))
 
     def at(self, words: tuple[str, ...]) -> _Names:
-        """Return the keys in the table at a key."""
+        """Return the keys of the table at a dotted key."""
         table = self
         for word in words:
             table = table.below[word]

@@ -19,7 +19,7 @@ Written = str | Mapping[str, "Written"] | Sequence["Written"]
 
 
 class CannotSetValue(Exception):
-    """A value cannot be written without changing other values. The message explains the reason."""
+    """Raised if a value cannot be set without changing other values. The message explains the reason."""
 
 
 def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
@@ -54,7 +54,7 @@ def _is_toml(path: str) -> bool:
 
 
 def _meant(value: Written) -> Plain:
-    """Return the parsed value."""
+    """Convert a value from the text of a document to plain Python values."""
     if isinstance(value, str):
         return core_value(value)
     return {key: _meant(one) for key, one in value.items()} if isinstance(value, Mapping) else [_meant(one) for one in value]
@@ -68,7 +68,7 @@ def _parse_document(document: Document, text: str) -> Document | None:
 
 
 def _put(whole: Any, keys: Keys, value: Any, mapping: Callable[[], Any] = dict) -> Any:
-    """Set a value in the plain values of a document, in place. `mapping` is called to create missing mappings."""
+    """Set a value in a document of plain Python values, in place. `mapping` is called to create missing mappings."""
     inner = whole
     for key in keys[:-1]:
         if isinstance(inner, dict) and not isinstance(inner.get(key), (dict, list)):
@@ -79,12 +79,12 @@ def _put(whole: Any, keys: Keys, value: Any, mapping: Callable[[], Any] = dict) 
 
 
 def _step(inner: Any, key: str) -> Any:
-    """Return a key of a mapping, or the index of a list."""
+    """Convert a step of a path to a key of a mapping or to the index of a list."""
     return int(key) if isinstance(inner, list) else key
 
 
 def _take_out(whole: Any, keys: Keys) -> Any:
-    """Remove a value from the plain values of a document, in place."""
+    """Remove a value from a document of plain Python values, in place."""
     inner = whole
     for key in keys[:-1]:
         inner = inner[key]

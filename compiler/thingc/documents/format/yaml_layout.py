@@ -147,7 +147,7 @@ class _Commenter:
         self.ended: list[Segment] = []
 
     def run(self, root: Segment, start: int) -> list[str | None]:
-        """Assign every comment. Return those comments above the first entry that belong to the document as a whole."""
+        """Assign every comment to an entry. Return the comments above the first entry that describe the whole document."""
         self.at = start
         if root.flow:
             head = gap(self.text, start, root.start)
@@ -259,7 +259,7 @@ def is_modeline(line: str) -> bool:
 
 
 def _chain(piece: Segment) -> list[Segment]:
-    """Return the blocks that end at the same position as this value, outermost first."""
+    """Return the blocks that end at the same position as a value, outermost first."""
     blocks: list[Segment] = []
     while piece.block:
         blocks.append(piece)

@@ -199,7 +199,7 @@ class _Reader:
         )
 
     def enough(self, where: Span) -> bool:
-        """Return whether a limit is exceeded, and report this. No further documents are read then."""
+        """Return whether a limit is exceeded. An exceeded limit is reported, and no further documents are read."""
         if self.ended:
             return True
         if self.bytes > MAX_ALL_BYTES:

@@ -53,7 +53,7 @@ class Source:
         )
 
     def range(self, span: Span) -> tuple[int, int]:
-        """Return the range of a span (indices into `text`, `end` exclusive)."""
+        """Convert a span to a range of indices into `text`, with an exclusive end."""
         return self.starts[span.line - 1] + span.column - 1, self.starts[span.end_line - 1] + span.end_column - 1
 
     def line_at(self, index: int) -> int:

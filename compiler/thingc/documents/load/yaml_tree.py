@@ -54,12 +54,12 @@ def report_syntax(error: Any, source: Source, report: Report) -> None:
 
 
 class _Stop(Exception):
-    """Parsing cannot continue. The reason has already been reported."""
+    """Raised to stop parsing after the reason has been reported."""
 
 
 @dataclass(slots=True)
 class _Anchored:
-    """An anchor: its node once it is complete, the number of nodes that it expands to, and its depth."""
+    """A YAML anchor: its node when it is complete, the number of nodes that it expands to, and its depth."""
 
     node: Node | None = None
     nodes: int = 1
@@ -128,7 +128,7 @@ class _Builder:
         return node
 
     def bound(self, event: Any, level: int) -> None:
-        """Stop if the document is too deep or too large, or has too many errors."""
+        """Stop parsing if the document is nested too deeply, is too large, or has too many errors."""
         if level > MAX_LEVELS:
             message = f"the document has more than {MAX_LEVELS} levels of nesting"
         elif self.nodes > MAX_NODES:
@@ -276,7 +276,7 @@ class _Builder:
         return self.source.span(start, max(start, end))
 
     def key(self, event: Any, level: int) -> tuple[str, Span] | None:
-        """Return the text and the span of a key. If the key is invalid, report the error and return None."""
+        """Return the text and the span of a mapping key. If the key is invalid, report the error and return None."""
         kind = type(event).__name__
         if kind == "AliasEvent":
             if event.anchor not in self.anchors:

@@ -12,13 +12,15 @@ from thingc.documents.names.references import Name, NamePlace, NameReader, part_
 
 
 class NameIndex(FrozenStruct, kw_only=False):
-    """All places of names, by file and line."""
+    """The places at which names are declared or used, by file and line."""
 
     places: tuple[NamePlace, ...]
     by_name: Mapping[Name, tuple[NamePlace, ...]]
 
     def at(self, file: str, line: int, column: int) -> NamePlace | None:
-        """Return the narrowest place that contains a character (counted from 1). The character after a name counts as part of the name."""
+        """Return the shortest place of a name that contains a character (counted from 1). The character after a name counts as part of the
+        name.
+        """
         around = [
             place for place in self.places
             if place.span.file == file and (place.span.line, place.span.column) <= (line, column)

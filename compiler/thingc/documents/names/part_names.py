@@ -31,7 +31,7 @@ class PartName(FrozenStruct, kw_only=False):
 
 
 class PartPlace(FrozenStruct, kw_only=False):
-    """A place of a name, and whether it is the declaration of the name."""
+    """A place of a name in a Python module, and whether the name is declared there."""
 
     name: PartName
     span: Span

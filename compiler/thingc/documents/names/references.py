@@ -25,7 +25,7 @@ Role = Literal["declared", "used", "fits"]
 
 
 class Name(FrozenStruct, kw_only=False):
-    """A name.
+    """A name that a document or a part module declares.
 
     `what` is a kind of name from `name_types.py`, or `document`, `part`, `part mount`, `part parameter`; `file` is the absolute path of the
     document or module that declares the name (empty if unknown); `owner` is the component or class in this file to which the name belongs

@@ -35,11 +35,11 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 
 
 class RenameRefused(Exception):
-    """The name cannot be renamed. The message explains the reason."""
+    """Raised if a name cannot be renamed. The message explains the reason."""
 
 
 class RenameEdits(FrozenStruct):
-    """The edits of a rename.
+    """The edits that rename an element of a document.
 
     `texts` are the new contents of files by absolute path. `after` is the index after the rename. The places of each file are ordered from
     last to first.
@@ -51,7 +51,7 @@ class RenameEdits(FrozenStruct):
 
 
 def renamable(sight: WorkspaceIndex, name: Name) -> None:
-    """Check whether a name can be renamed at all. Raises `RenameRefused`."""
+    """Raise `RenameRefused` if a name cannot be renamed at all."""
     what = WORDS.get(name.what, name.what)
     if name.what in ("document", "part"):
         kinds = "files" if name.what == "document" else "classes"

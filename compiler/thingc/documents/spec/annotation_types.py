@@ -1,4 +1,4 @@
-"""Types of values in the document models, read from their annotations: mapping, list, choice, field and others.
+"""The types of values in document models, such as mapping, list or choice, derived from the annotations of the models.
 
 The locations in pydantic's errors refer to a model. This module maps such a location to the place in the document, and provides similar
 names and the description of the expected type.
@@ -20,7 +20,7 @@ from thingc.documents.spec.name_types import DeclaresName, RefersTo
 
 
 class FieldType(FrozenStruct):
-    """The type of a value, read from an annotation.
+    """The type of a value in a document model, derived from an annotation.
 
     `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`. `model` is the
     class. `members` are the types of dict values, of list items or of the branches of a union. `key` is the type of dict keys. `choices`

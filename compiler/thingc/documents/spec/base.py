@@ -1,4 +1,4 @@
-"""The base class of all document models, and the errors of their rules."""
+"""The base class of all document models, and the errors for violated rules of these models."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ Vector = tuple[Value, Value, Value]
 
 
 class FieldValidator:
-    """Annotation of a field: its validator, its description in messages, and its JSON Schema."""
+    """An annotation of a model field, with its validator, its description in messages, and its JSON Schema."""
 
     def __init__(self, validate: Callable[[Any], Any], words: str, schema: Mapping[str, Any]) -> None:
         self.validate = validate
@@ -103,7 +103,7 @@ def found(value: object) -> str:
 
 
 def read_expression(text: str) -> Expression:
-    """Parse `=...`. Syntax errors become validation errors."""
+    """Parse an expression such as `=reach / 2`. Syntax errors become validation errors."""
     try:
         return parse_expression(text)
     except ExpressionError as error:

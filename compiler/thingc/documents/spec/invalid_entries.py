@@ -1,4 +1,4 @@
-"""Invalid parts of a document. Later passes receive only the valid rest of the document."""
+"""The invalid entries of a document. Later passes receive only the valid rest of the document."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ANY_NAME = "*"
 
 
 class InvalidEntries(FrozenStruct):
-    """Key paths of a document whose values are invalid and were removed, or which an invalid key may have been meant as.
+    """Paths of a document whose values are invalid and were removed, and paths for which an invalid key may be a misspelling.
 
     Each error has been reported.
 
@@ -36,7 +36,7 @@ class InvalidEntries(FrozenStruct):
         return any(doubt[: len(path)] == path[: len(doubt)] for doubt in self.paths)
 
     def at(self, path: Path) -> bool:
-        """Return whether the value at `path` as a whole, or one of its parents, is invalid."""
+        """Return whether the whole value at `path`, or one of its parents, is invalid."""
         return any(doubt == path[: len(doubt)] for doubt in self.paths)
 
     def lacks(self, section: str) -> bool:
@@ -63,7 +63,7 @@ class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
         self.allowances: list[Allowance] = []
 
     def joined(self, more: Specs) -> Specs:
-        """Return these specs and others combined."""
+        """Return the union of these document models and others."""
         both = Specs({**self, **more})
         both.doubts = {**self.doubts, **more.doubts}
         both.allowances = [*self.allowances, *more.allowances]

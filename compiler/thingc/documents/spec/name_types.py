@@ -35,13 +35,13 @@ RESERVED = frozenset({"world", "root", "origin"})
 
 
 class DeclaresName(FrozenStruct, kw_only=False):
-    """Annotation of a key or a string that declares a name."""
+    """An annotation of a model field whose key or string declares a name."""
 
     what: Declared
 
 
 class RefersTo(FrozenStruct, kw_only=False):
-    """Annotation of a key or a string that refers to a name."""
+    """An annotation of a model field whose key or string refers to a name."""
 
     what: ReferenceKind
 

@@ -1,4 +1,4 @@
-"""The model of a pose. All document models use it."""
+"""The model of a position and an orientation, which other document models use."""
 
 from __future__ import annotations
 

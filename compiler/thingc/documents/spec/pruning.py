@@ -29,7 +29,7 @@ That entry is the `owner` in the error's context (None if the keys precede the f
 
 
 class Fault(FrozenStruct):
-    """An error at the value at `path` of a document, or at its key if `key` is True.
+    """An error in a document, at the value at `path` or, if `key` is True, at the key of this value.
 
     The type and the context come from pydantic or `fields`.
 
@@ -107,7 +107,7 @@ def _copied(value: Any) -> Any:
 
 
 def _at(value: Any, path: Path) -> Any:
-    """Return the plain value at a path, or None."""
+    """Return the Python value at a path of a document, or None."""
     for step in path:
         if isinstance(value, dict):
             value = value.get(step)

@@ -134,7 +134,7 @@ def dimension_stated(documents: Documents, path: str) -> Dimension | None:
 
 
 def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[str, ...]]:
-    """Return the document to which a path leads, and the remaining keys in this document."""
+    """Return the nested document to which a path leads, and the remaining keys in this document."""
     document: Document | None = documents.root
     while document is not None and (through := nested(path)) is not None:
         component, path = through
@@ -143,7 +143,7 @@ def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[st
 
 
 def nested_document(documents: Documents, document: Document, component: str) -> Document | None:
-    """Return the document of a nested component, or None."""
+    """Return the document of a component that is a nested assembly, or None."""
     text = node_at(document.tree, ("components", component, "assembly"))
     return documents.named(document, text.text) if isinstance(text, ScalarNode) else None
 
@@ -169,7 +169,7 @@ def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
 
 
 def in_full(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] | None:
-    """If a path leads into a value that is written in short form, return the path of this value and its long form. Otherwise return None.
+    """Return the path and the long form of a value in short form into which a path leads. For other paths, return None.
 
     Short forms are a drive of a joint that only names a component or comes from `defaults` (`joints.elbow.drive.kp`), and a vector that is
     written as one string (`modes.moon.gravity.2`).

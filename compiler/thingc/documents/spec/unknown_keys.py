@@ -65,7 +65,8 @@ class UnknownKey:
         return f"write in full: `mount: {shortened(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
 
     def _place(self, root: type[Model]) -> str | None:
-        """Describe where a key belongs: in a mapping inside this one, in a parent mapping, or in a section of the document."""
+        """Describe where an unknown key belongs: in a mapping inside its own mapping, in a parent mapping, or in a section of the document.
+        """
         value = node_at(self.document.tree, self.path)
         if "parameters" in self.known and "part" not in self.known and len(self.path) > 1 and isinstance(value, ScalarNode):
             return f"set a parameter by `parameters: {{{shortened(self.key, 40)}: {shortened(value.text, 40)}}}`"

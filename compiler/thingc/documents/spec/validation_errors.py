@@ -101,7 +101,7 @@ _COMMA = "use a decimal point, not a comma"
 
 
 def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Suggestion] | None:
-    """Detect `{gap: 1,5 mm}`, which is parsed as `gap: 1` and a key `5 mm`.
+    """Detect a decimal comma such as `{gap: 1,5 mm}`, which is parsed as `gap: 1` and a key `5 mm`.
 
     Return the path of the value, the span of the whole text, and a hint with the intended value.
     """

@@ -144,7 +144,7 @@ class FaultReporter(FrozenStruct, eq=False):
         self._add(KINDS[fault.kind], fault.context["message"], where, path, help)
 
     def _of_its_joint(self, fault: Fault) -> Fault:
-        """Add to the error of a missing unit the physical dimension that the type of the joint requires."""
+        """For a missing unit, add the physical dimension that the type of the joint requires to the error."""
         dimension = dimension_at(self.document, fault.path)
         if dimension is not None:
             try:

@@ -1,1 +1,1 @@
-"""Run the tests of a document on its robot: `thingc test`."""
+"""Run the tests of a document on its robot, as `thingc test` does."""

@@ -1,4 +1,4 @@
-"""Exact shapes of the parts and links of a robot, and pairs of occurrences that are near each other in a pose."""
+"""Find parts of a robot that are near each other or overlap in a pose, by their exact shapes."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ class NearPair(FrozenStruct):
 
     @property
     def badness(self) -> tuple[float, float]:
-        """The sort key of the pair: the depth, then the negative gap."""
+        """The sort key of the pair, which is larger for a deeper overlap or a smaller gap."""
         return self.depth, -self.gap
 
 
 class Collisions:
-    """Pairs of an assembly that may collide, and their shapes.
+    """The pairs of occurrences that may collide, and the shapes of these occurrences.
 
     The occurrences of `pairs` (indices) are on links without a common joint; their gaps are measured. The occurrences of pairs in `close`
     are on the same link, or on links that a joint connects; such occurrences may touch, and only overlaps count. `skipped` are the pairs
@@ -77,7 +77,7 @@ class Collisions:
     def overlapping(
         self, poses: Sequence[Pose], frame: Keyframe, allowed: Mapping[tuple[int, int], int], seen: set[object] | None,
     ) -> Iterator[NearPair]:
-        """Yield the `close` pairs that overlap, unless the document allows it (`TC520`).
+        """Yield the `close` pairs that overlap, except pairs whose overlap the document allows (`TC520`).
 
         A sweep passes `seen`, the set of visited cells of poses, so that a pair is compared only once per cell.
         """

@@ -98,7 +98,7 @@ class NumpyTree:
 
 
 def quasi_random(count: int, dimensions: int) -> Array:
-    """Return `count` points in the unit cube (count x dimensions), evenly distributed and the same in every run.
+    """Return `count` evenly distributed points in the unit cube (count x dimensions), which are the same in every run.
 
     In one dimension, the points are equally spaced from end to end. Otherwise the corners of the cube come first, if they are at most a
     quarter of the points. The other points follow the additive recurrence of the generalised golden ratio g, the root of g**(d + 1) = g + 1

@@ -1,4 +1,4 @@
-"""Test cases and the outcomes of their measurements."""
+"""The cases of document tests, and the outcomes of their measurements."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ Stated = TypeVar("Stated", bound=OneLineRepr)
 
 
 class TestMeasurement(FrozenStruct, Generic[Stated]):
-    """The measurement of a kind of test.
+    """The measurement of a kind of document test.
 
     `measure(case, stated)` measures one case. `poses(stated, pose)` returns all poses of the case with the name `pose`.
     `finish(linked, outcomes, report)` is called with all outcomes if the test ran in all of its modes.

@@ -43,7 +43,7 @@ def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list
 
 
 def keyframe(robot: Robot, pose: NamedPose) -> Keyframe | None:
-    """Return the keyframe of a pose, or None if the pose does not close the loops."""
+    """Return the keyframe of a pose, or None if the loops do not close in the pose."""
     return next((frame for frame in robot.keyframes if frame.name == pose.name), None)
 
 

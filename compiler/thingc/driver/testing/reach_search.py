@@ -74,7 +74,7 @@ Ends = tuple[tuple[int, Pose], tuple[int, Pose]]
 
 
 def _distance(chain: NumpyTree, ends: Ends, x: Array) -> tuple[float, Array]:
-    """Return the distance [m] between two mounts and its derivative (n)."""
+    """Return the distance [m] between two mounts, and its derivative (n) by the coordinates."""
     q = chain.q(x)
     at = chain.bodies(q)
     one, other = (np.array((at[body] @ pose).translation) for body, pose in ends)
@@ -157,7 +157,7 @@ def _tries(chain: NumpyTree, frame: Keyframe) -> list[Array]:
 def _situation(
     chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
 ) -> tuple[dict[str, float], tuple[Pose, ...], tuple[Array, Array], tuple[Array, Array]]:
-    """Return the coordinates and the poses of all bodies at x.
+    """Return the coordinates of the robot and the poses of all bodies at the point x of the search.
 
     Also return, in the world, the origin and z of the mount, and the point and direction of the target.
     """

@@ -1,4 +1,4 @@
-"""Results of tests, and their JUnit report."""
+"""The results of document tests, and their JUnit report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Run the tests of a document."""
+"""Run the tests of a document, case by case."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from thingc.targets.request import EmitRequest
 
 
 class Selection(FrozenStruct):
-    """Selection of tests: patterns of names (empty: all), and of modes (empty: the modes of each test)."""
+    """A selection of tests by patterns of names (empty: all tests) and of modes (empty: the modes of each test)."""
 
     only: tuple[str, ...] = ()
     modes: tuple[str, ...] = ()

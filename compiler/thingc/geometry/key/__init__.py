@@ -1,1 +1,1 @@
-"""Dependencies of a part's result (code, files that the part read, versions), and the cache with these dependencies as keys."""
+"""Find the dependencies of a part (its code, the files that it reads, versions of packages), and cache results under these dependencies."""

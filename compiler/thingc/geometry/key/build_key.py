@@ -1,4 +1,4 @@
-"""The labelled ingredients of a result. The digest of the ingredients is the build key.
+"""Compute build keys: the digest of all labelled inputs on which a cached result depends.
 
 A comparison of ingredients shows the reason for a rebuild.
 """
@@ -17,13 +17,13 @@ from thingc.geometry.record import PartDefinition
 
 
 class BuildKey(FrozenStruct):
-    """The ingredients of a result by label (`module arm`, `parameter length`, `version build123d`), and their key."""
+    """The inputs on which a result depends, by label (`module arm`, `parameter length`, `version build123d`), and their digest."""
 
     ingredients: dict[str, str]
 
     @property
     def key(self) -> str:
-        """The SHA-256 of the ingredients, hexadecimal."""
+        """The SHA-256 of all inputs, in hexadecimal."""
         text = json.dumps(self.ingredients, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -48,7 +48,7 @@ def record_key(definition: PartDefinition, code: CodeIngredients | None, version
 
 
 def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
-    """Describe what changed between two sets of ingredients of a part: at most three changes, modules first."""
+    """Describe at most three changes between two sets of inputs of a part, changed modules first."""
     changed = [label for label in {**old, **new} if old.get(label) != new.get(label)]
     if any(label.startswith("module ") and label in old and label in new for label in changed):
         # the edit of a module is the reason; the edit also explains added and removed imports of other modules

@@ -1,4 +1,4 @@
-"""The environment of workers. Each variable has either a fixed value, or a value that is part of every part's key."""
+"""The environment variables of workers. Each variable has a fixed value, or a value that is part of the cache key of every part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The code that a part depends on: its module and all modules that it imports, directly or indirectly, found by reading source files.
+"""Find the code that a part depends on: its module and all modules that it imports, directly or indirectly. The search only reads source
+files.
 
 The search evaluates all import statements, also in functions. It includes modules in part folders and in packages that are tracked by
 content, and the packages that contain these modules. Comments, layout and docstrings do not count, unless some code may read docstrings:
@@ -74,7 +75,7 @@ class ModuleSource(FrozenStruct, kw_only=False):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CodeIngredients:
-    """The code of a part and everything that determines it.
+    """The code of a part, with all files and paths that determine which code it is.
 
     `ingredients` contains digests and paths by module (`module arm`), `documented` the same with docstrings. `installed` contains the
     imported modules of installed packages. `files` contains the source files with their SHA-256. `plain` contains the packages without
@@ -231,7 +232,7 @@ def _definition_line(module: str, name: str, sources: ModuleSources) -> tuple[st
 
 
 def _absolute(source: ModuleSource, origin: str) -> tuple[str, str]:
-    """Return the module that an import in `source` names, and the imported name ("" for the module itself).
+    """Return the absolute name of an imported module, and the imported name ("" for the module itself).
 
     The module is "" for a relative import beyond the top-level package.
     """

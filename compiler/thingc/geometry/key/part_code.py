@@ -1,4 +1,4 @@
-"""Decide, before importing any code, whether a part may be loaded, where its code is, and what its code depends on."""
+"""Decide whether a part may be loaded, and find its code and the dependencies of this code, without importing the code."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ class PartCode:
         return file
 
     def around(self, code: CodeIngredients | None) -> dict[str, Any]:
-        """Return the part of a worker request that describes the code.
+        """Return the fields of a worker request that describe the code.
 
         The result contains the folders and packages of the workspace, the SHA-256 of files that the key contains, part packages without
         `__init__.py`, and installed packages to load before the fork.

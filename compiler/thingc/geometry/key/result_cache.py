@@ -1,4 +1,4 @@
-"""Results cached in the store, by build key and then by the files that were read.
+"""Cache results in the store, by their build key and by the files that were read.
 
 A build key can have several results. Each result has its reads, the states of the files that it depends on. A lookup returns the result
 whose reads are all unchanged.
@@ -21,7 +21,7 @@ CANDIDATES = 8
 
 
 class CachedResult(FrozenStruct):
-    """A result from the store, the reads that it depends on, and the reason why the part was built."""
+    """A cached result, with the states of the files that it depends on and the reason why the part was built."""
 
     value: Any
     reads: tuple[tuple[str, str], ...]
@@ -29,7 +29,7 @@ class CachedResult(FrozenStruct):
 
 
 class Results:
-    """The results for one workspace (`root`). Each file is read once: this object always uses the first state of a file.
+    """The cached results of one workspace. Each file is read once, so later changes of a file are ignored.
 
     `consulted` contains the absolute paths that were read. `met` contains the reads, with their states, of the results that were returned.
     """
@@ -58,7 +58,7 @@ class Results:
         return self._states[absolute, listed]
 
     def find(self, kind: str, key: str, usable: Callable[[Any], bool] = lambda _: True) -> CachedResult | None:
-        """Return a `usable` result under a key with unchanged reads, or None."""
+        """Return a cached result for which `usable` is true and whose files are unchanged, or None."""
         for candidate in self._candidates(kind, key):
             if all(self.state(path, state) == state for path, state in candidate["reads"]) and usable(candidate["value"]):
                 self.met.update((path, state) for path, state in candidate["reads"])
@@ -112,11 +112,11 @@ class Results:
                 self.store.note_json("met", self._of(reference), True)
 
     def _of(self, name: str) -> str:
-        """Return a key for a value of this workspace only."""
+        """Return a key of the store that is valid only for this workspace."""
         return f"{self.root}\n{name}"
 
     def changed_read(self, key: str) -> str | None:
-        """Describe which reads of the newest result under a build key have changed. Return None if no reads have changed."""
+        """Describe which files of the newest result under a build key have changed. Return None if no file has changed."""
         for candidate in self._candidates("record", key)[:1]:
             changed = [(path, state, now) for path, state in candidate["reads"] if (now := self.state(path, state)) != state]
             if changed:

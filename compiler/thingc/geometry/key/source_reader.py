@@ -29,7 +29,7 @@ LOOKING = re.compile(
 """Names that code uses to inspect functions without a call, or to run functions in another way."""
 
 _IMPLIED = ("ctx", "kind")
-"""Fields of nodes that carry no information: the position of a name shows its use, and `u"x"` equals `"x"`."""
+"""Fields of syntax nodes that are ignored, because they do not contain additional information."""
 _END, _LEFT = object(), object()
 
 PLAIN = frozenset({"classmethod", "property", "staticmethod"})
@@ -71,7 +71,7 @@ def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
 
 
 def _own(function: ast.FunctionDef) -> list[Any]:
-    """Return the parts of a function that matter only when it is called: its body, and defaults that are plain values."""
+    """Return the parts of a function that have no effect until it is called: its body, and defaults that are plain values."""
     defaults = [*function.args.defaults, *function.args.kw_defaults]
     return [function.body, *(one for one in defaults if one is not None and _is_value(one))]
 
@@ -128,7 +128,7 @@ def _digest(lines: list[str]) -> str:
 
 
 def _word(node: Any) -> tuple[str, Sequence[Any]]:
-    """Return the line of text for a node, a list of nodes or a value, and its children in order."""
+    """Return a line of text that identifies a node, a list of nodes or a value, and its children in order."""
     if isinstance(node, ast.AST):
         # fields without a value are omitted, because other versions of Python have more fields
         fields = {

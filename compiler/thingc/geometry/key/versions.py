@@ -1,4 +1,4 @@
-"""Versions of everything outside the workspace that affects a result: Python, packages, and thingc itself."""
+"""Find the versions of all software outside the workspace that affects a part: Python, packages, and thingc itself."""
 
 from __future__ import annotations
 

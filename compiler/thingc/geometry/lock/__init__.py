@@ -1,1 +1,1 @@
-"""`parts.lock.json`: a file in the workspace with the schemas and records of parts, which replaces building the parts."""
+"""Read and write `parts.lock.json`, a file of the workspace that contains the schemas and records of parts."""

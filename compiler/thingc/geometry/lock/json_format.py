@@ -46,7 +46,9 @@ _POSE = 12
 
 
 class BadLock(Exception):
-    """An invalid value in the lock. `path` is the place of the value (`things.arm:Pen.parameters.length`), the message is the reason."""
+    """Raised for an invalid value in the lock file. `path` is the place of the value (`things.arm:Pen.parameters.length`), and the message
+    is the reason.
+    """
 
     def __init__(self, path: str, message: str) -> None:
         super().__init__(message)
@@ -57,7 +59,7 @@ class BadLock(Exception):
 
 
 def schema_values(schema: PartSchema) -> dict[str, Any]:
-    """Return the JSON values of a schema, the inverse of `read_schema`.
+    """Convert a part schema to JSON values. This function is the inverse of `read_schema`.
 
     The place in the part file is omitted, because every comment changes it.
     """
@@ -84,7 +86,7 @@ def _parameter_values(parameter: ParameterSchema) -> dict[str, Any]:
 
 
 def record_values(record: PartRecord) -> dict[str, Any]:
-    """Return the JSON values of a record, the inverse of `read_record`.
+    """Convert a part record to JSON values. This function is the inverse of `read_record`.
 
     The JSON contains the values that checks of assemblies need. Meshes and places in files are omitted.
     """
@@ -155,7 +157,7 @@ def _stated_values(stated: DeclaredValue[Any] | None) -> Any:
 
 
 def read_schema(reference: str, value: Any, path: str) -> PartSchema:
-    """Return the part schema of `module:Class`, without its place. Raises `BadLock`."""
+    """Parse the schema of the part `module:Class`, without the location of the class. Raises `BadLock`."""
     table = mapping(value, path)
     return PartSchema(
         reference=reference, kind=_one_of({"thing", "shape", "function"}, table, "kind", path), doc=_text_at(table, "doc", path) or "",
@@ -198,7 +200,7 @@ def _of_kind(kind: str, value: Value, choices: tuple[Value, ...]) -> bool:
 
 
 def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) -> PartRecord:
-    """Return the part record of the definition `text`, without meshes. `code` is the place of its class. Raises `BadLock`."""
+    """Parse the part record of the definition `text`, without meshes. `code` is the location of its class. Raises `BadLock`."""
     table = mapping(value, path)
     box = None if table.get("box") is None else numbers(table["box"], 6, f"{path}.box")
     inertia = numbers(table.get("inertia"), _ENTRIES, f"{path}.inertia")
@@ -246,7 +248,7 @@ def _sliced(value: Any, path: str) -> tuple[Slicing, SliceResult | SliceFailure]
 
 
 def _matter(value: Any, path: str) -> Moments:
-    """Return the ten moments in `value`. Raises `BadLock` unless they are physically possible."""
+    """Parse the ten moments of a solid. Raises `BadLock` unless they are physically possible."""
     moments = Moments.of(numbers(value, _MOMENTS, path))
     of = moments.properties
     if moments.volume < 0.0 or moments.volume > 0.0 and physical_fault(of.inertia) is not None:

@@ -1,4 +1,4 @@
-"""`parts.lock.json`: the schemas and records of the parts of a workspace, so that documents can be checked without running code.
+"""Read `parts.lock.json`, which contains the schemas and records of parts, so that documents can be checked without running code.
 
 The lock is a file in the root of the workspace. `thingc lock` writes it, and users commit it with the documents. Reading a lock is safe for
 an untrusted workspace: the reader checks the size, the structure and every number, and does not run any code.
@@ -26,7 +26,7 @@ LOCK_FILE = "parts.lock.json"
 VERSION = "lock/1"
 MAX_BYTES = 10_000_000
 REMAKE = "run `thingc lock` on a machine that may run part code, and commit `parts.lock.json`"
-"""The help text for all errors of the lock."""
+"""The help text for all errors in lock files."""
 
 
 class LockedThing(FrozenStruct):
@@ -43,7 +43,7 @@ class LockedThing(FrozenStruct):
 
 
 class Lock(FrozenStruct):
-    """A parsed lock.
+    """A parsed lock file.
 
     `things` is keyed by `module:Class`. `files` contains the parts that are files, keyed by path in the workspace: the state of the
     content, and the record. `others` contains classes that the workspace can use but that are not Things. Records and schemas are validated
@@ -90,7 +90,7 @@ def lock_path(workspace: Workspace) -> str:
 
 
 def code_hash(code: CodeIngredients | None, version: str = "") -> str:
-    """Return the hash of everything in a part's code that can change the part. Comments, layout and docstrings do not count.
+    """Return the hash of a part's code. Comments, layout and docstrings do not change the hash.
 
     If `code` is None (a part of an installed package), return the hash of the package's `version`.
     """
@@ -99,7 +99,7 @@ def code_hash(code: CodeIngredients | None, version: str = "") -> str:
 
 
 def top_of(file: str) -> Span:
-    """Return the span of the first line of the lock. Errors of the whole lock refer to this line."""
+    """Return the span of the first line of the lock file, to which errors of the whole file refer."""
     return line_of(file)
 
 
@@ -133,7 +133,7 @@ def read_lock_file(path: str, report: Report) -> Lock | None:
 
 
 def report_missing(workspace: Workspace, report: Report) -> None:
-    """Report a missing lock. If the file exists, `read_lock` has already reported that it is invalid."""
+    """Report a missing lock file. An invalid file has already been reported by `read_lock`."""
     if not os.path.lexists(lock_path(workspace)):
         report.add(
             Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the workspace folder: without it, thingc cannot check parts unless "

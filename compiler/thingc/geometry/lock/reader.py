@@ -31,7 +31,9 @@ _T = TypeVar("_T")
 
 
 class LockAnswers:
-    """Looks up answers in a lock for the current code and files. `consulted` contains the absolute paths that were read."""
+    """Looks up schemas and records in a lock file, if they match the current code and files. `consulted` contains the absolute paths that
+    were read.
+    """
 
     def __init__(self, lock: Lock, workspace: Workspace, parts: PartCode) -> None:
         self.lock = lock
@@ -123,7 +125,8 @@ class LockAnswers:
 
 
 class LockFallback:
-    """A lock for parts that are not in the store. The lock is read when it is first needed. `broken` collects its errors."""
+    """A lock file as the source of parts that are not in the store. The file is read when it is first needed. `broken` collects its errors.
+    """
 
     def __init__(self, lock: Callable[[], Lock | None] | None, workspace: Workspace, parts: PartCode) -> None:
         self.broken: list[BadLock] = []
@@ -134,7 +137,7 @@ class LockFallback:
 
     @property
     def there(self) -> bool:
-        """Whether there is a lock to use."""
+        """Whether a valid lock file exists."""
         return self._answers is not None or self._lock is not None and os.path.lexists(lock_path(self._workspace))
 
     @property
@@ -195,7 +198,7 @@ class LockOnlyGeometry:
         return False
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing, because there are no processes to end."""
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """Return the part schema or failure of each `module:Class`, by reference.

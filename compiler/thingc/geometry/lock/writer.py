@@ -1,4 +1,4 @@
-"""Create `parts.lock.json`.
+"""Create the content of `parts.lock.json`.
 
 The geometry service provides every Thing that the workspace can use and every definition that documents use.
 """
@@ -24,7 +24,7 @@ from thingc.geometry.service import GeometryService
 
 @dataclass(slots=True, kw_only=True)
 class LockResult:
-    """The values of a new lock, and the failures of Things and of definitions that documents use."""
+    """The content of a new lock file, and the failures of parts that could not be described or built."""
 
     values: dict[str, Any]
     failures: list[PartFailure] = field(default_factory=list)

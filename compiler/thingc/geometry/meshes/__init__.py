@@ -1,1 +1,1 @@
-"""Mesh files that links list. trimesh reads the files, and results are cached by content. The CAD kernel never reads these files."""
+"""Read the mesh files of links with trimesh, and cache the results by the content of the files. The CAD kernel never reads these files."""

@@ -24,7 +24,7 @@ VERSION = 3
 
 
 def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | None:
-    """Return the record of a file, from the store or by reading the file. Raises `BadMesh`.
+    """Return the record of a mesh file, from the store or by reading the file. Raises `BadMesh`.
 
     If `read` is False, return None unless the record is in the store.
     """

@@ -44,7 +44,7 @@ _FACE, _NEXT = (re.compile(rb"^[ \t]*%s[ \t]" % word, re.MULTILINE) for word in 
 
 
 class _Beside(trimesh.resolvers.Resolver):
-    """Resolves the files that a mesh file references. The mesh file can only use files that define its colours and have a known digest."""
+    """Opens the files that a mesh file references. Only files that define its colours and whose digest is known can be opened."""
 
     def __init__(self, file: MeshFile) -> None:
         self._file = file

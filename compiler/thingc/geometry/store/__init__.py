@@ -1,1 +1,1 @@
-"""The content-addressed cache, on this machine or shared by several, and the locks of parts that are being built."""
+"""The content-addressed cache of parts, on this machine or shared by several machines, and the locks for parts that are being built."""

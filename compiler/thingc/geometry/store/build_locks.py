@@ -1,4 +1,4 @@
-"""Build locks ensure that a part is built only once if several processes with the same store need it.
+"""Locks that ensure that a part is built only once if several processes with the same store need it.
 
 A build lock is a lock on one byte of the store's file `build_locks`, at an offset computed from the build key. The system releases the lock
 when its process ends for any reason. A process never waits for a lock while it holds another lock, so deadlocks are impossible. If locks do
@@ -88,7 +88,7 @@ class BuildLocks:
 
 
 def _lock_offset(key: str) -> int:
-    """Return the offset for a key. Two keys rarely share one of 2^60 offsets.
+    """Return the byte offset that represents a key in the lock file. Two keys rarely have the same of the 2^60 offsets.
 
     If two keys share an offset, their parts are only not built at the same time.
     """

@@ -31,7 +31,7 @@ A blob that was modified later has a different time, and is hashed before use.
 
 
 class StoreUnusable(Exception):
-    """The store's folder `root` cannot be used; `reason` is the message of the system."""
+    """Raised if the folder of the store cannot be used. `reason` is the message of the operating system."""
 
     def __init__(self, root: str, reason: str) -> None:
         super().__init__(f"the cache {root} cannot be used: {reason}")
@@ -40,7 +40,7 @@ class StoreUnusable(Exception):
 
 
 class BlobMissing(Exception):
-    """A blob is not in the store, or was damaged and has been removed."""
+    """Raised if a blob is not in the store, or was damaged and has been removed."""
 
     def __init__(self, sha256: str) -> None:
         super().__init__(f"the cache has no valid blob {sha256}")
@@ -48,7 +48,7 @@ class BlobMissing(Exception):
 
 
 def default_root() -> str:
-    """Return the folder in `$THINGC_STORE`, otherwise `cache_root()`."""
+    """Return the default folder of the store: the value of `THINGC_STORE`, otherwise `cache_root()`."""
     stated = os.environ.get("THINGC_STORE")
     return os.path.abspath(stated) if stated and "://" not in stated else cache_root()
 
@@ -66,7 +66,7 @@ def cache_root() -> str:
 
 
 class Store:
-    """A store in the folder `root` (default: `default_root()`). The folder is created with the first write.
+    """A content-addressed store in a folder (default: `default_root()`). The folder is created with the first write.
 
     Writing raises `StoreUnusable` if the folder is not writable. Reading does not raise it: a file that cannot be read counts as absent.
     """
@@ -254,7 +254,7 @@ class Outbox(Store):
         self._held: dict[str, bytes] = {}
 
     def put(self, data: bytes) -> str:
-        """Write `data` to the outbox unless the store contains it. Return the SHA-256 in hexadecimal."""
+        """Write a blob to the outbox, unless the store contains it. Return its SHA-256 in hexadecimal."""
         sha256 = hashlib.sha256(data).hexdigest()
         if sha256 not in self._held and not self.has(sha256, len(data)):
             try:

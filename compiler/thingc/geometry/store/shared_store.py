@@ -69,7 +69,7 @@ class SharedStore(Store):
         return super().has(sha256, size) or (self._fetched(sha256) and super().has(sha256, size))
 
     def read(self, sha256: str) -> bytes:
-        """Return the bytes from the folder or the URL. Raises `BlobMissing` if there is no valid copy."""
+        """Return the content of a blob from the folder or from the URL. Raises `BlobMissing` if there is no valid copy."""
         try:
             return super().read(sha256)
         except BlobMissing:
@@ -188,7 +188,7 @@ class SharedStore(Store):
 
     @contextlib.contextmanager
     def _words(self) -> Iterator[None]:
-        """Replace any exception of the protocol libraries by `StoreUnusable`."""
+        """Raise `StoreUnusable` in place of any exception of a protocol library."""
         try:
             yield
         except StoreUnusable:

@@ -20,7 +20,7 @@ Run = Callable[[list[dict[str, Any]], str], Iterable[tuple[dict[str, Any], dict[
 
 
 class SliceCache:
-    """Slices by mesh. The keys in the store contain everything that the slices depend on.
+    """A cache of slices in the store, by mesh. The keys contain all inputs on which the slices depend.
 
     A change of print settings does not rebuild a part, and equal meshes are sliced only once. `versions` returns the versions of the
     software that slices meshes.
@@ -36,7 +36,7 @@ class SliceCache:
         self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]], run: Run, timeout: float,
         broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> Records:
-        """Return the records with the slices that are `wanted`, by text. Records without a mesh are unchanged.
+        """Add the slices that are `wanted` to part records, by the text of their definition. Records without a mesh are unchanged.
 
         `run` sends requests to the workers; `broken` converts a failed answer to a `PartFailure`.
         """

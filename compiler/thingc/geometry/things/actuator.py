@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 Stated: TypeAlias = "float | tuple[float, str] | None"
 SOURCES = ("measured", "vendor", "estimated", "stated")
-"""Valid sources of a number. A number without a source has the source `stated`."""
+"""The valid sources of a number, such as `measured` or `vendor`. A number without a source has the source `stated`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, init=False)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from thingc.geometry.things.thing import Thing
 
 Change = tuple[str, object]
-"""An operation, `set | add | mul`, and its operand."""
+"""An adjustment of a parameter: the operation (`set | add | mul`) and its operand."""
 
 
 def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:

@@ -1,4 +1,4 @@
-"""Data files of a part. The search uses the folder of the part's module and the workspace, and records the files as read."""
+"""Find the data files of a part in the folder of its module or in the workspace, and record that the part reads them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Construction of Things: arguments are checked, equal parameters give the same object, and the object is immutable after `__init__`.
+"""Construct Things: check the arguments, return the same object for equal parameters, and make the object immutable after `__init__`.
 
 `__init__` runs once and in isolation. The metaclass intercepts the call before the object exists, in order to look up an existing object
 with equal parameters and to check arguments before geometry is created. It also wraps each `__init__` of a family, so that the parameters
@@ -34,7 +34,7 @@ _files: list[str] = []
 
 @dataclass(slots=True, kw_only=True)
 class InitCall:
-    """One call of `__init__`: the arguments of the call of `family`, and the `values` after adjustments, which `__init__` received."""
+    """A call of `__init__` during the construction of a Thing: its arguments, and the adjusted `values` that `__init__` received."""
 
     family: type[Any]
     given: dict[str, Value]
@@ -68,7 +68,7 @@ class Construction:
 
 
 class Parameters:
-    """Access to the parameters of a Thing: `self.p.length`, canonical, in author units.
+    """The parameters of a Thing as attributes, such as `self.p.length`, in the units of part code.
 
     The parameters include parameters of a parent class that a subclass sets. While an `__init__` runs, its own arguments take precedence.
     Afterwards, the class's own parameters take precedence. Raises `AttributeError` for a name that is not a parameter.
@@ -96,7 +96,7 @@ class Parameters:
 
 
 class ThingType(ABCMeta):
-    """The type of every Thing class."""
+    """The metaclass of all Thing classes."""
 
     def __init__(cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **kwargs: Any) -> None:
         super().__init__(name, bases, namespace, **kwargs)
@@ -112,7 +112,7 @@ class ThingType(ABCMeta):
 
 
 def make(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments) -> Thing:
-    """Return the only Thing of class `cls` with these canonical `parameters` and `adjustments`. Create the Thing if necessary.
+    """Return the Thing of class `cls` with these canonical `parameters` and `adjustments`. Create the Thing if it does not exist.
 
     If `__init__` raises an exception, the function raises the same exception and does not cache a Thing. Geometry that `__init__` creates
     is not added to a build123d builder that is active at the call, because a Thing depends only on its parameters.
@@ -194,7 +194,7 @@ def _recorded(cls: type[Any], init: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def _reading_beside(init: Callable[..., None]) -> Iterator[None]:
-    """Make `running_file` return the source file of `init`."""
+    """While the context is active, let `running_file` return the source file of `init`."""
     _files.append(getattr(getattr(inspect.unwrap(init), "__code__", None), "co_filename", ""))
     try:
         yield

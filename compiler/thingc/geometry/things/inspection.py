@@ -1,4 +1,4 @@
-"""Inspection of a part for the geometry worker: its parameters, one member of its family, and the data of this member.
+"""Inspect a part in the geometry worker: its parameters, its instance for given parameters, and the data of this instance.
 
 All values are in author units: lengths in mm, angles in degrees, masses in kg. The worker gets geometry from the Thing itself:
 `thing.result()`, `.collision()`, `.visual()` and `.envelope()` return a build123d Shape, several Shapes, or None.
@@ -34,7 +34,8 @@ Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedPart:
-    """The part for which `mount` was designed: a member of `family` with `parameters` (complete, author units), mated at its `child_mount`.
+    """The part for which a mount was designed: a member of `family` with `parameters` (complete, in the units of part code), mated at its
+    `child_mount`.
 
     Changes by `adjust` of parameters that `family` sets itself are omitted, because documents cannot express them.
     """
@@ -89,7 +90,9 @@ def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingMember:
-    """A message about a missing member of a class, which comes after the class's name, and the file and line where to add the member."""
+    """A missing member of a class: a message to be appended to the name of the class, and the file and line where the member should be
+    added.
+    """
 
     words: str
     place: tuple[str, int] | None
@@ -156,7 +159,7 @@ def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
 
 
 def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
-    """Return the Thing with these parameters [author units]. For a shape class or function, its `result` is the shape.
+    """Return the Thing with these parameters, in the units of part code. For a shape class or function, its `result` is the shape.
 
     Raises `ParameterError` before any geometry is created, `TypeError` if a function does not return a shape, and exceptions of the part's
     own code.
@@ -301,7 +304,7 @@ class _ShapePart(Thing):
     _shape: Shape[Any]
 
     def result(self) -> Shape[Any]:
-        """Return the shape."""
+        """Return the shape from which the part was created."""
         return self._shape
 
     def __repr__(self) -> str:

@@ -25,7 +25,7 @@ RESERVED = frozenset({"origin", "root", "world"})
 
 
 class MountPoint(Framed):
-    """A frame on a Thing, with z pointing out of the material. Immutable.
+    """A mount point: an immutable frame on a Thing, whose z axis points out of the material.
 
     `location` is the frame in the Thing's own frame [mm]; it may be a `Plane` or another mount. `interface` is the name of the mating
     interface (`"x430-horn"`, `"m2.5-clearance"`). `tolerance` [mm] is the largest error of the real frame.
@@ -117,7 +117,7 @@ class MountPoint(Framed):
         return f"<MountPoint {whose} at ({position})>"
 
     def _seen(self, view: Location) -> MountPoint:
-        """Return this mount in the frame of a view. The result still belongs to the same Thing."""
+        """Return this mount, transformed to the frame of a moved view. The result still belongs to the same Thing."""
         moved = MountPoint(self._local, self._interface, self._tolerance)
         moved._view = view * self._view
         moved._owner, moved._name = self._owner, self._name

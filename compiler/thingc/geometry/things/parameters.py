@@ -25,7 +25,7 @@ NOUNS = {
 
 
 class ParameterError(ValueError):
-    """A part cannot be built with this value. The exception is raised before any geometry is created.
+    """Raised if a part cannot be built with a value of a parameter. It is raised before any geometry is created.
 
     `parameter` is the name of the parameter, `owner` the name of the class or function.
     """
@@ -37,23 +37,25 @@ class ParameterError(ValueError):
 
 
 class CallError(ParameterError, TypeError):
-    """A call with an unknown parameter, or without a required parameter (a `TypeError`, as in plain Python)."""
+    """Raised if a Thing is called with an unknown parameter or without a required parameter. It is a `TypeError`, as in plain Python."""
 
 
 class SignatureError(TypeError):
-    """An `__init__` whose arguments cannot be parameters, for example with an unknown annotation, `*args`, or a default out of bounds."""
+    """Raised if the arguments of an `__init__` cannot be parameters, for example because of an unknown annotation, `*args`, or a default
+    out of bounds.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """The annotation marker in `Length`, `Angle`, ...: one of the kinds of `Parameter`."""
+    """The marker of a parameter kind in annotations such as `Length` and `Angle`."""
 
     kind: str
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Inclusive bounds of a parameter in author units: `Annotated[Length, Range(10, 200)]`, `Range(minimum=0)`.
+    """Inclusive bounds of a parameter in the units of part code, such as `Annotated[Length, Range(10, 200)]` or `Range(minimum=0)`.
 
     Raises `SignatureError` if a bound is not a number, or if the minimum is above the maximum.
     """
@@ -83,7 +85,7 @@ Ratio: TypeAlias = Annotated[float, Kind("ratio")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """One argument of a part.
+    """A parameter of a part, which is an argument of its `__init__`.
 
     `kind` is `length` [mm], `angle` [deg], `mass` [kg], `ratio` or `number` (floats), `count` or `integer` (ints), `flag` (bool), `text` (a
     string) or `choice` (one of `choices`). `default` is None if the parameter is `required`. `minimum` and `maximum` are inclusive, in the

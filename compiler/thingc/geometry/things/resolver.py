@@ -1,4 +1,4 @@
-"""Soft-moved views: a Thing in another frame, with its values transformed to this frame."""
+"""Moved views of Things: read-only proxies that transform all attributes of a Thing to another frame."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class TransformResolver(Framed):
 
 
 def placed(value: Any, location: Location) -> Any:
-    """Transform `value` from a frame at `location` to the frame outside [mm].
+    """Transform a value from a frame at `location` [mm] to the enclosing frame.
 
     Shapes (also sketches, edges and vertices), planes and axes are moved. Locations are composed. Vectors are transformed as points. A
     mount is moved and still belongs to its Thing. A bounding box becomes the axis-aligned box around the moved box. Things, moved views,
@@ -117,7 +117,7 @@ def placed(value: Any, location: Location) -> Any:
 
 
 def _calling(function: Callable[..., Any], location: Location) -> Callable[..., Any]:
-    """Wrap `function`: the call runs in the frame of the Thing, and `placed` transforms the return value."""
+    """Wrap a method, so that it runs in the frame of the Thing and `placed` transforms its return value."""
 
     @functools.wraps(function, updated=())
     def call(*args: Any, **kwargs: Any) -> Any:

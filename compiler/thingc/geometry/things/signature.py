@@ -34,7 +34,7 @@ def argument_docs(docstring: str | None) -> dict[str, str]:
 
 
 def _indented(lines: list[str], texts: dict[str, list[str]]) -> None:
-    """Read a Google section: entries have the same indent, and their continuation lines a deeper indent.
+    """Parse an `Args:` section in Google style: entries have the same indent, and their continuation lines have a deeper indent.
 
     The section ends with the indent.
     """
@@ -57,7 +57,9 @@ def _indented(lines: list[str], texts: dict[str, list[str]]) -> None:
 
 
 def _numpy(lines: list[str], texts: dict[str, list[str]]) -> None:
-    """Read a numpy section: names at the margin, with indented descriptions. The section ends at the next underlined heading."""
+    """Parse a parameter section in numpy style: names at the margin, with indented descriptions. The section ends at the next underlined
+    heading.
+    """
     entries: list[list[str]] = []
     for number, line in enumerate(lines):
         if not line.strip():
@@ -74,7 +76,7 @@ def _numpy(lines: list[str], texts: dict[str, list[str]]) -> None:
 
 
 def _fields(lines: list[str], texts: dict[str, list[str]]) -> None:
-    """Read reST fields: `:param x: text` with indented continuation lines."""
+    """Parse reST fields such as `:param x: text`, with indented continuation lines."""
     entry: list[str] | None = None
     for line in lines:
         match = _REST.match(line.strip())
@@ -101,7 +103,7 @@ class Signature:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names, in order."""
+        """The names of the parameters, in order."""
         return tuple(parameter.name for parameter in self.parameters)
 
     def get(self, name: str) -> Parameter | None:
@@ -227,7 +229,8 @@ def _kind_of_default(default: object, where: str) -> str:
 
 
 def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
-    """Return an annotation.
+    """Return the annotation of an argument.
+
 
     An annotation that is a string (`from __future__ import annotations`) is evaluated in the module of the function.
 

@@ -25,7 +25,8 @@ Number: TypeAlias = "float | tuple[float, str]"
 
 
 class Thing(Framed, metaclass=ThingType):
-    """A part. To define a part, write a subclass whose `__init__` has the parameters and assigns geometry, frames and mounts to attributes.
+    """A parametric part. To define a part, write a subclass whose `__init__` has the parameters and assigns geometry, frames and mounts to
+    attributes.
 
     `__init__` calls `super().__init__(material="petg")`. Material and colour (a CSS name or `#rrggbb`) are optional defaults, which a
     document may override. The arguments of the subclass's own `__init__` are the parameters. Annotate them with `Length`, `Angle`, `Mass`,
@@ -62,7 +63,7 @@ class Thing(Framed, metaclass=ThingType):
         return origin_of(self)
 
     def move(self, location: Location) -> Self:
-        """Return a soft-moved view with the Thing's frame at `location` [mm], for construction (see `TransformResolver`).
+        """Return a moved view of the Thing with its frame at `location` [mm] (see `TransformResolver`).
 
         For type checkers the result has the Thing's own type, so they can check `XM430().move(loc).horn`.
         """

@@ -1,4 +1,4 @@
-"""Python audit hooks to observe part code. A hook cannot be removed, so each process has only one hook."""
+"""Observe part code with a Python audit hook. A hook cannot be removed, so each process has only one hook."""
 
 from __future__ import annotations
 

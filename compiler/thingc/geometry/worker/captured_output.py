@@ -1,4 +1,4 @@
-"""The output of part code. It is written to the part's own folder immediately, so that it is available even if the part crashes."""
+"""Capture the output of part code in a file, so that the output is available even if the part crashes."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ _PARENT_DEATH_SIGNAL = 1
 
 @dataclass(slots=True, kw_only=True)
 class Child:
-    """A running child.
+    """A running child process of the worker.
 
     `request` is the request of the child (empty before a request is sent), `process` its process id (it leads its own process group),
     `asking` the pipe for the request (-1 after the request is sent), `pipe` the pipe for the answer, `errors` its standard error, and
@@ -65,7 +65,7 @@ class Child:
     status: int | None = None
 
     def ask(self, request: Mapping[str, Any]) -> None:
-        """Send the request."""
+        """Send a request to the child process."""
         self.request = request
         self.deadline = time.monotonic() + float(request["timeout"])
         line = json.dumps(request).encode()
@@ -90,21 +90,21 @@ class Child:
 
     @property
     def answered(self) -> bool:
-        """Whether the answer is complete."""
+        """Whether the child process has sent its complete answer."""
         return self.received.endswith(b"\n")
 
     @property
     def answer(self) -> dict[str, Any]:
-        """The answer for the client."""
+        """The answer of the child process, for the client."""
         return {"id": self.request["id"], **json.loads(self.received)}
 
     def stop(self) -> bool:
-        """Stop the child. Return True if the child does not have child processes."""
+        """Stop the child process. Return True if it has no child processes of its own."""
         self._kill(signal.SIGSTOP)
         return not process_tree.descendants(self.process)
 
     def over(self, now: float) -> str | None:
-        """Return the reason to end a child that has not answered, or None.
+        """Return the reason why a child process without an answer must be ended, or None.
 
         The reason is `hung`, `swarmed` (too many processes), `starved` (too much memory) or `crashed`.
         """
@@ -165,7 +165,7 @@ class Child:
         return {**number, "failed": "crashed", "words": in_words(self.status), "detail": tail}
 
     def _end_processes(self, others: Collection[int]) -> list[str]:
-        """Kill the child and all processes that it started.
+        """Kill the child process and all processes that it started.
 
         Return the command lines of processes that were still running after an answer.
         """
@@ -236,7 +236,8 @@ def start(
     run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: Sequence[int],
     readable: Sequence[str] | None = None,
 ) -> Child:
-    """Fork a child. It waits for a request (`Child.ask`), calls `run(request)`, writes the answer as one line, and waits until it is ended.
+    """Fork a new child process. It waits for a request (`Child.ask`), calls `run(request)`, writes the answer as one line, and waits until
+    it is ended.
 
     `scratch` is the only folder in which the child may change files. `nice` is the scheduling priority, `close` contains the descriptors
     that the child closes, and `readable` is passed to `confine`.

@@ -62,7 +62,7 @@ def _with_marks(source: bytes, file: str) -> ast.Module:
 
 
 def begin() -> None:
-    """Clear the record."""
+    """Clear the record of functions that have run."""
     _noted.clear()
 
 

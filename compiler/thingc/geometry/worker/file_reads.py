@@ -36,7 +36,7 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
 class FileReadRecorder:
-    """Records reads from `start` to `stop`. At most one recorder per process is active.
+    """Records which files are read between `start` and `stop`. At most one recorder per process is active.
 
     Paths are stored relative to the absolute folder `workspace`. Files in `excluded` folders (absolute) never count. Code files in the key
     (`keyed`, absolute) do not count when Python loads them.

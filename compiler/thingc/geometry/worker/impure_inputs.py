@@ -59,7 +59,7 @@ class ImpureInputRecorder:
 
     @contextlib.contextmanager
     def paused(self) -> Iterator[None]:
-        """Suspend recording."""
+        """Do not record inputs while the context is active."""
         self.stop()
         try:
             yield
@@ -87,7 +87,7 @@ def _ask(what: ImpureInputs, message: str) -> bool:
 
 
 def install() -> None:
-    """Wrap the functions for impure inputs.
+    """Wrap the functions of Python through which a part can use impure inputs.
 
     Call this function once per process, before part modules are loaded, because these modules may contain `from time import time`. Children
     inherit the wrappers.
@@ -332,7 +332,7 @@ def _wrap_numpy(module: types.ModuleType) -> None:
 
 
 class _NumpysRandom(importlib.abc.MetaPathFinder):
-    """Wraps `numpy.random` when it is loaded, because few parts use it."""
+    """An import hook that wraps `numpy.random` when this module is imported, because few parts use it."""
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
         """Return Python's own spec for `numpy.random`, with a loader that wraps the module. Return None for other modules."""

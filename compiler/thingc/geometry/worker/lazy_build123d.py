@@ -21,7 +21,7 @@ from thingc.geometry.key.modules import SELDOM_USED
 
 
 class _Session:
-    """An import in progress: the deferred packages, and the places of their placeholders."""
+    """An import that defers packages: the names of these packages, and the places of their placeholders."""
 
     def __init__(self, packages: frozenset[str]) -> None:
         self.packages = packages
@@ -131,7 +131,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return module
 
     def exec_module(self, module: types.ModuleType) -> None:
-        """Do nothing: a placeholder has no code."""
+        """Do nothing, because a placeholder module has no code."""
 
 
 def import_cheaply(name: str, packages: frozenset[str] = SELDOM_USED) -> types.ModuleType:

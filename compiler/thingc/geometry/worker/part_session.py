@@ -1,4 +1,4 @@
-"""Run the authors' code: load part modules, record reads, and describe failures."""
+"""Run the code of part authors: load part modules, record the files that they read, and describe failures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ from thingc.geometry.worker.loading import PartImporter
 
 
 class NoPart(Exception):
-    """The reason why a part cannot be described or built: `kind` as in `PartFailure`, the message, and the file and line if known."""
+    """Raised if a part cannot be described or built. Contains the kind of the failure (see `PartFailure`), the message, and the file and
+    line if known.
+    """
 
     def __init__(self, kind: FailureKind, message: str, candidates: Iterable[str] = (), place: tuple[str, int] | None = None) -> None:
         super().__init__(message)
@@ -35,7 +37,7 @@ class NoPart(Exception):
 
 
 class RequestContext(FrozenStruct):
-    """The environment of a request.
+    """The settings of a request that runs part code: its folders, its files and its limits.
 
     `root`, `parts` and `packages` are the folder, the part folders and the packages of the workspace. `hashes` contains the SHA-256 of code
     files that are in the key, and `plain` the part packages without `__init__.py`. `store` is the store, and `scratch` the part's own
@@ -108,7 +110,7 @@ class PartSession:
         return file in self.around.hashes or file in self.importer.loaded.values()
 
     def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:
-        """Return the reads: files, modules that are not covered by a version, and the `mentioned` files.
+        """Return the files that the part has read, including modules that are not covered by a version, and the `mentioned` files.
 
         Mentioned files are included because their layout affects line numbers in the answer.
         """

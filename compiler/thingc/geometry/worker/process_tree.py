@@ -1,4 +1,4 @@
-"""The descendants of this process, in any process group or session.
+"""Find, limit and end the descendants of this process, in any process group or session.
 
 Linux reports the children of a process, and can make this process the parent of orphans. On other systems, the functions do not find any
 processes.

@@ -1,4 +1,4 @@
-"""Sandbox for code that may not be trusted.
+"""A sandbox for part code that is not trusted.
 
 Part code may change only its own folder. A change in another folder, such as the store, could affect other parts or persist. In addition,
 expressions of an imported robot may read only certain folders, and must not start programs or open connections.
@@ -29,7 +29,7 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
 class ForbiddenWrite(PermissionError):
-    """Code tried to change a file outside of its own folder, or to read a forbidden file. `filename` is the file.
+    """Raised if part code tries to change a file outside of its own folder, or to read a forbidden file. `filename` is the file.
 
     The exception is a `PermissionError`, which libraries handle if they do not need the file.
     """
@@ -65,7 +65,7 @@ _readable: tuple[str, ...] | None = None
 
 
 def begin(folder: str, readable: Sequence[str] | None = None) -> None:
-    """Begin to refuse all changes outside of `folder` by raising `ForbiddenWrite`.
+    """Start to raise `ForbiddenWrite` for all changes of files outside of `folder`.
 
     With `readable`, also refuse reads outside of these folders, starts of programs and connections.
     """
@@ -76,7 +76,7 @@ def begin(folder: str, readable: Sequence[str] | None = None) -> None:
 
 
 def end() -> None:
-    """Remove all restrictions."""
+    """Remove all restrictions that `begin` has set."""
     global _allowed
     _allowed = ()
 

@@ -27,7 +27,7 @@ PREFIX = "thingc-worker-"
 
 
 class Scratch:
-    """The folder of one worker. `close` removes the folder. `descriptors` hold the lock, and must be closed in child processes."""
+    """The scratch folder of one worker, which `close` removes. `descriptors` hold the lock, and must be closed in child processes."""
 
     def __init__(self) -> None:
         base = tempfile.gettempdir()

@@ -1,4 +1,4 @@
-"""`python -m thingc.geometry.worker.server`: the process with the CAD kernel.
+"""The main module of a worker process, which loads the CAD kernel: `python -m thingc.geometry.worker.server`.
 
 Requests and answers are lines of JSON on standard input and output. The server imports build123d once and forks a child for each request.
 At the end of its input, the server ends all its children and exits immediately. `--inline` runs requests in the server process itself (for
@@ -36,7 +36,7 @@ AHEAD = (
 
 
 def main(arguments: list[str]) -> None:
-    """Serve until the end of standard input. The function never returns."""
+    """Answer requests until standard input ends. The function does not return."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.dup(1)
     nothing = os.open(os.devnull, os.O_WRONLY)
@@ -188,7 +188,7 @@ def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
 
 
 def perform(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Perform a request: `describe`, `model`, `decompose`, `slice` or `assemble`.
+    """Perform a request of the kind `describe`, `model`, `decompose`, `slice` or `assemble`.
 
     If the request has its own folder (`scratch`), files for the store are written there. Raises `StoreUnusable`.
     """
@@ -295,7 +295,7 @@ class _Server:
                 child.end("hung", ())
 
     def receive(self, data: bytes) -> None:
-        """Process received data."""
+        """Process data that has arrived from the client or from a child process."""
         *lines, rest = (self.received + data).split(b"\n")
         self.received = bytearray(rest)
         for line in lines:
@@ -343,7 +343,7 @@ class _Server:
             remove(spare.scratch)
 
     def start(self) -> Child:
-        """Fork a child."""
+        """Fork a new child process."""
         from thingc.geometry.worker.children import start
 
         descriptors = [0, self.answers, *self.scratch.descriptors, *self.running]
@@ -375,7 +375,7 @@ class _Server:
 
 
 def _prepare(request: Mapping[str, Any]) -> bool:
-    """Do the work that each child would repeat. Return True if there was new work.
+    """Do work that each child process would otherwise repeat, such as importing modules. Return True if there was such work.
 
     The part files are compiled (without running them), packages that they import are loaded, and the loaded modules are recorded.
     """

@@ -1,4 +1,4 @@
-"""Joint edges of the mate graph, including the values that the drives of the joints provide."""
+"""The coordinates of joints as edges of the mate graph, including values that come from the drives of the joints."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`driv
 
 
 def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
-    """Return the joint edge with only the values from the document, without the values of its drive."""
+    """Return a joint edge with only the values from the document, without values of its drive."""
     mimic = None if joint.mimic is None else replace(joint.mimic, joint=_named(instance, joint.mimic.joint))
     return JointEdge(
         name=_named(instance, joint.name), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
@@ -34,7 +34,7 @@ def _named(instance: Instance, name: CoordinateName) -> CoordinateName:
 
 
 def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findings: LinkReport) -> JointEdge:
-    """Return the joint edge. Effort, velocity and armature come from the drive unless the joint specifies them."""
+    """Return a joint edge. Its effort, velocity and armature come from the drive, unless the document specifies them for the joint."""
     origin = joint.origin + instance.origin
     path = instance.within(joint.path)
     limit, dynamics = joint.limit, joint.dynamics

@@ -108,7 +108,7 @@ def hag_of(model: AssemblyDefinition) -> Hag:
 
 
 class _Names:
-    """Nodes by definition.
+    """The nodes of the graph, by the definition that they represent.
 
     Edges refer to definitions by text. If two definitions have the same text (two documents, or an assembly and a frame), the reference is
     appended in brackets to the text of the later definition.

@@ -13,7 +13,8 @@ from thingc.model.assembly.report import written_at
 from thingc.model.assembly.types import Assembly
 
 OTHER_SEED = 1
-"""Hash seed of the second run. The seed is fixed, so that a part that depends on the seed is always detected."""
+"""The hash seed of Python for the second build of each part. The seed is fixed, so that a part that depends on the seed is always detected.
+"""
 
 _HELP = (
     "sort the items of sets: `sorted(names)`; seed random generators; use parameters instead of the clock, the environment and other "

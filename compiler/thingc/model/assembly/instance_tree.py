@@ -61,7 +61,7 @@ class FoundMount(MountAt):
 
 
 class _Fault(FrozenStruct):
-    """The reason why a name could not be resolved. `silent` means that the cause is reported elsewhere."""
+    """The reason why a name could not be resolved. If `silent` is True, the cause is reported elsewhere."""
 
     code: Code = Code.INCOMPLETE
     message: str = ""

@@ -109,7 +109,7 @@ def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], f
 
 
 def _check(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
-    """Check the parts and the links."""
+    """Report errors in parts and links."""
     check_contacts(robot.occurrences, findings)
     faulty = check_stated(robot, findings)
     if not findings.incomplete:

@@ -79,7 +79,7 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
 
 
 def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> MassProperties:
-    """Combine the mass properties of bodies.
+    """Return the total mass properties of several bodies.
 
     The properties of each body are in its own frame, and `poses` contains the poses of these frames.
     """
@@ -87,7 +87,7 @@ def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> Mass
 
 
 def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[int, _Naming]:
-    """Return the effective entry of `links:` for each link: the first entry in the outermost document."""
+    """Return the entry of `links:` that names each link: the first entry in the outermost document."""
     chosen: dict[int, _Naming] = {}
     for instance, definition in tree.assemblies:
         depth = instance.path.count("/") + 1 if instance.path else 0

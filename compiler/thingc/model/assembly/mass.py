@@ -20,7 +20,7 @@ NOTHING = MassProperties(mass=0.0)
 
 
 class Density(FrozenStruct):
-    """A density [kg/m^3]. If the density is `estimated`, masses computed from the density are also estimates."""
+    """A density [kg/m^3]. If it is `estimated`, a mass that is computed from this density is also an estimate."""
 
     value: float
     estimated: bool = False
@@ -57,12 +57,12 @@ def estimate_of(process: Process | None) -> str | None:
 
 
 def missing_keys(process: Process | None) -> tuple[str, ...]:
-    """Return the keys that the estimate requires but the process does not have, such as `("walls",)`."""
+    """Return the keys that a mass estimate requires but the process lacks, such as `("walls",)`."""
     return tuple(key for key in _NEEDED.get(estimate_of(process) or "", ()) if getattr(process, key) is None)
 
 
 def unsaid_keys(process: Process | None) -> tuple[str, ...]:
-    """Return the `missing_keys` to report.
+    """Return those of the `missing_keys` that must be reported.
 
     Invalid keys are omitted, because they have already been reported. The result is empty if `kind` or `estimate` is invalid.
     """
@@ -77,7 +77,9 @@ def layers_too_high(process: Process) -> bool:
 
 
 def slicing_of(process: Process | None, overrides: Overrides, record: PartRecord) -> Slicing | None:
-    """Return the slicing of a part whose mass is estimated from its layers. Return None for other parts and incomplete processes."""
+    """Return the slicing of a part whose mass is estimated from its printed layers. Return None for other parts and for incomplete
+    processes.
+    """
     return layers_of(process, overrides.up or record.up) if record.volume > 0.0 else None
 
 

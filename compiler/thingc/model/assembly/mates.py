@@ -1,4 +1,4 @@
-"""Edges of the mate graph from `attach`, `at` and joints. The mount B of the child C is mated to the mount A of the parent P:
+"""The edges of the mate graph, created from `attach`, `at` and joints. The mount B of the child C is mated to the mount A of the parent P:
 
     X_PC = X_PA @ Rz(turn) @ Tz(gap) @ X_J(q + offset) @ MATE @ inv(X_CB)
 

@@ -293,7 +293,7 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
 
 
 def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], findings: LinkReport) -> tuple[LinkedTest, ...]:
-    """Return the tests with valid mounts and components. Report the others."""
+    """Return the tests whose mounts and components are valid. Report all other tests."""
     by_path = {joint.path: joint for joint in joints}
     linked: list[LinkedTest] = []
     for test in tests:

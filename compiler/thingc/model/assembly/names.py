@@ -1,4 +1,4 @@
-"""Names of elements in output files, as specified by documents."""
+"""The names of elements in output files that documents specify under `names`."""
 
 from __future__ import annotations
 

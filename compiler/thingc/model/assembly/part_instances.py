@@ -83,7 +83,7 @@ class PartInstances:
         self.unknown = False
 
     def of(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
-        """Return the instance of `component` in the assembly `scope`, first used at `path`. Return None if its part failed."""
+        """Return the instance of `component` in the assembly `scope`, first used at `path`. Return None if the part could not be built."""
         key = id(component)
         if key not in self._known:
             self._known[key] = self._remembered(component, scope, path, origin)
@@ -403,7 +403,7 @@ class PartInstances:
         return True
 
     def _mounts(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> dict[str, MountFrame]:
-        """Return `origin`, then the mounts of the part, then the mounts added by the document."""
+        """Return the mounts of a component: `origin`, then the mounts of the part, then the mounts that the document adds."""
         mounts = {"origin": MountFrame(pose=NO_POSE)}
         if record is not None:
             mirror = Mirror(component.mounts_mirrored) if component.mounts_mirrored is not None else None
@@ -423,12 +423,12 @@ class PartInstances:
 
 
 def doubted(help: Hint | None) -> str:
-    """Return the help for an implausible density."""
+    """Return the help text for a warning about an implausible density."""
     return f"{help}; {allow_hint(Code.DENSITY)}" if help is not None else allow_hint(Code.DENSITY)
 
 
 def _bom(component: Component, record: PartRecord | None) -> BomEntry:
-    """Return the BOM entry. Values in the document take precedence over values of the Thing."""
+    """Return the entry of a component in the bill of materials. Values in the document take precedence over values of the Thing."""
     if record is None:
         return component.bom
     names = set(BomEntry.__struct_fields__)
@@ -438,7 +438,7 @@ def _bom(component: Component, record: PartRecord | None) -> BomEntry:
 
 
 def _density(record: PartRecord | None, material: Material | None) -> Density | None:
-    """Return the density of the Thing or, if it has none, of its material."""
+    """Return the density of a Thing or, if the Thing has no density, of its material."""
     if record is not None and record.density is not None:
         return Density(value=float(record.density.value), estimated=record.density.source == "estimated")
     return Density(value=material.density) if material is not None and material.density is not None else None

@@ -97,7 +97,7 @@ _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 
 
 def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> None:
-    """Check an assembly. The documents of the assembly must not have errors."""
+    """Warn of implausible values in an assembly. The documents of the assembly must not have errors."""
     if findings.earlier:
         return
     occurrences, mates, links, modes = assembly.occurrences, assembly.mates, assembly.links, assembly.modes

@@ -39,7 +39,9 @@ def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkR
 def check_modes(
     top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], mass: float, findings: LinkReport,
 ) -> None:
-    """Check the modes of the `top` document. `mass` [kg] is the mass of the robot; `magnets` contains the magnets of all modes."""
+    """Warn of implausible settings in the modes of the `top` document. `mass` [kg] is the mass of the robot, and `magnets` are the magnets
+    of all modes.
+    """
     _check_steps(top, findings)
     _check_gravity(top.modes, findings)
     _check_magnets(top, modes, mass, findings)
@@ -111,7 +113,7 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
 
 
 def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
-    """Warn of duplicate modes, which would produce the same model."""
+    """Warn of modes that would produce the same model."""
     met: dict[object, LinkedMode] = {}
     for mode in modes:
         first = met.setdefault(_content(mode), mode)
@@ -124,7 +126,7 @@ def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
 
 
 def _content(mode: LinkedMode) -> object:
-    """Return the content of a mode, without its name and origin."""
+    """Return all settings of a mode, without its name and its location."""
     return (
         (mode.root.occurrence, mode.root.mount, mode.root.of_component), mode.base, mode.at, mode.on_floor, mode.gravity, mode.pose,
         mode.poses, mode.actuators,

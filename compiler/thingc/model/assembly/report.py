@@ -68,7 +68,7 @@ class LinkReport:
 
 
 def _key(code: Code, message: str, origin: Origin) -> _Key:
-    """Return the key for detecting duplicates."""
+    """Return the key by which duplicate diagnostics are detected."""
     return code, message, origin[0] if origin else None
 
 

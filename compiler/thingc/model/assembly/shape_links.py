@@ -18,7 +18,7 @@ from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition, Material, Overrides
 
 Meshes = Mapping[MeshFile, MeshRecord]
-"""Known records of mesh files."""
+"""The records of the mesh files that have been read."""
 
 
 def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> Listed:
@@ -93,7 +93,7 @@ def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | N
 
 
 class MissingDensity(Exception):
-    """The mass of a link cannot be computed from its shapes.
+    """Raised if the mass of a link cannot be computed from its shapes.
 
     The message continues a sentence that starts with the link's name. The message is empty if a mesh file was not read.
     """

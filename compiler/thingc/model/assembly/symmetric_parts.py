@@ -28,7 +28,7 @@ class _Substituted:
         self._made: dict[int, AssemblyDefinition] = {}
 
     def of(self, definition: AssemblyDefinition) -> AssemblyDefinition:
-        """Return the result for one assembly."""
+        """Return one assembly with the mirror images of its symmetric parts replaced."""
         if id(definition) not in self._made:
             components = tuple(map(self._component, definition.components))
             same = all(new is old for new, old in zip(components, definition.components, strict=True))

@@ -1,4 +1,4 @@
-"""Link tendons by resolving their references."""
+"""Resolve the references of tendons in the linked assembly."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tupl
 
 
 def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
-    """Return a step of a path in the document of `instance`. Report invalid references of the step and return None."""
+    """Return a step of a tendon's path in the document of `instance`. Report invalid references of the step and return None."""
     named = {one: mount_of(tree, instance, one) for one in (step.mount, step.side) if one is not None}
     if None in named.values():
         return None

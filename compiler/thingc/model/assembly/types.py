@@ -34,7 +34,7 @@ from thingc.model.resolve.types import (
 
 
 class MountFrame(OneLineRepr, FrozenStruct):
-    """A mount of an occurrence: its pose in the occurrence's frame."""
+    """A mount with its pose in the frame of its occurrence."""
 
     pose: Pose
     interface: str | None = None
@@ -60,7 +60,7 @@ class Surface(OneLineRepr, FrozenStruct):
 
 
 class Listed(OneLineRepr, FrozenStruct):
-    """The geometry of a link that lists its shapes, in the link's frame.
+    """The geometry of a link whose shapes are listed in the document, in the frame of the link.
 
     `Listed` contains the shapes for display, for collision, and for the mass (`solids`). `box` is the bounding box (two corners [m]), or
     None if there are no shapes or if a mesh file has not been read.
@@ -95,7 +95,7 @@ class PartInstance(OneLineRepr, FrozenStruct):
 
 
 class Occurrence(PartInstance):
-    """A part, link or frame at a path of the unrolled HAG (`hand/cap`). `index` is its position in document order."""
+    """A part, link or frame at a path of the robot, such as `hand/cap`. `index` is its position in document order."""
 
     path: str
     index: int
@@ -211,7 +211,7 @@ class Mate(OneLineRepr, FrozenStruct):
 
 
 class Link(OneLineRepr, FrozenStruct):
-    """Rigidly connected occurrences, which are one body in every simulator.
+    """A set of rigidly connected occurrences, which are one body in every simulator.
 
     `frame` is the index of the occurrence whose frame is the link's frame. `poses[k]` is the pose of `members[k]` in the link's frame.
     `properties` are the combined mass properties in the link's frame.
@@ -227,7 +227,7 @@ class Link(OneLineRepr, FrozenStruct):
 
 
 class MountAt(OneLineRepr, FrozenStruct):
-    """A mount of an occurrence."""
+    """A mount of an occurrence in the linked assembly."""
 
     occurrence: int
     mount: str
@@ -405,7 +405,7 @@ class Connected(OneLineRepr, FrozenStruct):
 
 
 class Assembly(Connected):
-    """The output of `link`: all properties of the robot that do not depend on a root.
+    """The output of the pass `link`: all properties of the robot that do not depend on a root.
 
     `base` is the occurrence that defines the assembly's frame. `rest[i]` is the pose of occurrence i in this frame at q = 0. The number of
     mates, except for mates that close loops, is one less than the number of occurrences. `names` is None if all names in files are paths.

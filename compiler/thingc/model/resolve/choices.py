@@ -26,7 +26,7 @@ Choices = tuple[tuple[str, str], ...]
 
 
 def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choices:
-    """Return the choices with valid paths. Report the others."""
+    """Return the choices with valid paths. Report all other choices."""
     sound: dict[str, str] = {}
     for path, text in choices.items():
         if parse(path) is None and not is_value(path):

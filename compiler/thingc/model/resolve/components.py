@@ -31,7 +31,7 @@ Nest = Callable[[ResolveRun, str, AssemblySpec, Mapping[str, ExpressionValue], c
 
 
 def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[ComponentSpec]], nest: Nest) -> None:
-    """Fill `table.nodes` with the valid definitions and count the occurrences."""
+    """Resolve the components of a document into `table.nodes`, and count the occurrences."""
     items = tuple(items)
     if table.choices:
         choose.check_names(context, table, items)

@@ -1,4 +1,4 @@
-"""Coordinates of joints: names, limits, dynamics and mimics."""
+"""The coordinates of joints, with their names, limits, dynamics and mimics."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class Limit(OneLineRepr, FrozenStruct):
 
     @property
     def bounded(self) -> bool:
-        """Whether q has a lower or an upper limit."""
+        """Whether the position of the joint has a lower or an upper limit."""
         return (self.lower, self.upper, self.cone) != (None, None, None)
 
 
 class Dynamics(OneLineRepr, FrozenStruct):
-    """Dynamics of a joint in SI, if specified.
+    """The passive dynamics of a joint in SI units, as far as they are specified.
 
     The fields are viscous `damping`, dry `friction`, reflected inertia `armature`, and the `stiffness` and rest position `rest` of a
     spring.
@@ -48,12 +48,12 @@ class Dynamics(OneLineRepr, FrozenStruct):
 
     @property
     def acts(self) -> bool:
-        """Whether any of these values is not 0."""
+        """Whether the joint has damping, friction, armature or a spring that is not 0."""
         return any((self.damping, self.friction, self.armature, self.stiffness))
 
 
 class CoordinateName(str):
-    """Name of a coordinate in documents: `hand.wrist[0]`, or `hand.yaw` for a joint with one coordinate.
+    """The name of a joint coordinate in documents: `hand.wrist[0]`, or `hand.yaw` for a joint with one coordinate.
 
     `joint` is the joint's name, `number` the index of the coordinate (None if there is only one). `path` is its name in files:
     `hand/wrist_0`.
@@ -86,7 +86,8 @@ _NUMBERED = re.compile(r"(.*)\[(\d+)\]")
 
 
 class Mimic(OneLineRepr, FrozenStruct):
-    """The polynomial q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ... with x = q(joint), in SI.
+    """A mimic as the polynomial q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ..., where x is q of the other joint, in SI
+    units.
 
     `joint` is the name of a coordinate in the same document. `name` is the name of the equality in files, if specified.
     """
@@ -104,14 +105,14 @@ class Mimic(OneLineRepr, FrozenStruct):
         return (self.offset, self.multiplier, *self.higher)
 
     def tangent(self, x: float) -> tuple[float, float]:
-        """Return (m, c) of the linearization near `x`: q = m q(joint) + c."""
+        """Return the coefficients (m, c) of the linearization near `x`: q = m q(joint) + c."""
         if not self.higher:
             return self.multiplier, self.offset
         slope = self.multiplier + sum_of(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
         return slope, self.at(x) - slope * x
 
     def at(self, x: float) -> float:
-        """Return q for q(joint) = `x`. The result is infinite on overflow."""
+        """Return the position of this joint if the other joint is at `x`. The result is infinite on overflow."""
         linear = self.multiplier * x + self.offset
         try:
             return linear if not self.higher else linear + sum_of(c * x**k for k, c in enumerate(self.higher, start=2))
@@ -120,7 +121,7 @@ class Mimic(OneLineRepr, FrozenStruct):
 
 
 class Coordinate(OneLineRepr, FrozenStruct):
-    """A coordinate of a joint: its name, the kind of its joint, and its values in SI units."""
+    """A coordinate of a joint, with its name, the kind of its joint, and its values in SI units."""
 
     name: CoordinateName
     kind: JointKind
@@ -132,5 +133,5 @@ class Coordinate(OneLineRepr, FrozenStruct):
 
     @property
     def path(self) -> str:
-        """Name in files: `hand/wrist_0`."""
+        """The name of the coordinate in files, such as `hand/wrist_0`."""
         return self.name.path

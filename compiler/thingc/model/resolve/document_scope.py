@@ -1,4 +1,4 @@
-"""State of resolving a document: its definition and the names of invalid elements."""
+"""The state of the pass `resolve` for one document: the definition of the document and the names of invalid elements."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class DocumentScope:
         return self.document.relative, self.parameters
 
     def inner(self) -> Iterator[DocumentScope]:
-        """Yield the tables of nested documents. If a document is nested several times, its table is yielded several times."""
+        """Yield the table of each nested document. The table of a document that is nested several times is yielded several times."""
         return (node.table for _, node in self.all_nodes() if node.table is not None)
 
     def all_joints(self) -> Iterator[tuple[CoordinateName, Joint | None]]:
@@ -125,7 +125,7 @@ class DocumentScope:
                     yield f"{node.name}.{path}", inner
 
     def unsure_joints(self) -> bool:
-        """Return whether joints may be missing because of errors. If so, patterns without a match are not reported."""
+        """Return whether joints may be missing because of errors. In this case, patterns that match no joint are not reported."""
         return bool(self.unbuilt or self.unbuilt_joints) or any(
             node.unsound or node.unplaced or (node.table is not None and node.table.unsure_joints()) for node in self.nodes.values()
         )
@@ -184,7 +184,7 @@ class ResolveRun:
         return {path: one for path, one in self.documents.by_path.items() if one is not root}, self.schemas, self.workspace
 
     def table(self, key: tuple[str, tuple[tuple[str, Value], ...]]) -> DocumentScope | None:
-        """Return the table of a document with these parameters from this run or the last, or None."""
+        """Return the table of a document with these parameters, from this run or from the last run, or None."""
         known = self.tables.get(key)
         if known is None and key in self.recalled:
             known = self.tables[key] = self.recalled[key]
@@ -197,14 +197,14 @@ class ResolveRun:
         return tuple(scope.names.get(name) for name in names)
 
     def there(self, table: DocumentScope) -> list[tuple[object, ...]]:
-        """Return the properties of a document's components that affect references."""
+        """Return the properties of components on which the resolution of references depends."""
         return [
             (node.name, node.spec, node.unsound, node.unplaced, node.definition if node.table is not None else node.definition is None)
             for node in table.nodes.values()
         ]
 
     def around(self, table: DocumentScope) -> tuple[object, ...]:
-        """Return the elements of other sections that a valid section can refer to, without the numbers of these elements."""
+        """Return the elements of other sections to which a section can refer, without the numeric values of these elements."""
         return (
             self.there(table),
             [
@@ -215,7 +215,7 @@ class ResolveRun:
         )
 
     def sound(self, place: Hashable, inputs: tuple[object, ...], make: Callable[[], Answer]) -> Answer:
-        """Return the result of `make`, or the cached result of the last run for equal inputs. Results with diagnostics are not cached."""
+        """Return the result of `make`, or its cached result from the last run for equal inputs. Results with diagnostics are not cached."""
         known: Answer | None = self.memo.last(place, inputs)
         if known is None:
             known = make()

@@ -35,7 +35,7 @@ NO_DYNAMICS = Dynamics()
 
 
 def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) -> tuple[Any, Path] | None:
-    """Return the value of a key. Default values for rotations do not apply to translations, and vice versa."""
+    """Return the value of a key of a joint. Defaults for rotations do not apply to translations, and vice versa."""
     said = layers.pick(key)
     if said is not None and said[1][0] == "defaults":
         return None if _of_others(scope, *said, key, coordinate) else said
@@ -52,7 +52,7 @@ def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimensi
 def _values(
     scope: Scope, name: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: tuple[str, ...],
 ) -> dict[str, float | None]:
-    """Return the values of keys that must be at least 0. Missing and invalid values are None. Report the invalid values."""
+    """Return the values of keys whose values must be at least 0. Missing and invalid values are None. Report the invalid values."""
     of = dimensions_of(coordinate)
     values: dict[str, float | None] = {}
     for key in keys:
@@ -62,7 +62,8 @@ def _values(
 
 
 def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: Places) -> bool:
-    """Fill `table.joints` (without mimics), and record in `places` the component placed by each joint.
+    """Resolve the joints of a document into `table.joints`, without mimics. For each joint, `places` records the component that the joint
+    places.
 
     If the kind or a reference of a joint is invalid, the joint is None and its child, if any, is unplaced.
     Return whether any joint's child could not be read.

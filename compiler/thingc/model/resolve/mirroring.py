@@ -23,7 +23,7 @@ from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Overrides, StatedValue
 
 AT_MOUNT = Mirror("y")
-"""The reflection D in the frame of a mount."""
+"""The matrix D of a reflection in the frame of a mount."""
 
 
 def mirrored(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
@@ -37,7 +37,7 @@ def mirrored(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
 
 
 def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | None:
-    """Return the dotted path and the axis of a component that is mirrored along another axis, or None."""
+    """Return the dotted path and the mirror axis of a component that is already mirrored along another axis, or None."""
     for component in definition.components:
         inner = component.definition
         if inner is None:
@@ -98,7 +98,7 @@ def _placement(placement: Attach | At) -> Attach | At:
 
 
 def _mirror_joint(joint: Joint) -> Joint:
-    """Return the image of a joint, or of one of its coordinates."""
+    """Return the mirror image of a joint, or of one of its coordinates."""
     twist = joint.twist
     if joint.axis is not None:
         image = None if twist is None else replace(twist, angular=_turned(twist.angular), linear=AT_MOUNT.vector(twist.linear))
@@ -110,6 +110,6 @@ def _mirror_joint(joint: Joint) -> Joint:
 
 
 def _turned(axis: Vector) -> Vector:
-    """Return `-D axis`, the rotation axis of a mount's image for the same angle."""
+    """Return `-D axis`, the rotation axis of the mirror image of a mount. The angle of rotation remains the same."""
     x, y, z = AT_MOUNT.vector(axis)
     return (-x + 0.0, -y + 0.0, -z + 0.0)

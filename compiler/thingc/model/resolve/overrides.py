@@ -1,4 +1,4 @@
-"""Overrides of a part's properties in a document: mass, material, collision, BOM and others."""
+"""Values in a document that override the properties of a part, such as mass, material or collision shape."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def refuse_on_assembly(node: ComponentScope) -> None:
 
 
 def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
-    """Return the overrides except material and BOM, merged per key from the layers. Report and omit invalid keys."""
+    """Return all overrides except the material and the BOM entry, merged key by key from the layers. Report and omit invalid keys."""
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual = layers.pick("collision"), layers.pick("visual")
     made, up = layers.sub("process"), _up(scope, layers)

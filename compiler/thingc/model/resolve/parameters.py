@@ -24,7 +24,7 @@ from thingc.model.resolve.document_scope import DeclaredParameters, ResolveRun
 from thingc.model.resolve.scope import Scope, dimension_message
 
 Complain = Callable[..., None]
-"""`complain(name, code, message, help=None, notes=())` reports an error at the location where a value is set."""
+"""The function `complain(name, code, message, help=None, notes=())` reports an error at the location where a value is set."""
 
 
 def declared(context: ResolveRun, document: Document, spec: AssemblySpec) -> DeclaredParameters:

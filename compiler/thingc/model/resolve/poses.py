@@ -27,7 +27,7 @@ Settings = dict[str, tuple[float, Origin]]
 
 
 def poses(table: DocumentScope, scope: Scope) -> None:
-    """Fill `table.poses`. Report and omit invalid keys."""
+    """Resolve the poses of a document into `table.poses`. Report and omit invalid keys."""
     if not table.spec.poses:
         return
     joints: Joints = dict(table.all_joints())

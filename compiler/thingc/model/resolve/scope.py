@@ -36,7 +36,7 @@ class TooManyErrors(Exception):
 
 
 class Scope(FrozenStruct):
-    """The names that expressions of a document (or of an item of a `repeat`) can use, and the report.
+    """The names that expressions of a document (or of an item of a `repeat`) can use, and the report for errors.
 
     `broken` contains invalid names that have been reported. Expressions with these names are invalid, without another message. `index` is
     the name of the repeat's index and its value in references (`$i`). All scopes of a run share `said`, which prevents duplicate reports of
@@ -261,7 +261,7 @@ def numbered(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int
 
 
 class DefaultLayers(FrozenStruct, kw_only=False):
-    """Models of one kind with the paths of their keys, most specific first."""
+    """Layers of default values: models of the same kind with the paths of their keys, most specific first."""
 
     items: tuple[tuple[BaseModel, Path], ...]
 

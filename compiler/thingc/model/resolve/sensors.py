@@ -36,7 +36,7 @@ def sensors(table: DocumentScope, scope: Scope, tendons: Sequence[Tendon]) -> It
 
 
 class _Reader:
-    """Resolves one sensor. `sound` is True until an error is reported."""
+    """Resolves the references and values of one sensor. `sound` is True until an error is reported."""
 
     def __init__(self, table: DocumentScope, scope: Scope, name: str, spec: SensorSpec) -> None:
         self.table, self.scope, self.name, self.spec = table, scope, name, spec

@@ -150,7 +150,9 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
 
 
 def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], whole: Callable[[str], str]) -> PathNotFound:
-    """Return the error for the unknown key at `depth`. `known` contains the valid keys at this depth."""
+    """Return the error for an unknown key in a path. `depth` is the position of the key, and `known` contains the valid keys at this
+    position.
+    """
     known, key = list(known), keys[depth]
     sections = [name for name, node in document.tree.entries.items() if isinstance(node, MappingNode) and keys[0] in node.entries]
     near = nearest(key, known)

@@ -95,7 +95,7 @@ class Reader:
         self, raw: Any, key: Key, dimension: Dimension, what: str | None = None, *, above: float | None = None,
         least: float | None = None, most: float | None = None, default: float = numeric.nan,
     ) -> float:
-        """Return the SI value, or the default for None. Report an invalid value and return NaN, so that all comparisons are false.
+        """Return a value in SI units, or the default for None. Report an invalid value and return NaN, so that all comparisons are false.
 
         `what` is the name of the value in messages, by default the key.
         """
@@ -112,13 +112,13 @@ class Reader:
         return value
 
     def vector(self, raw: Any, key: str, dimension: Dimension) -> Vector | None:
-        """Return three SI values. Report invalid values and return None."""
+        """Return a vector of three values in SI units. Report invalid values and return None."""
         vector = self.scope.vector(raw, self.at(key), dimension, f"`{key}`")
         self.sound = self.sound and vector is not None
         return vector
 
     def interval(self, said: Sequence[Any], key: Path, dimension: Dimension, what: str) -> tuple[float, float]:
-        """Return two values in ascending order."""
+        """Return the two ends of an interval in ascending order."""
         low, high = (self.number(value, (*key, index), dimension, what) for index, value in enumerate(said))
         if low > high:
             self.error(
@@ -128,7 +128,7 @@ class Reader:
         return low, high
 
     def bounds(self, low: Any, high: Any, dimension: Dimension, what: str) -> tuple[float | None, float | None]:
-        """Return `min` and `max`. A bound that is not specified is None."""
+        """Return the bounds `min` and `max` of a test. A bound that is not specified is None."""
         least = None if low is None else self.number(low, "min", dimension, f"`min` of {what}", least=0.0)
         most = None if high is None else self.number(high, "max", dimension, f"`max` of {what}", least=0.0)
         if least is not None and most is not None and least > most:

@@ -20,7 +20,9 @@ from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Dynamic
 from thingc.model.resolve.link_definition import LinkDefinition
 
 COUNTED = "the reference is repeated this often"
-"""Text of a note. The location of the note is the count of a `repeat` whose indexed reference is invalid."""
+"""The text of a note that shows a `repeat` as a possible cause of an error. The location of the note is the count of a `repeat` whose
+indexed reference is invalid.
+"""
 
 
 class Reference(OneLineRepr, FrozenStruct):
@@ -106,7 +108,7 @@ class ExtraMount(OneLineRepr, FrozenStruct):
 
 
 class Overrides(OneLineRepr, FrozenStruct):
-    """Overrides of a component in a document. None means that a value is not overridden.
+    """The values in a document that override properties of a component. A value that is not overridden is None.
 
     `up` is the direction away from the bed of a printer, a unit vector in the component's axes.
     """
@@ -130,7 +132,7 @@ class BomEntry(OneLineRepr, FrozenStruct):
 
 
 class Attach(OneLineRepr, FrozenStruct):
-    """A rigid mate of this component's `mount` to the mount `to`.
+    """A rigid mate between a mount of this component and the mount `to`.
 
     `turn` [rad] is about the z axis of `to`, and `gap` [m] is along this axis.
 
@@ -145,7 +147,7 @@ class Attach(OneLineRepr, FrozenStruct):
 
 
 class At(OneLineRepr, FrozenStruct):
-    """Direct placement of this component's frame at `pose` in the frame `to`."""
+    """The placement of a component at `pose` in the frame `to`, without a mate."""
 
     to: Reference
     pose: Pose
@@ -199,7 +201,7 @@ class Drive(OneLineRepr, FrozenStruct):
 
 
 class Joint(Coordinate):
-    """A joint. Unless the joint closes a `loop`, it places the component that `child` belongs to.
+    """A joint in a resolved document. Unless the joint closes a loop, it places the component to which its child mount belongs.
 
     A joint with several coordinates is a sequence of these objects: `name` is the name of the coordinate (`wrist[0]`), `twist` its motion
     in the parent mount's frame, which the preceding coordinates have moved (None for a `fixed` joint). For diagnostics, `spans` contains
@@ -222,7 +224,7 @@ class Joint(Coordinate):
 
 
 class Wrap(OneLineRepr, FrozenStruct):
-    """A step of the path of a tendon: through a `mount`, around a `shape`, or over a pulley.
+    """A step of a tendon's path: the tendon passes through a mount, wraps around a shape, or runs over a pulley.
 
     The tendon passes a `shape` with a `radius` [m] on the side of the mount `side`, if specified. A step without a mount is a pulley, after
     which lengths are divided by `divisor`.
@@ -235,7 +237,7 @@ class Wrap(OneLineRepr, FrozenStruct):
 
 
 class PathStep(Wrap):
-    """A step of a path. Its mounts are references of the document."""
+    """A step of a tendon's path, whose mounts are references in the document."""
 
     mount: Reference | None = None
     side: Reference | None = None
@@ -283,7 +285,7 @@ class NameInFiles(OneLineRepr, FrozenStruct):
 
 
 class NamedPose(OneLineRepr, FrozenStruct):
-    """A pose after the resolution of patterns and nested poses.
+    """A pose of a document after patterns and poses of nested documents are resolved.
 
     It maps joint paths (`hand/finger`) to q [rad or m] and the place of the value.
 
@@ -346,7 +348,7 @@ class Cut(OneLineRepr, FrozenStruct):
 
 
 class ModeSettings(OneLineRepr, FrozenStruct):
-    """Settings of a mode that do not contain references.
+    """The settings of a mode that do not refer to elements of the document.
 
     `at` is the pose of the root in the world (without the height if `on_floor`). `at_in` contains the poses of the root for some poses of
     the robot. `gravity` [m/s^2] is in the world frame. `poses` are in keyframe order, with the mode's own `pose` first. `actuators`
@@ -369,7 +371,7 @@ class ModeSettings(OneLineRepr, FrozenStruct):
 
 
 class Mode(ModeSettings):
-    """A mode with `extends` merged. If `root.mount` is None, the root is a component.
+    """A mode, including the settings of the modes that it extends. If `root.mount` is None, the root is a component.
 
     `exclude` are pairs of component references; `adhesion` [N] is per mount. `step_origin` and `gravity_origin` are the places of the
     mode's own `timestep` and numeric gravity, or empty. `worked_out` means that the mode contains expressions and depends on parameters.

@@ -1,4 +1,4 @@
-"""Find the loops of a mode and close them in the mode's poses."""
+"""Find the kinematic loops of a mode, and compute poses in which these loops are closed."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Taken = Collection[int]
 def closures_of(
     assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], taken: Taken, report: Report, memo: Memo,
 ) -> tuple[Closure, ...] | None:
-    """Return the closures of a mode: its holds, then the joints outside its tree. Report invalid closures and return None.
+    """Return the loop closures of a mode: its holds, then the joints that are not in its tree. Report invalid closures and return None.
 
     `memo` caches results.
     """
@@ -256,7 +256,7 @@ def close_pose(loops: Loops, start: SolverState, named: Collection[str], base_mo
 
 
 def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
-    """Yield alternative start states: all joints at 0, at the middle, and distributed between their limits.
+    """Yield start states for the search: all joints at 0, all in the middle of their ranges, and samples between their limits.
 
     The distribution uses multiples of the golden ratio, modulo 1, and is the same in every run.
     """
@@ -273,7 +273,7 @@ def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
 
 
 def _measure(loops: Loops, solution: Solution) -> float:
-    """Return the loop error as one number, which the solver minimizes."""
+    """Return the error of all loops as one number, which the solver minimizes."""
     return sum_of(p * p + (loops.length * w) ** 2 for p, w in solution.residuals)
 
 

@@ -10,7 +10,9 @@ from thingc.model.assembly.types import Assembly, LinkedMode, Mate
 
 
 class CutPriority(NamedTuple):
-    """Sort key of the mates of a loop, with the most important criterion first. The mate with the smallest key is cut."""
+    """The sort key for choosing the mate at which a loop is cut, with the most important criterion first. The mate with the smallest key is
+    cut.
+    """
 
     uncut: int
     driven: bool

@@ -61,7 +61,7 @@ limits, the correct state may have only one joint at its limit.
 
 
 class SolverState(FrozenStruct):
-    """q [rad or m] of all joints by path, and the pose of the root link in the world."""
+    """The state of the solver: q [rad or m] of all joints by path, and the pose of the root link in the world."""
 
     q: dict[str, float]
     base: Pose
@@ -75,7 +75,7 @@ class Solution(FrozenStruct):
 
     @property
     def closed(self) -> bool:
-        """Whether all closures are closed."""
+        """Whether all loops are closed within the tolerances."""
         return all(p <= CLOSED and w <= ALIGNED for p, w in self.residuals)
 
     @property
@@ -99,7 +99,7 @@ class LoopCoordinate(FrozenStruct):
 
 
 class Loops:
-    """The closures of a tree. `joints` are all joints of the robot, in joint order."""
+    """The loop closures of a kinematic tree. `joints` are all joints of the robot, in joint order."""
 
     def __init__(self, bodies: Sequence[Body], closures: Sequence[Closure], joints: Sequence[JointEdge], base: Pose) -> None:
         self.bodies = bodies
@@ -170,7 +170,7 @@ class Loops:
         return at
 
     def _frames(self, closure: Closure, at: Mapping[int, Pose], q: Mapping[str, float]) -> tuple[Pose, Pose]:
-        """Return the frames A (moved by its joints) and B in the world."""
+        """Return the two frames of a loop closure in the world: A, which is moved by its joints, and B."""
         A = closure.X_PA if closure.parent is None else at[closure.parent] @ closure.X_PA
         if closure.at_once:
             A = A @ moved(closure.twists, tuple(q[joint.path] for joint in closure.joints), at_once=True)
@@ -184,7 +184,7 @@ class Loops:
         return tuple((hypot(*p), hypot(*w)) for p, w in self._errors(state))
 
     def closed(self, state: SolverState) -> bool:
-        """Return whether all closures are closed."""
+        """Return whether all loops are closed within the tolerances."""
         return Solution(state=state, residuals=self.residuals(state)).closed
 
     def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
@@ -267,7 +267,7 @@ class Loops:
         return closed
 
     def distance(self, start: SolverState, state: SolverState, given: Collection[str]) -> float:
-        """Return the sum of squares that `nearest` minimizes."""
+        """Return the squared distance from the start state, which `nearest` minimizes."""
         return sum_of(((start.q[c.path] - state.q[c.path]) / c.unit) ** 2 for c in self.coordinates if c.path in given)
 
     def _stacked(self, state: SolverState) -> list[float]:
@@ -419,7 +419,7 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCo
 
 
 def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:
-    """Yield a joint, its leader, the leader's leader, and so on."""
+    """Yield a joint, the joint that it mimics, the joint that this joint mimics, and so on."""
     joint: JointEdge | None = joints[path]
     while joint is not None:
         yield joint
@@ -427,7 +427,7 @@ def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:
 
 
 def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: float, high: float) -> tuple[float, float]:
-    """Return the range of a leader [rad or m] around 0 in which a follower is between `low` and `high`.
+    """Return the range [rad or m] around 0 of a joint in which the joint that mimics it is between `low` and `high`.
 
     The range is within the leader's own limits. It is infinite if the leader has no limits, or if the follower is outside its range at the
     start.
@@ -487,7 +487,7 @@ def orthonormal(r: Matrix) -> Matrix:
 
 
 def _linear(error: Sequence[float], columns: Sequence[Sequence[float]], step: Sequence[float]) -> list[float]:
-    """Return the residuals after a step according to the linear model."""
+    """Return the residuals that the linear model predicts after a step."""
     left = list(error)
     for value, column in zip(step, columns, strict=True):
         if value != 0.0:

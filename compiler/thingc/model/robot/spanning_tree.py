@@ -1,4 +1,4 @@
-"""The pass `root`, which builds the tree of a simulation model from an assembly and a mode."""
+"""The pass `root`, which builds the kinematic tree of a simulation model from an assembly and a mode."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
 
 
 def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[Site]:
-    """Yield the sites without duplicate names.
+    """Yield the named frames of the robot, without duplicate names.
 
     Sites are exported mounts at every level, frames, links that are part of another link, roots, holds and feet of every mode, and mounts
     of sensors and tendons.

@@ -21,7 +21,7 @@ from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Keyframe, Robot, Unclosed
 
 Box = tuple[Vector, Vector]
-"""Two corners [m], the lower one first."""
+"""The two corners [m] of a box, the lower corner first."""
 
 DEEP = 0.5e-3
 """Tolerated depth [m] below the plane at the start. Soles may be slightly lower."""

@@ -109,7 +109,7 @@ def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection
 
 
 def _across(mate: Mate, number: int, parent: int, link: int, reversed_: bool, placed: tuple[Pose, ...], memo: Memo) -> Body:
-    """Return the body on the other side of a joint."""
+    """Return the body at the other end of a joint."""
     twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
     at_zero, seen = memo(
         ("across", mate.name, reversed_), _lowered, placed[mate.parent], mate.X_PJ, mate.X_JC, placed[mate.child], twists, offsets,

@@ -1,4 +1,4 @@
-"""A robot with a root: the tree of one mode's simulation model. Targets use only these types."""
+"""The types of a robot with a root, which is the kinematic tree of one mode. Targets use only these types."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode
 
 
 class TreeJoint(JointEdge):
-    """A coordinate of a joint in the direction of the tree: the child link moves relative to its tree parent.
+    """A joint coordinate in the kinematic tree: the child link moves relative to its parent in the tree.
 
     `twist` is in the child link's frame with the following coordinates of the body at 0. The twist is the same for all values of its own
     and the preceding coordinates. Positive q has the document's meaning in either direction. `reversed` means that the document's child is
@@ -28,7 +28,7 @@ class TreeJoint(JointEdge):
 
 
 class Body(OneLineRepr, FrozenStruct):
-    """A link in the tree.
+    """A link in the kinematic tree of a mode.
 
     `parent` is an index into `Robot.bodies` (None: the world). `X_PL` is the pose of its frame in the parent link's frame at q = 0 (for the
     root: in the world, as placed by the mode's `at`). The body moves by its `joints` in sequence, `X_PL @ exp(twist_0 q_0) @ exp(twist_1
@@ -42,7 +42,7 @@ class Body(OneLineRepr, FrozenStruct):
 
     @property
     def twists(self) -> tuple[Twist, ...]:
-        """The twists of the body's coordinates."""
+        """The twists of the coordinates by which the body moves."""
         return tuple(joint.twist for joint in self.joints)
 
     @property
@@ -61,7 +61,7 @@ class Site(OneLineRepr, FrozenStruct):
 
 
 ClosureKind = Literal["weld", "ball", "hinge", "slide", "screw", "universal", "several"]
-"""The motion that a cut loop allows.
+"""The motion that remains free where a loop is cut.
 
 The allowed motions are, in this order: no motion, rotation about a point, one rotation, one translation, a screw, rotation about two
 perpendicular axes that meet, or several coordinates.
@@ -99,7 +99,7 @@ class Closure(OneLineRepr, FrozenStruct):
 
     @property
     def kind(self) -> ClosureKind:
-        """The motion that the cut loop allows."""
+        """The motion that remains free where the loop is cut."""
         if self.turns or self.at_once:
             return "ball"
         if not self.twists:

@@ -23,7 +23,7 @@ DIGITS = 12
 """Number of decimals [m] of the relative poses of parts. Further digits are rounding errors."""
 
 KIND = "overlaps"
-"""Kind of the store's documents with the intersections of two parts in a relative pose."""
+"""The kind of the JSON documents in the store that contain intersections of two parts in a relative pose."""
 
 
 class PartPair(FrozenStruct, kw_only=False):
@@ -46,7 +46,7 @@ class Overlaps:
         self._store, self._memo = store, memo
 
     def pairs(self, parts: Sequence[Occurrence], poses: Sequence[Pose]) -> list[PartPair]:
-        """Return the pairs of parts whose bounding boxes overlap deeply enough at these poses, in document order."""
+        """Return the pairs of parts whose bounding boxes overlap at these poses, in document order."""
         placed = sorted(
             ((pose.around(part.box), part, pose) for part, pose in zip(parts, poses, strict=True) if part.box is not None),
             key=lambda one: one[0][0][0],
@@ -63,7 +63,8 @@ class Overlaps:
         return sorted(found, key=lambda pair: (pair.one.index, pair.other.index))
 
     def shared(self, pair: PartPair, *, keep: bool = True) -> tuple[float, float] | None:
-        """Return the volume [m^3] and the mean thickness [m] of an intersection. Return None if it does not count.
+        """Return the volume [m^3] and the mean thickness [m] of an intersection. Return None for an intersection that is too thin to be
+        reported.
 
         `keep` also caches the result in the store.
         """
@@ -77,7 +78,7 @@ class Overlaps:
         return (volume, depth) if counts else None
 
     def _is_deep(self, pair: PartPair) -> bool:
-        """Return whether the boxes of both parts, in the frame of either, allow an intersection that counts."""
+        """Return whether the bounding boxes of two parts overlap deeply enough for an intersection that is reported."""
         one, other = pair.one.box, pair.other.box
         assert one is not None and other is not None
         return minimum(_thickness(one, pair.at.around(other)), _thickness(pair.at.inverse().around(one), other)) > self.deep
@@ -180,7 +181,7 @@ def _is_closed(surface: Surface) -> bool:
 
 
 def _made_of(part: Occurrence) -> list[tuple[object, ...]]:
-    """Return the data that define the solid of a part."""
+    """Return the data that determine the solid of a part."""
     return [
         (one.solid.shape, one.solid.size, one.solid.pose.rotation, one.solid.pose.translation) if isinstance(one.solid, Primitive)
         else (one.solid.sha256, one.pose.rotation, one.pose.translation)

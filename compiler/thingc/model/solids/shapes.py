@@ -26,7 +26,7 @@ ENDLESS = 100.0
 
 
 class Solid(FrozenStruct, kw_only=False):
-    """A solid for distances and intersections.
+    """A solid for computing distances to other solids and intersections with them.
 
     `whole` is the whole solid, with facets on curved surfaces. `cores` are solids each with a radius [m]; points nearer to the core than
     the radius belong to the solid. The cores of spheres and capsules are points and lines, which makes gaps to them exact and fast.

@@ -1,1 +1,1 @@
-"""Statics: the drive efforts that hold a robot still, relative to their limits."""
+"""Statics: the efforts of drives that hold a robot still, compared with the limits of the drives."""

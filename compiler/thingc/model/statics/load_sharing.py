@@ -95,7 +95,7 @@ def balance(
 
 
 def _feet(following: Mapping[str, tuple[str, float, float]], stands: Support, column: Mapping[str, int], size: float) -> list[Array]:
-    """Return the motion [m] of each foot at `q` per change of the coordinates (3 x n).
+    """Return the Jacobian (3 x n) of the position [m] of each foot at `q` by the coordinates.
 
     The coordinates are joints, then three translations of the base (in lengths of `size` [m]) and three rotations about its
     origin.
@@ -141,7 +141,8 @@ def edges(friction: float) -> Array:
 
 
 class _Shares(NamedTuple):
-    """The `efforts` divided by their weights, `forces` along the edges, and the dimension of the space of other solutions."""
+    """A solution: the `efforts` divided by their weights, the `forces` along the edges, and the dimension of the space of other solutions.
+    """
 
     efforts: Array
     forces: Array

@@ -30,7 +30,7 @@ class FootContact(NamedTuple):
 
 
 class Support(NamedTuple):
-    """Support of a robot with a free base.
+    """The support of a robot with a free base by the floor.
 
     The fields are the feet, the `origin` of the root link and the `centre` of mass in the world [m], and the `weight` [N].
     """

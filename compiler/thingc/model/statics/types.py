@@ -12,7 +12,7 @@ NO_LOAD = 1e-12
 
 
 class DriveTransmission(NamedTuple):
-    """Transmission of the drive of joint `path`: the speed of the drive per speed of each coordinate.
+    """The transmission of the drive of joint `path`: the speed of the drive per speed of each coordinate.
 
     The drive of a ball joint has three coordinates. Other drives have one coordinate: the coordinate of the joint or of its leader. `limit`
     is the effort limit [N m or N]. `weight` scales the effort in least squares, and is 1 without a limit above 0.

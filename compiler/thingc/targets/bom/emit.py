@@ -42,7 +42,7 @@ COLUMNS = BomRow.__struct_fields__
 
 
 def make_of(occurrence: Occurrence) -> str:
-    """Return `buy`, `print` or `machine` from the document, else from the Thing, else depending on the process.
+    """Return `buy`, `print` or `machine`: the value in the document, else the value of the Thing, else a value that depends on the process.
 
     Without a value, an occurrence without geometry (a frame with a mass, such as a circuit board) counts as bought, because it cannot be
     manufactured. An occurrence with geometry is bought, machined (for subtractive processes) or printed, depending on its process.
@@ -63,7 +63,7 @@ def make_of(occurrence: Occurrence) -> str:
 
 
 def listed(occurrence: Occurrence) -> bool:
-    """Return whether an occurrence is listed: it has geometry, mass, or its own entry in the bill of materials.
+    """Return whether the bill of materials lists an occurrence, because it has geometry, mass or its own entry.
 
     A frame that only marks a position is not listed.
     """
@@ -131,7 +131,7 @@ def csv_text(rows: tuple[BomRow, ...]) -> str:
 
 
 def json_text(rows: tuple[BomRow, ...]) -> bytes:
-    """Return the rows as a JSON list of objects. Unknown values are null."""
+    """Return the bill of materials as a JSON list of objects. Unknown values are null."""
     return json_writer.encode([asdict(row) for row in rows])
 
 
@@ -142,7 +142,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _key(occurrence: Occurrence) -> tuple[object, ...]:
-    """Return the values that distinguish rows, except mass, quantity and assigned number.
+    """Return the values that distinguish rows of the bill of materials, except the mass, the quantity and the assigned number.
 
     A frame or link with a part number is identified by that number, regardless of the component's name.
     """
@@ -165,7 +165,7 @@ def _definition(occurrence: Occurrence) -> Definition:
 
 
 def _said(occurrence: Occurrence, key: str) -> str | None:
-    """Return the value of `key` from the document, else from the Thing, else None."""
+    """Return the value of a key in the document or, if it is missing there, in the Thing. Return None if both have no value."""
     own: str | None = getattr(occurrence.bom, key)
     if own is None and occurrence.record is not None:
         return occurrence.record.bom.get(key)

@@ -82,7 +82,7 @@ ROUGHNESS = 0.6
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return a file for each chosen mode. If the robot has no visual shapes, return no file and a loss.
+    """Return a GLB file for each chosen mode. For a robot without visual shapes, return a loss instead.
 
     A file contains each mesh once per colour; the colours share the vertex coordinates.
     """
@@ -96,7 +96,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 class _Node(FrozenStruct):
-    """A node with its pose relative to `parent`.
+    """A node of a glTF scene, with its pose relative to its parent node.
 
     `shown` is the surface of the node, `called` is the name of its mesh, and `extras` is custom data.
     """
@@ -145,7 +145,7 @@ def _called(surface: Surface) -> str:
 
 
 def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, float]) -> Iterator[_Node]:
-    """Yield the nodes of a body's coordinates.
+    """Yield the glTF nodes for the joint coordinates of a body.
 
     Each node is the parent of the next; a ball has a single node. `pose` is the body's pose at 0.
     """
@@ -176,7 +176,7 @@ def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
 
 
 class _Drawn:
-    """The meshes to draw, loaded on first use."""
+    """The meshes of a scene, which are loaded when they are first used."""
 
     def __init__(self, store: Store) -> None:
         self._store = store

@@ -99,7 +99,7 @@ def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
 
 
 def _ranks(count: int, lines: Sequence[Line]) -> list[int]:
-    """Return the length of the longest path to each box."""
+    """Return the length of the longest path that ends at each box."""
     before: dict[int, list[int]] = {k: [] for k in range(count)}
     for line in lines:
         before[line.target].append(line.source)
@@ -124,7 +124,7 @@ def _chain(items: list[_Item], line: Line, ranks: Sequence[int]) -> list[int]:
 
 
 def _first_order(items: Sequence[_Item], lines: Sequence[Line], chains: Sequence[Sequence[int]]) -> list[list[int]]:
-    """Return the columns in document order: depth first, with lines in the given order."""
+    """Return the initial order of the items in each column, which follows the order of the documents, depth first."""
     columns: list[list[int]] = [[] for _ in range(1 + max((item.column for item in items), default=-1))]
     leaving: dict[int, list[int]] = {}
     entered = {line.target for line in lines}
@@ -187,7 +187,7 @@ def _separation(a: _Item, b: _Item) -> float:
 
 
 def _set_heights(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> None:
-    """Set the centres of all items. Each column in turn is placed as near to its neighbours as order and separation allow."""
+    """Set the centres of all items. Each column is placed as near to its neighbours as the order and the minimum distances allow."""
     for column in columns:
         for above, k in zip(column, column[1:]):
             items[k].y = items[above].y + _separation(items[above], items[k])

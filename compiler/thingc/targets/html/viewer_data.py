@@ -209,7 +209,7 @@ def _loop(closure: Closure) -> Data:
 
 
 def _pose(robot: Robot, frame: Keyframe) -> Data:
-    """Return a pose of a mode.
+    """Return the data of a pose in a mode, for the page.
 
     The pose contains q by path, the pose of the base if it differs, and the factor by which the drives can hold the pose (`margins`).
     `falls` is True if the robot falls whatever the drives do. `unheld` is a joint that the drives cannot hold ("" for the base, null if the

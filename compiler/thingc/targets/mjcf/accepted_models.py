@@ -65,7 +65,7 @@ class AcceptedModels:
 
     @functools.cached_property
     def _new(self) -> dict[str, str]:
-        """Cache keys of the meshes that MuJoCo has not accepted, by file."""
+        """The cache keys, by file, of the meshes that MuJoCo has not yet accepted."""
         keys = {mesh.file: self._mesh_key(mesh) for mesh in self._meshes}
         return {file: key for file, key in keys.items() if self.store.get_json(MESH, key) is None}
 
@@ -107,7 +107,7 @@ class AcceptedModels:
     def data(
         self, models: Iterable[Element], true: Collection[str] = (), instead: Mapping[str, bytes] = MappingProxyType({}),
     ) -> dict[str, bytes]:
-        """Return the bytes that MuJoCo reads as each file.
+        """Return the contents of the files that MuJoCo reads, by name.
 
         For a mesh that is unknown or whose name is in `true`, these are the bytes in `instead`, or else its own bytes. A tetrahedron
         replaces any other mesh. If raw attributes may affect meshes, all meshes count as unknown.
@@ -139,7 +139,7 @@ def mujoco_version() -> str:
 
 
 def about_meshes(model: Element) -> bool:
-    """Return whether raw attributes affect meshes or their use, or whether added elements define contact pairs."""
+    """Return whether raw attributes change meshes or their use, or whether added elements define contact pairs."""
     sections: Mapping[str, Element] = {child.tag: child for child in model.children}
     if "contact" in sections and any(child.tag == "pair" for child in sections["contact"].children):
         return True

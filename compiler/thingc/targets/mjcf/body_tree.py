@@ -1,4 +1,4 @@
-"""A robot in one mode as an MJCF tree, with the conventions of the MuJoCo Menagerie."""
+"""Write a robot in one mode as an MJCF tree, with the conventions of the MuJoCo Menagerie."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _joints(robot: Robot) -> list[TreeJoint]:
 
 
 class _Builder:
-    """Builds the sections of a model. Each section has a method."""
+    """Builds an MJCF model. Each method adds a section of the model."""
 
     def __init__(self, robot: Robot, geometry: Geometry, memo: Memo) -> None:
         self.robot = robot
@@ -86,7 +86,7 @@ class _Builder:
         self.root = Element(tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin)
 
     def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
-        """Add the elements that `make(*inputs)` returns.
+        """Add the elements that `make(*inputs)` returns. Elements for unchanged inputs are reused.
 
         Models share these elements; an element is copied only if a raw attribute names it.
         """
@@ -97,7 +97,7 @@ class _Builder:
             parent.children.extend(element.copy() for element in grown)
 
     def build(self) -> Element:
-        """Return the element with its sections in the order of the Menagerie."""
+        """Build the `<mujoco>` element, with its sections in the order of the MuJoCo Menagerie."""
         self.root.add("compiler", {"angle": "radian", "meshdir": "assets", "autolimits": "true"})
         self.option()
         self.default()
@@ -153,7 +153,7 @@ class _Builder:
         self.grow(section, ("mesh",), elements.meshes, self.geometry.meshes)
 
     def worldbody(self) -> None:
-        """Add the tree of links."""
+        """Add the kinematic tree of links, as nested `body` elements."""
         world = self.root.add("worldbody")
         made: dict[int, Element] = {}
         taken = frozenset(shape.name for one in self.geometry.shapes for shape in (*one.visual, *one.collision) if shape.name is not None)
@@ -261,7 +261,7 @@ class _Builder:
             self.grow(section, ("key", self.robot.mode.name, frame.name), elements.key, tuple(values), frame.origin)
 
     def name_of(self, joint: TreeJoint) -> str:
-        """Return the name of the whole joint to which a coordinate belongs."""
+        """Return the name of the joint to which a coordinate belongs."""
         return FREE_JOINT if joint.mate < 0 else self.assembly.mates[joint.mate].name or joint.path
 
     def position(self, path: str, q: Mapping[str, float]) -> float:
@@ -279,7 +279,7 @@ class _Builder:
 
 
 def _suffixes(words: tuple[str, ...]) -> Iterator[str]:
-    """Yield the possible meanings of a name in the path of a raw attribute (see `raw.py`)."""
+    """Yield the elements that a name in the path of a raw attribute can mean (see `raw.py`)."""
     for word in words:
         parts = word.replace(".", "/").split("/")
         yield from ("/".join(parts[first:]) for first in range(len(parts)))

@@ -136,7 +136,7 @@ def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
 
 
 def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tuple[str, Pose]]]:
-    """Return two pairs of sites, each with one on the parent and one on the child.
+    """Return two pairs of sites. Each pair has one site on the parent link and one on the child link.
 
     The first pair is at the origin. For a hinge, the second pair is on the axis. For a universal joint, the second pair has one site on
     each axis.
@@ -163,7 +163,7 @@ def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tup
 
 
 def _lever(robot: Robot, closure: Closure) -> float:
-    """Return the distance [m] between the two points of a constraint.
+    """Return the distance [m] between the two points at which a constraint acts.
 
     It is the distance from the axis to the child's centre of mass, rounded to one digit, at least 1e-3.
 
@@ -206,7 +206,9 @@ def losses(robot: Robot) -> Iterator[Loss]:
 
 
 def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
-    """Return `` `knee` and 2 more moved, by 12 deg at most``. The text names the joint that moved most; a radian counts as a metre."""
+    """Format the movement of joints: `` `knee` and 2 more changed by at most 12 deg``. The text names the joint that moved most; a radian
+    counts as a metre.
+    """
     path = max(moved, key=lambda joint: abs(moved[joint]))
     others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
     return f"`{path}`{others} changed by at most {_format_value(moved[path], turn=path in turns)}"

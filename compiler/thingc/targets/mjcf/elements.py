@@ -1,4 +1,4 @@
-"""Elements of a model.
+"""Create the elements of an MJCF model, such as joints, geoms and actuators.
 
 Each function creates an element only from the values on which the element depends, so that unchanged elements can be reused.
 """
@@ -29,13 +29,13 @@ GRID = 0.1
 
 
 def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
-    """Return the elements that `make(*inputs)` creates, and their names in raw attributes."""
+    """Return the elements that `make(*inputs)` creates, by the names that raw attributes use for them."""
     elements = make(*inputs)
     return elements, frozenset(element.get("name").replace(".", "/") for element in elements)
 
 
 def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
-    """Return the `mesh` assets."""
+    """Return the `mesh` elements of the section `asset`."""
     elements: list[Element] = []
     for mesh in meshes:
         attributes: dict[str, XmlValue] = {"name": mesh.name, "file": mesh.file}
@@ -48,7 +48,7 @@ def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
 
 
 def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
-    """Return the visual materials."""
+    """Return the `material` elements for the colours of the robot."""
     return tuple(
         Element(tag="material", attributes={"name": name, "rgba": channels(color)}, origin=origin)
         for name, (color, origin) in geometry.materials(shapes).items()
@@ -102,7 +102,7 @@ def dynamics_attributes(dynamics: Dynamics) -> dict[str, XmlValue]:
 
 
 def _axis(one: MujocoJoint, twist: Twist) -> dict[str, XmlValue]:
-    """Return the attributes that all types of joints share."""
+    """Return the attributes that are common to all types of joints."""
     pos = {"pos": twist.anchor} if any(twist.anchor) else {}
     return {"name": one.name, "type": one.type, **pos, "axis": one.axis}
 
@@ -149,7 +149,7 @@ def drive_of_ball(name: str, joint: TreeJoint, drive: ActuatorModel, axis: Vecto
 
 
 def key(attributes: tuple[tuple[str, XmlValue], ...], origin: Origin) -> tuple[Element, ...]:
-    """Return a keyframe."""
+    """Return the `key` element of a keyframe."""
     return (Element(tag="key", attributes=dict(attributes), origin=origin),)
 
 

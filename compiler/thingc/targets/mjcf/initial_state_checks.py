@@ -42,7 +42,7 @@ def key(text: str, robot: Robot) -> str:
 
 
 def apart(text: str) -> tuple[str, ...]:
-    """Return the parts of a model's XML that `key` omits."""
+    """Return the parts of a model's XML that the digest `key` does not include."""
     head, _, rest = text.partition("<mujoco ")
     return (head, rest.partition(">")[0], *_INDIFFERENT.findall(rest))
 
@@ -56,7 +56,7 @@ class Penetration(FrozenStruct):
 
 
 class Gains(FrozenStruct):
-    """A drive in one step of a simulation.
+    """The gains of a drive and the inertia that it moves, for one step of a simulation.
 
     Units are [N m/rad or N/m] for `stiffness` (the sum of kp and the spring stiffness), [N m s/rad or N s/m] for `kv` and `damping`, and
     [s] for the time step `dt`. `inertia` [kg m^2 or kg] is the inertia that the drive moves if all joints can move.
@@ -72,7 +72,7 @@ class Gains(FrozenStruct):
 
     @property
     def stiffest(self) -> float:
-        """The stiffness k above which a step increases the error.
+        """The stiffness above which a simulation step increases the error of the position.
 
         MuJoCo uses the velocity after a step for the position: v' = a v - b q and q' = q + dt v'. A step has the determinant a and the
         trace 1 + a - dt b; it is stable (Jury) while 2 + 2 a > dt b. An implicit integrator divides by I + dt d with d = kv + damping: a =
@@ -124,7 +124,7 @@ class Gains(FrozenStruct):
 
     @property
     def calm(self) -> bool:
-        """Whether the drive has none of these faults."""
+        """Whether the drive is stable: its gains are not too large, and its force does not jump."""
         return not (self.too_stiff or self.too_quick or self.jumps)
 
 
@@ -137,7 +137,7 @@ class InitialState(FrozenStruct):
 
     @property
     def in_order(self) -> bool:
-        """Whether there are no faults."""
+        """Whether no parts overlap and all drives are stable at the start."""
         return not self.inside and not self.gains
 
 
@@ -179,7 +179,7 @@ def look(model: Any, robot: Robot) -> InitialState:
 
 
 def _pose(model: Any, data: Any, number: int | None) -> None:
-    """Set the keyframe with this number or, if it is None, set every joint to 0."""
+    """Set the state to the keyframe with this number or, for None, set every joint to 0."""
     import mujoco
 
     if number is None:
@@ -350,7 +350,7 @@ def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
 
 
 def _down(value: float) -> str:
-    """Round a number down to two digits."""
+    """Round a number down to two significant digits."""
     shown = float(f"{value:.1e}")
     return f"{shown if shown <= value else float(f'{value * 0.95:.1e}'):g}"
 

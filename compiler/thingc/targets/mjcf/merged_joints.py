@@ -1,4 +1,4 @@
-"""Merge the joints of massless links into the next body.
+"""Merge massless links into the next body, so that one MuJoCo body has several joints.
 
 MuJoCo does not accept a moving body without mass, but a body may have any number of joints. A massless link between two joints is therefore
 not written as a body, and its joint is added to the next body.

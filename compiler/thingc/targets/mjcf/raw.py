@@ -87,7 +87,7 @@ def _sort(model: Element, ranks: Mapping[int, int]) -> None:
 
 
 def _shape_fault(attribute: RawAttribute) -> tuple[str, Hint] | None:
-    """Return a message and a hint if the path itself is invalid, else None."""
+    """Return a message and a hint if the path of a raw attribute is invalid, otherwise None."""
     path = attribute.path
     kind = path[0] if path else ""
     if kind not in KINDS:
@@ -130,7 +130,7 @@ def _slashed(name: str) -> str:
 
 
 def _names(attribute: RawAttribute) -> tuple[str, ...]:
-    """Return the possible meanings of an attribute's name.
+    """Return the elements that the name in a raw attribute can mean.
 
     Names in a nested document are prefixed with its path. Assets, classes and sections do not belong to an occurrence, so names without the
     prefix are also possible.
@@ -143,7 +143,7 @@ def _names(attribute: RawAttribute) -> tuple[str, ...]:
 
 
 def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
-    """Return the child with a tag. A missing child is added before the children with the tag `before`."""
+    """Return the child element with a tag. A missing child is added before the children with the tag `before`."""
     child = owner.find(tag)
     if child is None:
         child = Element(tag=tag)

@@ -76,7 +76,7 @@ def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
 
 
 class _Target:
-    """A model and its names, grouped by kind."""
+    """An MJCF model to which elements are added, with its names grouped by kind."""
 
     def __init__(self, robot: Robot, model: Element) -> None:
         self.robot = robot
@@ -91,7 +91,7 @@ class _Target:
             self.names[kind] = {one.get("name") for one in section.children} if section is not None else set()
 
     def add(self, wanted: RawElement) -> tuple[str, str] | None:
-        """Add an element. Return the kind and name of a reference that is missing in this model, or None."""
+        """Add an element to the model. Return the kind and the name of a missing reference, or None."""
         made = self.made(wanted)
         if isinstance(made, tuple):
             return made

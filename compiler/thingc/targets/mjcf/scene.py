@@ -15,7 +15,7 @@ FLOOR = "floor"
 
 
 def scene(robot: Robot, file: str, heading: str, model: XmlText, memo: Memo | None = None, separator: str = "/") -> XmlText:
-    """Return the scene of a mode, which includes `file` in the same folder.
+    """Return the XML of the scene of a mode, which includes the model `file` in the same folder.
 
     `model` is the content of that file, with `separator` in its paths.
     """
@@ -40,7 +40,7 @@ def _held(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
 
 
 def _scene(title: str, box: Box | None, file: str, floor: str, held: Sequence[tuple[str, Origin]], heading: str, origin: Origin) -> XmlText:
-    """Return the XML of a scene.
+    """Return the XML of a scene with a floor and a light.
 
     Raw attributes can override the elements before the `include`. The floor is the plane z = 0 of the world, to which the root of a mode is
     mated. For a mode on a wall or ceiling, this plane is the wall or ceiling. Contacts of held links with the floor are excluded, as MuJoCo

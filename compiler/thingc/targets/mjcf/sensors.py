@@ -61,7 +61,7 @@ def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
 
 
 def volumes(robot: Robot, bodies: Mapping[int, Element]) -> None:
-    """Add a site with the shape of the volume for each touch sensor."""
+    """For each touch sensor, add a site with the shape of the sensor's volume."""
     sites = merged_joints.sites(robot)
     for sensor in robot.assembly.sensors:
         if sensor.volume is not None and (sensor.site or "") in sites:
@@ -150,7 +150,7 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield the losses of a mode's sensors.
+    """Yield a loss for each sensor, or property of a sensor, that a mode does not support.
 
     The losses are unsupported sensors, forces that are not measured at the mount, and accelerations of a fixed base. (MuJoCo's
     accelerometer reads 0 on a fixed body, and 9.81 m/s^2 on any other body at rest.)

@@ -42,7 +42,7 @@ class Candidate(FrozenStruct):
 
     @property
     def texts(self) -> tuple[str, str]:
-        """The contents of both files."""
+        """The contents of the model and of the scene, by file name."""
         return self.model.text, self.scene.text
 
 
@@ -101,7 +101,7 @@ def _verdicts(
     candidates: Sequence[Candidate], known: AcceptedModels, looked: Collection[str], touching: Collection[str], settled: Collection[str],
     instead: Sequence[Mapping[str, bytes]],
 ) -> Iterator[tuple[Candidate, CompileResult, Any]]:
-    """Yield MuJoCo's result for each scene, and the files that it read.
+    """Compile each scene with MuJoCo, and yield the results and the files that MuJoCo read.
 
     Modes in `looked` come first; their scenes need the true meshes whose names are in `touching`. Another mode is omitted if `settled`
     already contains it. The meshes in `instead` are used until MuJoCo reports a message (see `_one_by_one`). Scenes are compiled one after
@@ -134,7 +134,7 @@ def _will_do(verdict: CompileResult, robot: Robot, *, boxes: bool) -> bool:
 
 
 def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mapping[str, bytes]]:
-    """If the meshes are too large for one compilation, compile each mesh separately. Otherwise return [].
+    """Compile each mesh separately if all meshes together are too large for one compilation. Otherwise, return an empty list.
 
     Return two replacements for the meshes in `touching` (names of meshes), by file. The first replacements are bounding boxes, which
     overlap if the meshes overlap. The second are the convex hulls that MuJoCo uses for contacts. Meshes that cause messages are not
@@ -201,7 +201,7 @@ def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candida
 
 
 def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
-    """Record that MuJoCo accepted these models without messages."""
+    """Record in the store that MuJoCo accepted these models without errors and warnings."""
     for candidate in candidates if share > 1 else ():
         place = _kind(candidate)
         if memo.last(place, ()) is None:
@@ -239,13 +239,13 @@ def doubtful(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store
 
 
 def took_scenes(candidates: Sequence[Candidate], memo: Memo) -> None:
-    """Record that MuJoCo accepted the scenes of these models without messages."""
+    """Record in the store that MuJoCo accepted the scenes of these models without errors and warnings."""
     for candidate in candidates:
         memo.keep(*_scene(candidate), True)
 
 
 def _own(candidate: Candidate) -> tuple[tuple[str, str], tuple[str, tuple[str, ...]]]:
-    """Return a memo key and value for the contents of a mode that do not affect its initial state.
+    """Return a memo key and a value for the contents of a mode that do not affect the initial state of a simulation.
 
     These contents are the scene without numbers, and the parts of the model that `initial_state_checks.key` omits.
     """

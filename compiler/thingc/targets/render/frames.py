@@ -52,7 +52,7 @@ class Frame(FrozenStruct):
 
     @property
     def strokes(self) -> tuple[Stroke, ...]:
-        """The arrows of the frame: an arrow for each axis, z last."""
+        """The arrows that draw the frame: one for each axis, with z last."""
         ends = self.size * np.eye(3)
         return tuple(Stroke(colour=c, points=np.array([np.zeros(3), end])) for c, end in zip((RED, GREEN, BLUE), ends))
 
@@ -100,7 +100,7 @@ def length_of(points: Array, camera: Camera) -> float:
 
 
 def placed(mark: Mark, data: Any, length: float) -> list[Array]:
-    """Return the strokes of a frame or joint axis as points `(n, 3)` [m] in the world."""
+    """Return the arrows of a frame or a joint axis as points `(n, 3)` [m] in the world."""
     body = data.body(mark.body)
     turned = body.xmat.reshape(3, 3)
     rotation, origin = turned @ np.array(mark.pose.rotation), body.xpos + turned @ np.array(mark.pose.translation)

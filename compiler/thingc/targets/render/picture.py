@@ -27,7 +27,7 @@ WALL_AZIMUTH, CEILING_ELEVATION = 40.0, 16.0
 
 
 class NoGraphics(Exception):
-    """This machine cannot render. `message` is the reason, `hint` the help text."""
+    """Raised if this machine cannot render pictures. `message` is the reason, and `hint` is the help text."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -36,7 +36,7 @@ class NoGraphics(Exception):
 
 
 class Shot(FrozenStruct):
-    """The view of a picture.
+    """The view of a picture: its size and the direction of the camera.
 
     `size` is (width, height) in pixels. `azimuth` and `elevation` [deg] are the viewing direction of the camera; None selects a suitable
     direction. With azimuth 90 the camera looks along y, and with elevation -90 straight down.

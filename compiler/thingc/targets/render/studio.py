@@ -90,7 +90,9 @@ def fitted(points: Array, axes: Array, angle: float, aspect: float, margin: floa
 
 
 KEY, DOME = 32, 36
-"""Numbers of lamps in the soft box and in the dome. Each lamp takes about 50 ms at 1280 x 960 pixels without a graphics card."""
+"""The numbers of lamps in the soft box and in the dome of the studio. Each lamp takes about 50 ms at 1280 x 960 pixels without a graphics
+card.
+"""
 
 SHADOW = 2048
 """Size of a lamp's shadow map [px]."""
@@ -242,7 +244,7 @@ def _light(scene: Any, direction: Array, normal: Array, centre: Array, extent: f
 
 
 def _stand(scene: Any, camera: Camera, number: int, size: tuple[int, int]) -> None:
-    """Set the camera of the scene. For each picture, the camera is shifted by a different fraction of a pixel (R2 sequence)."""
+    """Set the camera of a MuJoCo scene. For each picture, the camera is shifted by a different fraction of a pixel (R2 sequence)."""
     x, y = (0.5 + 0.7548776662466927 * number) % 1.0 - 0.5, (0.5 + 0.5698402909980532 * number) % 1.0 - 0.5
     half = camera.near * camera.tangent
     pixel = 2.0 * half / size[1]

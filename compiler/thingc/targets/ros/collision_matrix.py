@@ -38,7 +38,7 @@ Pair = tuple[str, str]
 
 
 class CollisionMatrix(FrozenStruct):
-    """How often each pair of links collides in `samples` configurations. Pairs that never collide are omitted.
+    """The number of configurations, out of `samples`, in which each pair of links collides. Pairs that never collide are omitted.
 
     `at` contains the colliding pairs of each named configuration. The names in a pair are sorted.
     """
@@ -56,7 +56,7 @@ def adjacent(assembly: Assembly) -> frozenset[Pair]:
 
 
 def pair_of(one: str, other: str) -> Pair:
-    """Return two links as a sorted pair."""
+    """Return the names of two links as a sorted pair."""
     return (one, other) if one < other else (other, one)
 
 
@@ -190,7 +190,7 @@ class _Sampler:
         return {pair: int(count) for pair, count in zip(named, counts, strict=True)}
 
     def _ends(self, joint: Element) -> tuple[float, float]:
-        """Return the range [rad or m] of a joint.
+        """Return the range [rad or m] in which a joint is sampled.
 
         For a joint without limits, return one turn, or the size of the robot in both directions.
         """

@@ -67,7 +67,7 @@ def ros2_control(robot: Robot) -> Element | None:
 
 
 def controllers(robots: Sequence[Robot]) -> dict[str, tuple[Controller, ...]]:
-    """Return the controllers by mode name.
+    """Return the ROS 2 controllers of each mode, by the name of the mode.
 
     Modes with the same drives share a controller. The name of the controller for each additional set of drives ends with the name of the
     first mode.
@@ -122,7 +122,7 @@ def _of_controller(one: Controller) -> Iterator[str]:
 
 
 def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | None]:
-    """Return the range of a joint's command."""
+    """Return the range of the command of a joint, for ros2_control."""
     limit = joint.move.joint.limit
     if interface == "position":
         return limit.lower, limit.upper

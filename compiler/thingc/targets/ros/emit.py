@@ -66,7 +66,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _touching(request: EmitRequest, shapes: Geometry) -> frozenset[str]:
-    """Return the links that have collision shapes."""
+    """Return the names of the links that have collision shapes."""
     links, link_of = request.assembly.links, request.assembly.link_of
     return frozenset(safe(links[link_of[index]].name) for index, one in enumerate(shapes.shapes) if one.collision)
 

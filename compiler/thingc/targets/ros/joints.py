@@ -41,7 +41,7 @@ class MovingJoint(FrozenStruct):
 
 
 def joints(robot: Robot) -> tuple[MovingJoint, ...]:
-    """Return the moving joints of a mode, parents before children. Joints of a moving base come first."""
+    """Return the moving joints in the URDF of a mode, parents before children. The joints of a moving base come first."""
     in_tree = {joint.path for body in robot.bodies for joint in body.joints}
     follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in in_tree)
     moving: list[MovingJoint] = []
@@ -76,7 +76,7 @@ def start(robot: Robot) -> Mapping[str, float]:
 
 
 def _lead(robot: Robot, body: Body) -> tuple[TreeJoint, ...]:
-    """Return the joints that move a body. The root is moved by the joints of the base."""
+    """Return the URDF joints that move a body. The root link is moved by the joints of the base."""
     return robot.moves if body.parent is None else body.joints
 
 

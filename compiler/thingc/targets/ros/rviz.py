@@ -37,7 +37,7 @@ def _filled(file: str, **words: str) -> str:
 
 
 def _mode(robot: Robot, controllers: list[str]) -> str:
-    """Return the entry of a mode: the fixed frame, the start values of its joints [rad or m], and its controllers."""
+    """Return the entry of a mode in the launch file: the fixed frame, the start values of joints [rad or m], and the controllers."""
     joints = "".join(f'            "{name}": {value + 0.0},\n' for name, value in values(robot, start(robot)).items())
     begin = f"{{\n{joints}        }}" if joints else "{}"
     named = ", ".join(f'"{name}"' for name in controllers)

@@ -1,4 +1,4 @@
-"""Joints of SDF.
+"""Convert the joints of a mode to joints of SDF.
 
 A joint rotates about axes or slides along axes through a fixed point of its child. In the pose of the file, joints are at 0.
 
@@ -31,14 +31,14 @@ LINK = "_link"
 
 
 class SdfAxis(FrozenStruct):
-    """A coordinate of a joint, and its motion in the frame of the child link, in the pose of the file."""
+    """A coordinate of a joint, and its motion in the frame of the child link, in the pose in which the file is written."""
 
     joint: TreeJoint | JointEdge
     twist: Twist
 
 
 class SdfJoint(FrozenStruct):
-    """A joint of SDF.
+    """A joint in an SDF file.
 
     `path` is its name, and `at` its origin in the child link's frame [m]. `axes` is empty for a `fixed` joint or a `ball`.
     """
@@ -84,7 +84,8 @@ def _type(axis: SdfAxis) -> SdfType:
 
 
 class ZeroState(FrozenStruct):
-    """The zero state of the file: values `q` of joints [rad or m] by path, and the root link's pose in the world.
+    """The state in which all joints of an SDF file are at zero: the values `q` [rad or m] of the document's joints by path, and the pose of
+    the root link in the world.
 
     `pose` is the name of the pose in the document (None for all joints at 0). `closed` is True if loops and holds are closed.
     """
@@ -96,7 +97,9 @@ class ZeroState(FrozenStruct):
 
 
 def zero_state(robot: Robot) -> ZeroState:
-    """Return the pose with all joints at 0 if it closes all loops and holds, else the first pose of the document that closes them."""
+    """Return the state with all joints at 0 if all loops and holds are closed in it, otherwise the first pose of the document in which they
+    are closed.
+    """
     q = {joint.path: 0.0 for joint in joints_of(robot.assembly)}
     if not robot.closures:
         return ZeroState(q=q, base=robot.bodies[0].X_PL)

@@ -22,7 +22,7 @@ from thingc.targets.xml_writer import Element, write
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return a folder and a world for each chosen mode.
+    """Return a model folder and a world file for each chosen mode.
 
     Each folder contains its own meshes, as usual for Gazebo, so that a user can copy a single folder.
     """

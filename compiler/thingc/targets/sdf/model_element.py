@@ -1,4 +1,4 @@
-"""A robot in one mode as an SDF model.
+"""Write a robot in one mode as an SDF model.
 
 Links have the same frames as in MJCF and `modes.json`. The frame of a joint is at its own position, with the axes of its child. Mounts,
 `frame` components and roots of modes are frames. Loops and holds are also joints, because SDF allows any graph. Drives are Gazebo systems,

@@ -18,7 +18,7 @@ Value = TypeVar("Value")
 
 
 def in_background(work: Callable[[], Value]) -> Future[Value]:
-    """Call `work()` in a daemon thread and return a future. The caller can do other work in the meantime.
+    """Call `work()` in a daemon thread, and return a future for its result.
 
     The caller may ignore the result.
     """
@@ -35,7 +35,8 @@ def in_background(work: Callable[[], Value]) -> Future[Value]:
 
 
 class _Begun(FrozenStruct):
-    """A file that the CAD kernel is writing. `file` is its future (None if there is no file), and `losses` are its losses."""
+    """A STEP file that the CAD kernel is writing. `file` is a future (None if there is no file), and `losses` are the losses of the target.
+    """
 
     file: Future[StoredFile] | None
     losses: tuple[Loss, ...]

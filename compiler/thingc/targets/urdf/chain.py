@@ -1,4 +1,4 @@
-"""Joints of URDF. A joint rotates about an axis or slides along an axis through the origin of its child.
+"""Convert the joints of a mode to joints of URDF, which rotate about an axis or slide along an axis through the origin of their child.
 
 A joint with several coordinates becomes a chain of such joints with almost massless links between them. A screw becomes a rotation and a
 slide that mimics the rotation. A ball becomes three rotations.
@@ -20,7 +20,7 @@ SLIDE = "_slide"
 
 
 class Move(FrozenStruct):
-    """A joint of URDF.
+    """A joint in a URDF file.
 
     `path` is the name of the joint, and `type` is its motion about or along the unit vector `axis`. `origin` is the frame of the joint and
     its child at q = 0, relative to the previous joint or link. `follows` is the joint that the slide of a screw mimics, with the ratio

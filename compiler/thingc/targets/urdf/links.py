@@ -1,4 +1,4 @@
-"""A robot in one mode as a URDF tree.
+"""Write a robot in one mode as a URDF tree.
 
 The URDF frame of a link is on the joint that leads to the link. The link's own frame, as in MJCF and `modes.json`, is the same in every
 mode. If both frames differ, the own frame becomes the massless link `<link>_frame`. Exported mounts, `frame` components and roots of modes

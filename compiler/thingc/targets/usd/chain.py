@@ -1,4 +1,4 @@
-"""Joints of UsdPhysics: a frame on each of two bodies, and the motions between the frames.
+"""Convert the joints of a mode to joints of UsdPhysics, which define a frame on each of two bodies and the motions between the frames.
 
     X_body1 = X_body0 @ frame0 @ T(trans) @ RotX @ RotY @ RotZ @ inv(frame1)
 
@@ -35,7 +35,7 @@ LETTERS = {1: ("Z",), 2: ("X", "Y"), 3: ("X", "Y", "Z")}
 
 
 class Freedom(FrozenStruct):
-    """A free motion.
+    """A free motion of a USD joint: a rotation about an axis or a slide along an axis.
 
     `name` is its name in UsdPhysics (`angular` or `linear` for a joint with one coordinate, else `rotX` or `transX` ..., and `ball` for a
     ball). The value of the motion is `ratio` [1 or m/rad] times the q of `joint`.
@@ -52,7 +52,7 @@ class Freedom(FrozenStruct):
 
 
 class UsdJoint(FrozenStruct):
-    """A joint of UsdPhysics.
+    """A joint in a UsdPhysics stage.
 
     `path` is the name of the joint, and `frame` is its frame in the child at q = 0. `freedoms` are its motions; for a ball, they are the
     document's coordinates.
@@ -90,7 +90,7 @@ def chain(connection: Connection) -> tuple[UsdJoint, ...]:
 
 
 def _spherical(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
-    """Return a spherical joint."""
+    """Return the spherical USD joint for a ball joint."""
     backwards = isinstance(joints[0], TreeJoint) and joints[0].reversed
     # The coordinates of a reversed joint are negated and in reverse order.
     axes = [(-x, -y, -z) for x, y, z in (twist.angular for twist in reversed(twists))] if backwards else [one.angular for one in twists]
@@ -100,7 +100,7 @@ def _spherical(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Seque
 
 
 def _single(path: str, joint: TreeJoint | JointEdge, twist: Twist) -> UsdJoint:
-    """Return a rotation or a slide."""
+    """Return the USD joint for a single rotation or a single slide."""
     freedom = Freedom(name="angular" if twist.turns else "linear", joint=joint)
     return UsdJoint(path=path, type="Revolute" if twist.turns else "Prismatic", frame=along(twist.axis, twist.anchor), freedoms=(freedom,))
 
@@ -150,7 +150,7 @@ def _parallel(a: Vector, b: Vector) -> bool:
 
 
 class MimicJoint(FrozenStruct):
-    """A mimic joint at `path`.
+    """A joint that mimics another joint, with its path in the USD stage.
 
     The joint follows the independent joint `leader`: q = offset + multiplier q(leader) [rad or m]. `said` is True if Newton's schema can
     express the mimic joint, which requires two joints of the same kind with one coordinate. `reach` is the range computed from the leader's
@@ -168,7 +168,7 @@ class MimicJoint(FrozenStruct):
 
 
 def followers(robot: Robot) -> dict[str, MimicJoint]:
-    """Return the mimic joints by path."""
+    """Return the joints that mimic other joints, by path."""
     steps = [step for connection in connections(robot, CAPABILITIES["loops"]) for step in chain(connection)]
     single = {step.single.path: step.type for step in steps if step.single is not None}
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}

@@ -68,20 +68,20 @@ def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
 
 
 def _prims(attribute: RawAttribute, models: Sequence[Prim]) -> list[Prim]:
-    """Return the prims to which an attribute applies."""
+    """Return the USD prims to which a raw attribute applies."""
     kind, name = attribute.path[0], in_files(attribute.path[1])
     return [prim for model in models for prim in _all(kind, model) if kind == SCENE or prim.name == name]
 
 
 def _all(kind: str, model: Prim) -> list[Prim]:
-    """Return all prims of a kind."""
+    """Return all USD prims of a kind, such as all joints."""
     if kind == "joint":
         return [joint for holder in model.children if holder.name == JOINTS for joint in holder.children]
     return [child for child in model.children if (child.name == SCENE if kind == SCENE else "PhysicsRigidBodyAPI" in child.schemas)]
 
 
 def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
-    """Apply an attribute to a prim. Return the fault of the attribute, or None."""
+    """Apply a raw attribute to a USD prim. Return the fault of the attribute, or None."""
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
     strange = NO_CHARACTER.search("".join(one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)))
     if strange is not None:

@@ -1,4 +1,4 @@
-"""A robot in one mode as a UsdPhysics stage.
+"""Write a robot in one mode as a UsdPhysics stage.
 
     /arm  ->  scene, materials
           ->  base_link, bracket, ...       links side by side, with the same frames as in MJCF and `modes.json`, at q = 0
@@ -314,7 +314,7 @@ def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
 
 
 def free(word: str, taken: Collection[str]) -> str:
-    """Return the word, with a number appended if the word is already in use."""
+    """Return a name that is not in use: the word itself, or the word with a number."""
     return next(name for k in range(len(taken) + 1) if (name := f"{word}_{k}" if k else word) not in taken)
 
 

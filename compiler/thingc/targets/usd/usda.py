@@ -1,4 +1,4 @@
-"""A writer for USD text files.
+"""Write USD text files (`.usda`).
 
 The writer of usd-core is not used: the bytes would depend on the version of usd-core, a build would need a package of 30 MB, and every
 number of UsdPhysics, whose attributes are floats, would be rounded to eight digits. This module writes all numbers exactly; only the reader
@@ -23,7 +23,7 @@ _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r"})
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Prim:
-    """A prim.
+    """A prim of a USD stage, with its properties and children.
 
     `type` is for example `Xform`, and `schemas` are the applied API schemas. Other metadata and properties are lines of text. With the
     `specifier` `class`, the prim and its children only serve as references. The class is mutable, because trees are built from the top.
@@ -84,7 +84,7 @@ def rendered(prim: Prim) -> str:
 
 
 def write(prims: Iterable[str], default: str, heading: str) -> str:
-    """Return the layer, in metres and kilograms, with z up.
+    """Return the text of a USD layer, in metres and kilograms, with z up.
 
     `prims` are already rendered; empty strings are omitted. `default` is the name of the default prim.
     """

@@ -1,4 +1,4 @@
-"""Measurements of document tests (`tests:` of a document), with one module for each kind in `documents/checks/`."""
+"""The measurements of document tests, with one module for each kind in `documents/checks/`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ from thingc.driver.testing.outcomes import TestMeasurement
 
 
 def measurement_of(kind: str) -> TestMeasurement[Any]:
-    """Return the measurement of a kind of test, which is imported when it is needed."""
+    """Import and return the measurement of a kind of test."""
     found: TestMeasurement[Any] = import_module(f"{__name__}.{kind}").MEASUREMENT
     return found

@@ -1,4 +1,4 @@
-"""Measurement of `centre` tests."""
+"""The measurement of `centre` tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measurement of `ground_clearance` tests."""
+"""The measurement of `ground_clearance` tests."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LISTED = 5
 
 
 def measure(case: TestCase, check: GroundClearance) -> Outcome:
-    """Measure the height of the lowest part above the plane."""
+    """Measure the height of the lowest part above the plane of the test."""
     expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
     heights = sorted(_heights(case, check))
     if not heights:

@@ -1,4 +1,4 @@
-"""Measurement of `mass` tests."""
+"""The measurement of `mass` tests."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from thingc.driver.testing.outcomes import Outcome, TestCase, TestMeasurement, c
 
 
 def measure(case: TestCase, check: MassCheck) -> Outcome:
-    """Measure the sum of the masses [kg]."""
+    """Measure the total mass [kg] of the components."""
     occurrences = case.robot.assembly.occurrences
     value = sum_of(occurrences[index].properties.mass for index in case.components(check.of))
     return check_bounds("mass", "the mass", value, check.minimum, check.maximum, MASS, MassCode.TEST_MASS)

@@ -1,4 +1,4 @@
-"""Measurement of `no_collision` tests."""
+"""The measurement of `no_collision` tests."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
 
 
 def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> None:
-    """Warn of allowances that no case needed."""
+    """Warn of allowed pairs that did not collide in any case of the test."""
     check: CollisionCheck = linked.test.check
     needed = {number for outcome in outcomes for number in outcome.needed}
     for number, allowance in enumerate(check.allow):

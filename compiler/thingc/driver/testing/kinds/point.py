@@ -1,4 +1,4 @@
-"""Measurement of `point` tests."""
+"""The measurement of `point` tests."""
 
 from __future__ import annotations
 

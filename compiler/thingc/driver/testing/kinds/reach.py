@@ -1,4 +1,4 @@
-"""Measurement of `reach` tests."""
+"""The measurement of `reach` tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measurement of `settles` tests."""
+"""The measurement of `settles` tests."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
 
 
 def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
-    """Compare the motion of all points with the requirements."""
+    """Compare the simulated motion of the robot with the requirements of the test."""
     rest, drift, moved, deepest = motion.rest(check.drift), motion.drift(check.within), motion.moved, motion.deepest
     # At the last instant, every point is at its final position, so the points must also be at rest for some time before.
     settled = rest <= check.within + 1e-9

@@ -1,4 +1,4 @@
-"""Measurement of `torque_margin` tests."""
+"""The measurement of `torque_margin` tests."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SLACK = 1e-6
 
 
 def measure(case: TestCase, check: TorqueCheck) -> Outcome:
-    """Measure the smallest ratio of limit to static effort of the named drives."""
+    """Measure the smallest ratio of effort limit to static effort among the named drives."""
     robot, frame = case.robot, case.frames[0]
     bodies = body_poses(robot, frame.q, frame.base)
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}

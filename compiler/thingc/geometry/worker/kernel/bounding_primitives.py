@@ -18,7 +18,7 @@ BETTER = 0.99
 
 
 def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dict[str, Primitive]:
-    """Return the smallest enclosing primitives of `points` [m] (the vertices of a convex hull suffice), by shape.
+    """Return the smallest primitive of each shape that encloses the `points` [m]. The vertices of a convex hull suffice.
 
     Candidate axes are the part's axes and the eigenvectors of `principal`, an inertia matrix.
     """
@@ -87,7 +87,7 @@ def _circumcentre(edges: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _smallest(fits: list[Primitive]) -> Primitive:
-    """Return the first primitive, unless a later primitive is clearly smaller."""
+    """Return the smallest primitive. The first primitive is preferred, unless another one is clearly smaller."""
     best = fits[0]
     for fit in fits[1:]:
         if fit.volume < BETTER * best.volume:

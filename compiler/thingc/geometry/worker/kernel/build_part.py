@@ -222,7 +222,8 @@ def _made_of_file(definition: dict[str, Any], around: RequestContext) -> BuiltPa
 
 
 def _mirrored(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
-    """Return the mirror image. The mirror image has no order number, because `number` in the bill of materials belongs to the original."""
+    """Return the mirror image of a part. It has no order number, because the number in the bill of materials belongs to the original part.
+    """
     mounts = {name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in made.mounts.items()}
     stays = all(mirror.keeps(mount.pose) for mount in made.mounts.values())
     return replace(
@@ -415,7 +416,7 @@ def _at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
 
 
 def _instead(shapes: Sequence[TopoDS_Shape]) -> str:
-    """Describe the content of shapes without a solid."""
+    """Describe the content of shapes that do not contain a solid, for a message."""
     from OCP.TopAbs import TopAbs_ShapeEnum
 
     kind = TopAbs_ShapeEnum

@@ -1,4 +1,4 @@
-"""Conversion between the units of part code (mm, degrees) and of records (SI). No other module converts them."""
+"""Convert between the units of part code (mm, degrees) and of part records (SI). No other module converts these units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exact integrals over a B-rep, never over a mesh: volume, area, centre of mass and inertia. Kernel units: mm."""
+"""Exact integrals over a B-rep, never over a mesh: volume, area, centre of mass and inertia. All lengths are in mm."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ def _numbers(properties: GProp_GProps) -> list[float]:
 
 
 def _clean(value: float, size: float) -> float:
-    """Replace a rounding error, up to 1e-14 of the part's size, by zero."""
+    """Replace a number that is a rounding error, up to 1e-14 of the part's size, by zero."""
     return 0.0 if abs(value) <= 1e-14 * size else value
 
 

@@ -56,7 +56,7 @@ def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[s
 
 
 def _silence() -> None:
-    """Disable the kernel's output to standard output."""
+    """Disable the output that the CAD kernel writes to standard output."""
     from OCP.Message import Message, Message_Gravity
 
     for printer in list(Message.DefaultMessenger_s().Printers()):

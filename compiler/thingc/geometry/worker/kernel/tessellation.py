@@ -1,4 +1,4 @@
-"""Tessellate a B-rep: one watertight mesh per shape.
+"""Tessellate a B-rep into one watertight mesh per shape.
 
 Vertices are merged along the kernel's own edges, not by distance. The two faces at an edge are cut at the same parameters, but the points
 may differ by a tolerance.

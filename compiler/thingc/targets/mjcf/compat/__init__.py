@@ -1,4 +1,4 @@
-"""MJCF for the additional programs listed in `compat`.
+"""Adapt MJCF models to the additional programs that `compat` lists.
 
 A model is adapted to a program if the change does not affect other readers. Features that the program still rejects are reported.
 """

@@ -38,7 +38,7 @@ class Consumer(FrozenStruct):
 
 
 def nothing_lost(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Yield no losses. This is the `suit` of a consumer that needs no changes of the model."""
+    """Yield no losses. This function is the `suit` of a consumer that does not require changes of the model."""
     yield from ()
 
 
@@ -58,7 +58,7 @@ class UnsupportedOptions(FrozenStruct):
     disabled: Collection[str] = ()
 
     def refusals(self, root: Element) -> Iterator[Refusal]:
-        """Yield the options that the consumer rejects."""
+        """Yield a refusal for each option in a model that the consumer rejects."""
         option = root.find("option")
         if option is None:
             return

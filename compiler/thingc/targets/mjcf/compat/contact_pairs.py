@@ -18,7 +18,7 @@ WORLD = -1
 
 
 class ContactPairs(FrozenStruct):
-    """A geom that may collide: its element (None for the floor of the scene) and its attributes, including the attributes of its class."""
+    """A geom that can collide: its element (None for the floor of the scene), and its attributes with those of its default class."""
 
     element: Element | None
     values: Values

@@ -1,4 +1,5 @@
-"""Drake. Its parser accepts every file. Drake ignores features that a `MultibodyPlant` does not support, with a warning at most.
+"""Adapt MJCF models to Drake, whose parser accepts every file but ignores some elements and attributes. Drake ignores features that a
+`MultibodyPlant` does not support, with a warning at most.
 
 If a body has several joints, Drake reads the axes and anchors of all joints except the last in the axes of the parent. Therefore a rotated
 body with several joints gets an additional parent body, which is rotated in its place. Drake reads the `ctrlrange` of a drive as its force

@@ -1,4 +1,4 @@
-"""MJX, MuJoCo in JAX (`mjx.put_model` with its own implementation).
+"""Adapt MJCF models to MJX, the implementation of MuJoCo in JAX (`mjx.put_model`).
 
 The source code of MJX determines which features are listed as unsupported.
 
@@ -80,7 +80,7 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
 
 
 def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterator[tuple[str, str]]:
-    """Yield the reasons why MJX rejects a pair, each with the attribute that causes the rejection."""
+    """Yield the reasons why MJX rejects a pair of geoms, each with the attribute that causes the rejection."""
     kinds = sorted((one.type, other.type))
     if frozenset(kinds) in LACKING:
         yield f"it has no contacts between {kinds[0]} and {kinds[1]}", "type"
@@ -97,14 +97,14 @@ def _condim(one: ContactPairs, other: ContactPairs) -> int:
 
 
 class _Kind(FrozenStruct, kw_only=False):
-    """The properties of a geom that determine whether MJX rejects a pair with it."""
+    """The properties of a geom that determine whether MJX rejects a pair that contains this geom."""
 
     values: tuple[str, ...]
     raw: bool
 
 
 def _distinct(meeting: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[tuple[ContactPairs, ContactPairs]]:
-    """Yield one pair for each reason why MJX rejects pairs."""
+    """Yield one pair of geoms for each reason why MJX rejects pairs."""
     seen: set[tuple[_Kind, _Kind]] = set()
     for pair in meeting:
         one, other = (

@@ -1,4 +1,4 @@
-"""PyMJCF (`dm_control.mjcf`). It uses `/` for its own scopes and rejects names that contain `/`."""
+"""Adapt MJCF models to PyMJCF (`dm_control.mjcf`), which rejects names that contain `/`."""
 
 from __future__ import annotations
 
