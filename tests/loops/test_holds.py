@@ -409,7 +409,7 @@ def test_a_mount_is_held_once_under_all_its_names(tmp_path: Path) -> None:
         ("{arm.tip: {}}", ("TC212", "a hold needs `at: here`, or `xyz` and `rpy`", "write for example `at: here`", 12)),
         ("{arm.tip: {carries: force}}", ("TC212", "a hold needs `at: here`, or `xyz` and `rpy`", "write for example `at: here`", 12)),
         ("{arm.tip: {at: here, xyz: 0 0 0}}",
-         ("TC212", "a hold cannot have both `at` and `xyz`", "remove one of them", 12)),
+         ("TC212", "a hold cannot have both `at` and `xyz`", "remove `at` or `xyz`", 12)),
         ("{arm.tip: {xyz: 0 0 0, rpy: 0 0 90 deg, carries: force}}",
          ("TC212", "a hold that carries only force fixes a point: `rpy` has no effect", "remove `rpy`", 12)),
         ("{arm.tip: {at: here, carries: torque}}", ("TC204", None, None, 12)),

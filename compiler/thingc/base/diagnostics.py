@@ -410,7 +410,7 @@ class Report:
                 self.warn(
                     Code.UNNEEDED, f"{where} allows `{allowance.code.code}` ({allowance.code.title}), but does not cause it",
                     allowance.where, path=f"{allowance.path}.allow".lstrip("."),
-                    help="remove it from `allow`, unless a document that contains this one needs it",
+                    help="remove the code from `allow`, unless an enclosing document needs it",
                     notes=[Note(message=f"reason for the allowance: {allowance.reason}")],
                 )
 

@@ -194,7 +194,7 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
     for kind, _, count in _KINDS.values():
         if here[kind] != there[kind]:
             only = [name for name in (*here[kind], *there[kind]) if (name in here[kind]) != (name in there[kind])]
-            which = f"`{only[0]}` is only in one of them" if only else "their order differs"
+            which = f"`{only[0]}` is only in one of the two" if only else "their order differs"
             raise StructuresDiffer(count, f"the elements of kind `{kind}` differ {both}: {which}")
     members = [name for name in dir(model) if not name.startswith("_") and name not in _FOLLOW]
     arrays = [name for name in members if isinstance(getattr(model, name), np.ndarray)]

@@ -111,7 +111,7 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
     if not os.path.isfile(path) or not workspace.contains(path):
         report.add(
             Code.LOCK_BROKEN, f"`{LOCK_FILE}` is not a file of this workspace", None,
-            help="remove it (links out of the workspace are not followed); then " + REMAKE,
+            help="remove the file (links out of the workspace are not followed); then " + REMAKE,
         )
         return None
     return read_lock_file(path, report)
@@ -136,8 +136,8 @@ def report_missing(workspace: Workspace, report: Report) -> None:
     """Report a missing lock file. An invalid file has already been reported by `read_lock`."""
     if not os.path.lexists(lock_path(workspace)):
         report.add(
-            Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the workspace folder: without it, thingc cannot check parts unless "
-            "their code runs", workspace.origin, help=REMAKE,
+            Code.NO_LOCK, f"the workspace has no `{LOCK_FILE}`, which is required to check parts without running their code",
+            workspace.origin, help=REMAKE,
         )
 
 

@@ -372,7 +372,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
             scope.error(
                 Code.LIMIT, f"limits of joint `{name}` {fault}: expected lower < upper, "
                 f"found {(', and ' if any(',' in one for one in shown) else ' and ').join(shown)}",
-                lower[1], help="swap them" if low > high else "widen the limits, or use `type: fixed`",
+                lower[1], help="swap the limits" if low > high else "widen the limits, or use `type: fixed`",
                 notes=scope.beside("the upper limit is set here", upper[1], lower[1]),
             )
             low = high = None
@@ -458,7 +458,7 @@ def _driving_part(table: DocumentScope, scope: Scope, name: str, text: str, path
         scope.error(
             Code.DRIVE, f"joint `{name}` must be driven by a part with an actuator; `{reference.text}` is {what}", path,
             help=f"use a part inside the assembly, for example `{reference.text}.servo`" if node.spec.assembly is not None
-            else "use a component with `part:`",
+            else "use a component whose part has an actuator",
             notes=references.declared(node),
         )
         return None

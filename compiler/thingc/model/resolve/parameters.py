@@ -279,7 +279,7 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionVa
     if len(bounds) == 2 and bounds["min"].value > bounds["max"].value:
         scope.error(
             Code.OUT_OF_RANGE, f"`min` of parameter `{name}` is above its `max`: {bounds['min']} > {bounds['max']}", (*path, "min"),
-            help="swap them", notes=[Note(message="`max` is set here", span=scope.span((*path, "max")))],
+            help="swap `min` and `max`", notes=[Note(message="`max` is set here", span=scope.span((*path, "max")))],
         )
         return
     for key, bound in bounds.items():

@@ -91,9 +91,9 @@ def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
     if missing and not scope.doubts.touch(path):
         named = " and ".join(f"`{parameter.name}`" for parameter in missing)
         examples = (f"{one.name}: {DIMENSIONS[one.kind].example if one.kind in DIMENSIONS else '...'}" for one in missing)
-        s, them = ("s", "them") if len(missing) > 1 else ("", "it")
+        s, are = ("s", "are") if len(missing) > 1 else ("", "is")
         scope.error(
-            Code.MISSING_PARAMETER, f"`{schema.reference}` needs the parameter{s} {named}, but nothing sets {them}",
+            Code.MISSING_PARAMETER, f"`{schema.reference}` needs the parameter{s} {named}, which {are} not set",
             (*node.path, "part"), help=f"write `params: {{{', '.join(examples)}}}`", notes=_declared_at(schema),
         )
     return values if sound and not missing else None

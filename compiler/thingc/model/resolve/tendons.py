@@ -133,7 +133,7 @@ def _tendon(
     least = 0.0 if spec.path is not None else None  # the length of a path is not negative
     limit = Limit(lower=number("limit", "lower", least=least), upper=number("limit", "upper", least=least))
     if limit.lower is not None and limit.upper is not None and not limit.lower < limit.upper:
-        scope.error(Code.LIMIT, f"limits of tendon `{name}`: expected lower < upper", (*path, "limit", "lower"), help="swap them")
+        scope.error(Code.LIMIT, f"limits of tendon `{name}`: expected lower < upper", (*path, "limit", "lower"), help="swap the limits")
         limit = Limit()
     dynamics = Dynamics(
         **{key: number("dynamics", key) for key in ("damping", "friction", "armature", "stiffness")},

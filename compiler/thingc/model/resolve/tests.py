@@ -123,7 +123,7 @@ class Reader:
         if low > high:
             self.error(
                 Code.OUT_OF_RANGE, f"{what}: expected the smallest value first, found {Quantity(low, dimension)} before "
-                f"{Quantity(high, dimension)}", key, help="swap them",
+                f"{Quantity(high, dimension)}", key, help="swap the two values",
             )
         return low, high
 
@@ -134,7 +134,7 @@ class Reader:
         if least is not None and most is not None and least > most:
             self.error(
                 Code.OUT_OF_RANGE, f"`min` of {what} is above its `max`: {Quantity(least, dimension)} > {Quantity(most, dimension)}",
-                "min", help="swap them",
+                "min", help="swap `min` and `max`",
             )
         return least, most
 

@@ -50,7 +50,7 @@ class Includes:
                 except NotFound as fault:
                     uri = self.values.place(child, "uri")
                     if element.tag == "world":  # the included model may be the sun or the ground
-                        self.report.warn(Code.SOURCE_DOUBT, f"this is not imported: {fault}", uri, help="if it is scenery, remove it")
+                        self.report.warn(Code.SOURCE_DOUBT, f"this is not imported: {fault}", uri, help="remove the included model if it is scenery")
                     else:
                         self.report.add(Code.SOURCE_FILE, str(fault), uri, help=fault.help)
             elif child.tag in ("world", "model"):
@@ -216,7 +216,7 @@ class _Sdf:
 
     def _weight(self, inertial: SourceElement) -> MassProperties | None:
         if inertial.attributes.get("auto", "").strip().lower() in ("1", "true"):
-            help = "write its `<mass>` and `<inertia>`; `gz sdf -p FILE` computes them"
+            help = "write `<mass>` and `<inertia>` of the link; `gz sdf -p FILE` computes them"
             self.values.fault(inertial, "auto", "automatic inertias are not supported", help)
             return None
         pose, moments = self.frames.stated(inertial), self.values.one(inertial, "inertia")

@@ -127,7 +127,7 @@ def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, N
     for one in things:
         if first.setdefault(one.name, one) is not one:
             notes = [Note(message="the first element is here", span=first[one.name].where)]
-            report.add(Code.SOURCE_TREE, f"two {kind} are named `{one.name}`", one.where, notes=notes, help="rename one element")
+            report.add(Code.SOURCE_TREE, f"two {kind} are named `{one.name}`", one.where, notes=notes, help="rename one of the two")
     return first
 
 

@@ -225,7 +225,7 @@ class Flattening:
             wrong = next((word for word in value.split() if word.lower().lstrip("+-") in NOT_FINITE), None)
             if wrong is not None and name != "name" and value not in self.names:
                 message = f"`{name}` of `<{element.tag}>`: expected finite numbers, found `{wrong}`"
-                help = "remove it: without a range, there are no limits" if name.endswith("range") else None
+                help = "remove the attribute: without a range, there are no limits" if name.endswith("range") else None
                 self.report.add(Code.SOURCE_VALUE, message, element.place(name), help=help)
 
     def _line(self, text: str, element: SourceElement) -> None:
