@@ -25,7 +25,7 @@ MOST_TRIED = 20
 
 
 class Axis(FrozenStruct):
-    """An axis of the variants: the parameter `key` or, with `choice`, the part selected at the path `key`.
+    """An axis of variants: the values of a parameter or, with `choice`, the parts that are selected at a path.
 
     An axis has `values`, or a `range` from which values are sampled. With `whole`, only integers are sampled, including both ends.
     """
@@ -37,7 +37,7 @@ class Axis(FrozenStruct):
     whole: bool = False
 
     def drawn(self, u: float) -> ExpressionValue:
-        """Return the sample of the range for `u` in [0, 1)."""
+        """Return the value at the fraction `u` in [0, 1) of the range."""
         if self.range is None:
             return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
         low, high = self.range
@@ -177,7 +177,7 @@ class AxisParser:
         return Axis(key=name, range=(low, high), whole=whole)
 
     def count(self, raw: Any, path: Path, *, least: int, most: int = MOST_VALUES) -> int | None:
-        """Check an integer. If the integer is invalid or out of bounds, report the error and return None."""
+        """Check an integer key such as `count`. If it is invalid or out of bounds, report the error and return None."""
         if isinstance(raw, Expression):
             self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be a number, not an expression", path, help="write the number")
             return None

@@ -122,7 +122,7 @@ def run(
 
 @dataclass(slots=True)
 class _Chunk:
-    """Variants that are submitted in a single call."""
+    """A chunk: variants that are submitted to an executor in a single call."""
 
     variants: list[Variant]
     attempts: int = 0
@@ -192,7 +192,7 @@ class _Batch:
         return Journal(os.path.join(self.folder, folder_layout.JOURNAL))
 
     def _remember(self, *, retry: bool) -> None:
-        """Read the results of an earlier run.
+        """Read the results of an earlier run of the same batch.
 
         A built variant is rebuilt if its files are missing. With `retry`, a failed variant is rebuilt, unless its documents caused the
         failure.
@@ -297,7 +297,7 @@ class _Batch:
         self._tell(last=True)
 
     def _left(self, journal: Journal | PackedWriter) -> Iterator[Variant]:
-        """Yield the variants to build, in plan order. Variants that violate a rule on parameters are recorded and not yielded."""
+        """Yield the variants that must be built, in plan order. Variants that violate a rule on parameters are only recorded."""
         if all(self.done):
             return
         for variant in self.plan.besides(self.done):
@@ -447,7 +447,7 @@ class _Batch:
 
 
 def _by_chance(line: Line) -> bool:
-    """Return whether another attempt to build the variant can have a different result."""
+    """Return whether another attempt to build a failed variant can succeed."""
     return bool(line["status"] == "failed" or line["status"] == "refused" and line["code"] in CHANCE)
 
 

@@ -27,7 +27,7 @@ MESHES = "mjcf/assets/"
 _ID = re.compile("[0-9a-f]{12}")
 
 File = tuple[Any, ...]
-"""Type of the identity of a file. Equal values identify the same file."""
+"""The type by which equal files are identified. Equal values identify the same file."""
 
 
 def in_order(folder: str) -> Iterator[Line]:
@@ -128,7 +128,7 @@ class BuildRecords:
 
 
 class _InFolder:
-    """The files in the folder of a variant.
+    """The files of a variant that has its own folder.
 
     `read` returns the content of a file by its path in the build folder, or raises `FileNotFoundError`. `models` are the sorted file names
     in `mjcf/`. `meshes` maps the name of each mesh to its identity and its path on disk.
@@ -158,7 +158,7 @@ class _InFolder:
 
 
 class _InChunk:
-    """The files of a packed variant, with the same interface as `_InFolder`."""
+    """The files of a variant in a packed batch, with the same interface as `_InFolder`."""
 
     def __init__(self, of: Chunks, index: int) -> None:
         self.chunks = of
@@ -206,7 +206,7 @@ def unpack(folder: str, index: int) -> str:
 
 
 def _holds(done: Sequence[int], index: int) -> bool:
-    """Return whether a sequence of ascending numbers contains a number."""
+    """Return whether a sorted sequence of numbers contains a number."""
     at = bisect_left(done, index)
     return at < len(done) and done[at] == index
 

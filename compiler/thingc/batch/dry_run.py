@@ -1,4 +1,4 @@
-"""Dry run of a batch: count and check variants without building parts or writing files.
+"""Count and check the variants of a batch without building parts or writing files.
 
 Rules on parameters are evaluated for every variant. The documents (values, limits, poses and parts) are resolved as in a build, but without
 geometry. For many variants, only a random sample is resolved, and others only if a plan computes them.

@@ -1,4 +1,4 @@
-"""The engine: `evaluate` builds variants in runner processes, and can be called by any `concurrent.futures.Executor`.
+"""Build variants in runner processes. The function `evaluate` can be called through any `concurrent.futures.Executor`.
 
 A batch submits chunks of tasks with `executor.submit(evaluate, job, tasks)`. On the machine that executes the call, a separate process
 (`thingc.batch.runner`) builds the variants. If the runner dies or hangs, its current variant is recorded as failed, and a new runner
@@ -55,7 +55,7 @@ class RunnerProcess(JsonLinesProcess):
 
 
 class Runners:
-    """The runners of a process. Idle runners are reused for the same job. This class is thread-safe."""
+    """The runner processes that this process has started. Idle runners are reused for the same job. This class is thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -181,7 +181,7 @@ def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow |
 
 
 class LocalExecutor(Executor):
-    """The engine for a single machine: `jobs` threads, each with a runner."""
+    """An executor for this machine: `jobs` threads, each with a runner process."""
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs

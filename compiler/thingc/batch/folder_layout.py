@@ -36,7 +36,7 @@ PAGE = "index.html"
 PICTURES = "pictures"
 SHOWN = "shown.json"
 OWN = frozenset((BATCH, JOURNAL, TABLE_CSV, TABLE_PARQUET, VARIANTS, CHUNKS, ASSETS, PAGE, PICTURES, SHOWN))
-"""All names in the folder of a batch."""
+"""All file and folder names that thingc uses in the folder of a batch."""
 
 NEW = ".new-"
 """Prefix of folders and files while they are written."""
@@ -238,7 +238,7 @@ class Journal:
 
 
 def _mend(descriptor: int) -> None:
-    """Remove an incomplete last line."""
+    """Remove an incomplete last line of a journal."""
     size = os.fstat(descriptor).st_size
     keep = size
     while keep > 0:

@@ -66,7 +66,7 @@ class Job(FrozenStruct):
 
 
 Row = dict[str, Any]
-"""The result of a variant. Unknown values are omitted.
+"""The result of a variant, as a row of the journal. Unknown values are omitted.
 
 The keys are `index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`, `results`, `losses`
 (counts by kind), `files` and `shared` (of a packed batch, see `packed_layout.py`), `seconds`, `modelled` (definition texts), `reused`
@@ -113,7 +113,7 @@ def seen(plan: Plan, folder: str) -> dict[str, str]:
 
 
 def job_of(plan: Plan, folder: str, options: Options, *, layout: str, verify: int, elsewhere: bool) -> Job:
-    """Return the job of the runners.
+    """Return the description of the batch for the runner processes.
 
     `elsewhere` is True for runners on other machines, which have another environment and working folder.
     """

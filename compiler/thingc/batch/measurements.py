@@ -1,4 +1,4 @@
-"""Results of every variant, computed from closed formulas for the linked robot in a fraction of a millisecond.
+"""Compute the results of a variant, such as its mass and reach, from the linked robot without a simulation.
 
     mass, centre.x y z, inertia.xx ... yz   the whole robot at q = 0, in the frame of the base component
     box.x y z                               sides of the bounding box of the boxes of all parts, along the axes of the world
@@ -42,7 +42,7 @@ TORQUES = "torque_margin"
 """The result that requires the torques of all drives."""
 
 TEST = "tests."
-"""Prefix of what tests measure."""
+"""Prefix of the names of values that document tests measure."""
 DIMENSIONS = {"mass": MASS, "inertia": INERTIA, TORQUES: NUMBER}
 """Dimensions of results by the first part of the name; the other results are lengths."""
 TESTED: Mapping[str, Mapping[str, Dimension]] = {
@@ -107,7 +107,9 @@ def measure(
 
 
 def measure_tests(request: EmitRequest, names: Collection[str]) -> Results:
-    """Return what tests measure. The name of a value contains the mode and the pose, if they differ, and its key, if there are several."""
+    """Return the values that document tests measure, by name. A name contains the mode and the pose if a test has several cases, and the
+    key if it measures several values.
+    """
     from thingc.driver.testing.test_runner import Selection, run
 
     report = request.report

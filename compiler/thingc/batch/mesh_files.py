@@ -18,7 +18,7 @@ MESH_BYTES = 256 * 2**20
 
 
 class MeshFiles:
-    """Cached files by identity, so that variants share meshes.
+    """A cache of mesh files by identity, so that variants share meshes.
 
     Above `most` bytes, the least recently used files are removed. The last virtual file system is also cached. This class is thread-safe. A
     copy in another process starts empty.

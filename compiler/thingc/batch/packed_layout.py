@@ -1,4 +1,5 @@
-"""The packed layout: `chunks/000012.parquet` contains the variants 12 288 to 13 311 of the plan, with their files.
+"""Read and write the packed layout of a batch, in which each file, such as `chunks/000012.parquet`, contains 1024 variants with their
+files.
 
     chunks/000012.parquet       one row per variant, with the cells of the table, and a column per file, by its path in the build folder
     chunks/000012.run.parquet   the same rows, with data about the run (seconds, modelled parts)

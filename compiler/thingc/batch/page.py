@@ -1,4 +1,4 @@
-"""The page of a batch, `index.html`: a grid of pictures of the variants, the table, and a plot of any two columns.
+"""Write the page of a batch, `index.html`, with pictures of the variants, the table of results, and a plot of any two columns.
 
 The page is a single file that loads nothing from the network. It contains the style sheet, the script and the data; pictures are in
 `pictures/`. The same batch results in the same bytes, because columns about the run (`parts_modelled`, `seconds`, ...) are omitted.

@@ -1,4 +1,4 @@
-"""The pictures of a batch, `pictures/ID.png`. All pictures use the same camera, so that sizes can be compared."""
+"""Draw the pictures of a batch, `pictures/ID.png`. All pictures use the same camera, so that sizes can be compared."""
 
 from __future__ import annotations
 

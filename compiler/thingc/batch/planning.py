@@ -221,7 +221,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return os.path.join(os.path.abspath(output or os.path.join(self.workspace.root, self.workspace.build)), self.name)
 
     def chosen(self, variant: Variant) -> dict[str, str | None]:
-        """Return the value of a variant at every path of a choice."""
+        """Return the value that a variant has at the path of each choice."""
         return {path: variant.choices.get(path, self.own_choices.get(path)) for path in self.choice_paths}
 
     @cached_property

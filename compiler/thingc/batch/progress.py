@@ -1,4 +1,4 @@
-"""Progress, result and interruption of a batch."""
+"""The progress, the result and the interruption of a batch."""
 
 from __future__ import annotations
 

@@ -178,7 +178,8 @@ class BuiltVariant(OneLineRepr):
 
 
 class BatchResults(Sequence[BuiltVariant]):
-    """The built variants of a batch in plan order: by index (`family[0]`, `family[-1]`), or by id or name (`family["sweep_07"]`).
+    """The built variants of a batch in plan order. Select a variant by its index (`family[0]`, `family[-1]`), id or name
+    (`family["sweep_07"]`).
 
     `planned` is the number of variants in the plan. `finished` is True if the batch has finished; otherwise the object contains the
     variants built so far. `rows` are the rows of the table of all finished variants, including failed and excluded ones.

@@ -33,7 +33,9 @@ OF_RESULTS = "results."
 
 
 class Rule(FrozenStruct):
-    """A comparison. `names` maps each name in the comparison to a result, or to None for a parameter."""
+    """A rule of a variants document, which is a comparison. `names` maps each name in the comparison to a result, or to None for a
+    parameter.
+    """
 
     text: str
     expression: Expression

@@ -50,7 +50,7 @@ def as_names(**given: Any) -> tuple[Any, ...]:
 
 
 class RunOptions(FrozenStruct):
-    """Options of a run.
+    """The options for running a batch.
 
     `count` is the number of variants to build. `jobs` is the number of parallel runners or chunks. `run` describes the other options.
     """
@@ -94,7 +94,7 @@ def _targets(emit: Sequence[str] | str) -> tuple[str, ...]:
 
 
 def planned(document: str, options: Options, emit: Sequence[str] | str, layout: str | None) -> Plan:
-    """Return the plan of a document.
+    """Return the plan of variants of a document.
 
     Targets and layout, if given, replace the targets and the layout in the document. Raises `PlanError`, and `BatchFault` for an unknown
     target.

@@ -1,4 +1,4 @@
-"""`python -m thingc.batch.runner`: a process that builds variants one by one.
+"""The main module of a runner process, which builds variants one by one: `python -m thingc.batch.runner`.
 
 The first line of standard input is the job, and each following line is a list of tasks (JSON). The process prints `{"ready": true}` after
 reading the documents, then one row per task, in order. The process ends at the end of its input, together with its geometry worker, so that

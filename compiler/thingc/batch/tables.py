@@ -87,7 +87,7 @@ def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
 
 
 def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[str]) -> tuple[Column, ...]:
-    """Rewrite both files atomically. Return the columns of the table."""
+    """Rewrite `results.csv` and `results.parquet` atomically. Return the columns of the table."""
     wanted = columns(parameters, choices, lengths_in(folder))
     written = os.path.join(folder, folder_layout.TABLE_CSV), os.path.join(folder, folder_layout.TABLE_PARQUET)
     with _csv(f"{written[0]}.new", wanted) as to_csv, _parquet(f"{written[1]}.new", wanted) as to_parquet:

@@ -1,4 +1,4 @@
-"""`python -m thingc.batch.thumbnails`: a process that renders small pictures of variants, all with the same camera.
+"""The main module of a process that renders small pictures of variants, all with the same camera: `python -m thingc.batch.thumbnails`.
 
 The graphics library is selected when MuJoCo is imported. The driver does not use it, because a graphics library can crash. Lines of JSON
 are read from standard input: `{"measure": [model, ...], "pose": ...}`, then `{"draw": [[model, picture], ...], "points": [...], ...}`. The

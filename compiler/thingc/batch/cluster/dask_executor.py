@@ -1,4 +1,5 @@
-"""A dask scheduler as the engine of a batch. Workers are processes on any number of machines, and can connect and disconnect at any time.
+"""Build the variants of a batch on workers of a dask scheduler. Workers are processes on any number of machines, and can connect and
+disconnect at any time.
 
 If a worker dies, dask assigns its chunks to another worker. If dask reports chunks as lost, the batch submits them again.
 """
@@ -185,7 +186,7 @@ class DaskCluster(FileTransferExecutor):
         return []
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Disconnect. The scheduler and its workers keep running."""
+        """Disconnect from the scheduler. The scheduler and its workers keep running."""
         try:
             self._client.close(5.0)
         except Exception:  # the scheduler may be gone

@@ -1,4 +1,4 @@
-"""The dask worker plugin for a shipped workspace.
+"""Unpack the workspace of a batch on dask workers.
 
 The plugin unpacks the workspace in the folder of the worker, and removes it at the end.
 """
@@ -16,7 +16,7 @@ from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 
 
 class UnpackedWorkspace(WorkerPlugin):
-    """A shipped workspace. dask installs the plugin on every worker, including workers that connect later.
+    """A dask plugin that unpacks a workspace on every worker, including workers that connect later.
 
     If the workspace cannot be unpacked, `remote_workers.evaluate_there` reports the reason.
     """

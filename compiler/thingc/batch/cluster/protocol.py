@@ -1,4 +1,4 @@
-"""The interface of an engine on other machines: an executor, optionally with file transfer."""
+"""The interface of executors that build variants on other machines, optionally with file transfer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Workers without a shared folder. The driver sends the workspace to each worker once, and fetches built variants.
+"""Build variants on workers without a shared folder. The driver sends the workspace to each worker once, and fetches built variants.
 
 `RemoteExecutor` wraps a cluster so that the batch can use it like an executor that writes variants into its folder. On a worker,
 `evaluate_there` builds the variants with the same runners, from the unpacked workspace into a folder of the worker, and returns the list of
@@ -45,7 +45,9 @@ from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 T = TypeVar("T")
 
 WORK, OUT, ASIDE = "work", "out", os.path.join("aside", "a", "b", "c")
-"""Subfolders. The last subfolder is deeply nested, so that paths to the other subfolders are displayed as absolute paths."""
+"""Names of the subfolders of a shipment. The last subfolder is deeply nested, so that paths to the other subfolders are displayed as
+absolute paths.
+"""
 PULL_BYTES = 8_000_000
 """Size [bytes] of a group of files that are fetched together. A larger file is fetched alone."""
 CHUNK_SECONDS = 2.0
@@ -329,7 +331,7 @@ def _stopped(row: Row, message: str) -> Row:
 
 
 class _Blobs:
-    """The files of an answer, in the order of use. Files are read from the store of the driver or fetched in groups."""
+    """The files of the variants in an answer, in the order of use. They are read from the store of the driver or fetched in groups."""
 
     def __init__(self, shipping: RemoteExecutor, answer: Answer) -> None:
         self.shipping = shipping

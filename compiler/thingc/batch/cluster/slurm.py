@@ -1,4 +1,5 @@
-"""SLURM as the engine of a batch, through submitit. Each chunk is a SLURM job. A job takes long compared with its time in the queue.
+"""Build the variants of a batch as SLURM jobs, through submitit. Each chunk of variants is a job. A job takes long compared with its time
+in the queue.
 
 Example of the settings: `slurm:partition=cpu,cpus=8,time=2 h`. With `cluster=local`, jobs are processes on this machine, without SLURM.
 """
@@ -35,7 +36,7 @@ POLL = 0.5
 
 
 class SlurmSettings(FrozenStruct):
-    """The settings after `slurm:`.
+    """The settings in an address such as `slurm:partition=cpu,cpus=8`.
 
     `cpus` is the number of cores of a job, which builds this number of variants at the same time. `minutes` is the time limit of a job.
     `cluster` is submitit's name of the engine (`slurm` or `local`), and `more` are further parameters of submitit.

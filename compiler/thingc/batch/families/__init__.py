@@ -1,4 +1,4 @@
-"""A document as a family of robots in memory: fast results and models for any settings.
+"""Use a document as a family of robots in memory, with fast results and models for any settings.
 
     family = thingc.family("assemblies/arm.yaml")
     family.evaluate({"reach": "120 mm"})["mass"]

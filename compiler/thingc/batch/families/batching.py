@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Batched(OneLineRepr, FrozenStruct, eq=False):
-    """Settings that share a model.
+    """A group of settings that share a model, and the arrays in which their models differ.
 
     `fields` are the arrays in which the settings differ, by the name of the field of `MjModel` (`body_mass`; `opt.gravity` for an option),
     with shape (settings, *shape of the field), for `thingc.batch.apply`. Fields of `LEADING` only contain the rows of bodies. `indices` are
@@ -73,7 +73,8 @@ def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], 
 
 
 class _Group:
-    """Models that differ only in numbers."""
+    """A group of models that differ only in numbers.
+"""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.model = copy.copy(model)
@@ -84,7 +85,7 @@ class _Group:
         self.rows: dict[str, dict[int, Array]] = {}
 
     def value(self, model: mujoco.MjModel, name: str) -> Array:
-        """Return a field of a model; for fields of `LEADING`, only the rows of bodies."""
+        """Return the value of a model field. For fields in `LEADING`, return only the rows of bodies."""
         import numpy as np
 
         value = np.asarray(getattr(*owner_of(model, name)))
@@ -99,7 +100,7 @@ class _Group:
         self.indices.append(index)
 
     def stack(self, name: str) -> Array:
-        """Return a field of all models, shape (models, *shape of the field)."""
+        """Return the values of a field for all models, with shape (models, *shape of the field)."""
         import numpy as np
 
         first = self.first[name]

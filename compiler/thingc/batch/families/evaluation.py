@@ -36,13 +36,14 @@ Planned = tuple[NumericPlan["ResultsShape"], Sequence[float]]
 
 
 TOGETHER = 4096
-"""Maximum number of settings that are read ahead and computed at once."""
+"""Maximum number of settings that are read ahead and computed together."""
 FEW = 8
-"""Fewer settings are computed one after the other."""
+"""Smallest number of settings that are computed together, as columns."""
 
 
 class Evaluation:
-    """Compute the results of one mode, with those of `sites`, and without the torque margin if `torques` is False.
+    """Computes the results of settings in one mode, including results of the mounts in `sites`, and without the torque margin if `torques`
+    is False.
 
     With `tests`, which are names, the results are what these tests measure.
 
@@ -97,7 +98,7 @@ class Evaluation:
         return False
 
     def _together(self, plan: NumericPlan[ResultsShape], chunk: Sequence[Item], place: int, ready: Collection[int]) -> dict[int, Planned]:
-        """Return the outputs of a plan for the settings after `place` that have the same names and texts, by index."""
+        """Run a plan for the settings after `place` that set the same names to the same texts, and return its outputs by index."""
         if plan.exchange is not None:
             return {}
         form = (chunk[place][1].names, chunk[place][1].texts)
@@ -115,7 +116,8 @@ class Evaluation:
         self, rows: Floats, names: Sequence[str], item: Callable[[Floats], Item],
         restricted: Callable[[NumericPlan[ResultsShape]], NumericPlan[ResultsShape]],
     ) -> tuple[Floats, Booleans, tuple[Diagnostic, ...]] | None:
-        """Return the outputs of a plan for rows, whether the plan applies to each, and the diagnostics of all. None if there is no plan.
+        """Run a plan for many rows of numbers. Return the outputs, a flag for each row that shows whether the plan applies, and the common
+        diagnostics. Return None if there is no plan.
 
         Rows are values of `names`, which `item` completes to settings. `restricted` returns a plan that computes the outputs only.
         """
@@ -137,7 +139,7 @@ class Evaluation:
         return outputs, applies, plan.made.problems
 
     def plan_at(self, read: ParsedSettings) -> tuple[NumericPlan[ResultsShape] | None, str]:
-        """Return the plan that applies to settings, made if necessary, or None with the reason."""
+        """Return the plan that applies to settings, creating it if necessary. If there is none, return None and the reason."""
         form = self.forms.of(read)
         known = form.plan_for(read)
         plan = self._plan(read, form) if known is None and form.refused is None else None
@@ -180,7 +182,7 @@ class Evaluation:
         return results, tuple(report.ordered())
 
     def _compiled(self, read: ParsedSettings) -> tuple[Results, Report, Compilation | None]:
-        """Compile settings, and return the results (empty if refused), the report, and the compilation (None after errors)."""
+        """Compile settings. Return the results (empty for refused settings), the report, and the compilation (None after errors)."""
         if read.report is not None:
             return {}, read.report, None
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
@@ -235,7 +237,7 @@ class Evaluation:
 
 
 class ResultsShape(TracedResults):
-    """The results of one plan. `problems` are the diagnostics common to all of them."""
+    """The structure of the results of one plan. `problems` are the diagnostics that all results have in common."""
 
     def __init__(self, results: Mapping[str, Any], problems: tuple[Diagnostic, ...]) -> None:
         super().__init__(results)

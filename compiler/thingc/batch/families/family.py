@@ -1,4 +1,4 @@
-"""`thingc.family(document)` and its result, `RobotFamily`."""
+"""The function `thingc.family(document)` and its result, a `RobotFamily`."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ class RobotFamily:
     @overload
     def evaluate(self, settings: Iterable[Mapping[str, Any] | Variant], *, tests: bool = False) -> list[Evaluated]: ...
     def evaluate(self, settings: Any, *, tests: bool = False) -> Evaluated | list[Evaluated]:
-        """Return the results of settings, or a list of results for a list of settings.
+        """Compute the results for one set of settings, or a list of results for a list of settings.
 
         The mode and the pose come from the variants document; for an assembly, they are the mode of the family and the pose of this mode.
         With `tests`, the tests of the assembly document are run, too. Errors in settings are not raised; they are part of the results.
@@ -152,7 +152,7 @@ class RobotFamily:
     def model(
         self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True, floor: bool = False,
     ) -> mujoco.MjModel | NoModel:
-        """Return a new compiled model of settings in a mode. If the settings are refused, return `NoModel` (its truth value is False).
+        """Return a new compiled MuJoCo model for settings in a mode. For refused settings, return `NoModel`, whose truth value is False.
 
         Without `visual`, visual geometry is omitted. With `floor`, the model includes the floor of its scene. Raises `UnknownChoice` for an
         unknown mode.
@@ -163,7 +163,7 @@ class RobotFamily:
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, share: bool = False, visual: bool = False,
         floor: bool = False,
     ) -> Iterator[mujoco.MjModel | NoModel]:
-        """Yield the models of many settings, in order (up to 128 settings are read ahead).
+        """Yield the models for many settings in order. Up to 128 settings are read ahead.
 
         With `share`, the yielded models may be the same object: a model is valid until the next model is requested. An `MjData` of the
         model stays valid as long as the model is the same object. Changes of a lent model may persist in the next lent model, but not in
@@ -174,7 +174,7 @@ class RobotFamily:
     def batched(
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, union: bool = True, floor: bool = False,
     ) -> Batches:
-        """Convert many settings to few models, without visual geometry, and arrays in which the settings differ.
+        """Convert many settings to a few models without visual geometry, and to arrays with the values in which the settings differ.
 
         With `union`, variants with different geometry also share a model, which contains the meshes of all variants. With `floor`, models
         include the floor of their scenes. Raises `UnknownChoice` for an unknown mode.
@@ -251,7 +251,7 @@ class RobotFamily:
         self, names: Sequence[str] | str, outputs: Sequence[str] | str = ("mass", "centre"), *, mode: str | None = None,
         at: Mapping[str, Any] | None = None,
     ) -> FamilyFunction:
-        """Return the family as a function from numbers, by parameter or path, to results, with exact derivatives.
+        """Return the family as a differentiable function, which maps numbers, given by parameter or path, to results.
 
         `outputs` are results of `evaluate`, groups of results (`centre`, `inertia`, `box`), or positions of mounts in the world
         (`site:hook`, `site:hook.z`). They can also be what tests measure (`tests.weight`), without other results. `at` are additional
@@ -302,7 +302,7 @@ class RobotFamily:
         self, names: Sequence[str] | str, *, mode: str | None = None, at: Mapping[str, Any] | None = None, floor: bool = False,
         dtype: str = "float64",
     ) -> FamilyMjx:
-        """Return the family as models of MJX (MuJoCo in JAX), a pure function of numbers by parameter or path.
+        """Return the family as a pure function that maps numbers, given by parameter or path, to models of MJX (MuJoCo in JAX).
 
         `at` are additional fixed settings. With `floor`, models include the floor of their scenes. Raises `FamilyError` for a name that is
         not a number, if JAX has no 64-bit numbers (with `dtype="float64"`), and for what MJX does not support; `UnknownChoice` for an
@@ -320,8 +320,8 @@ class RobotFamily:
         return of_parameters(self._spec, self._reader.parameters, self._bound)
 
     def numbers(self, settings: Mapping[str, Any] | Variant) -> dict[str, float]:
-        """Return the numbers [SI] and flags (0 or 1) of settings by name, including fixed values of the family and values computed from
-        them, without those that equal the documents.
+        """Return the numbers [SI] and flags (0 or 1) of settings by name. Fixed values of the family and values computed from them are
+        included; values that equal those of the documents are not.
         """
         _, read = self._read(settings)
         values, own = self._reader.values(read), self._reader.parameters
@@ -396,7 +396,9 @@ class RobotFamily:
         return self._evaluations[key]
 
     def _check_tests(self, names: Sequence[str], *, alone: bool) -> None:
-        """Raise `FamilyError` for tests that measure no smooth numbers, and for tests beside other results unless they are `alone`."""
+        """Raise `FamilyError` for tests whose result is not differentiable, and for tests that are requested together with other results
+        unless `alone` is False.
+        """
         for name in names:
             if name not in self._spec.tests:
                 raise FamilyError(f"there is no test `{name}`", did_you_mean(name, self._spec.tests, what="tests"))

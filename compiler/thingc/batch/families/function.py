@@ -1,4 +1,4 @@
-"""A family as a function: from numbers of the document to results of the robot, with derivatives."""
+"""Use a family as a function with derivatives, which maps numbers of the document to results of the robot."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ FINE = 1e-4
 
 
 class NotDifferentiable(FamilyError):
-    """A result has no derivative at these settings; the message names the result and the reason."""
+    """Raised if a result has no derivative at the given settings. The message contains the result and the reason."""
 
 
 class FamilyValues(np.ndarray[Any, np.dtype[np.float64]]):
-    """Results as an array, `(m,)` or `(k, m)`, SI units; missing results are NaN.
+    """The results of a family function as an array `(m,)` or `(k, m)`, in SI units. Missing results are NaN.
 
     `ok` is True for settings without errors that have all results: a boolean or `(k,)`. `problems` are the diagnostics of every setting.
     Arrays computed from this one have neither.
@@ -51,7 +51,7 @@ class FamilyValues(np.ndarray[Any, np.dtype[np.float64]]):
 
 
 class FamilyJacobian(np.ndarray[Any, np.dtype[np.float64]]):
-    """Derivatives `(m, n)` of results by numbers, in SI units.
+    """The derivatives `(m, n)` of m results by n numbers, in SI units.
 
     `error`, `(m, n)`, is 0 for exact derivatives (their rounding error is about 1e-15), otherwise an estimate of the error of a difference
     quotient. Arrays computed from this one have None.
@@ -77,7 +77,7 @@ class RestrictedPlan:
 
     @cached_property
     def derivatives(self) -> DerivativeFunction:
-        """The outputs and their derivatives by the traced names, as a function of all variables."""
+        """A function of all variables that computes the outputs and their derivatives by the traced names."""
         return derivative_function(self.restricted.program, list(self.traced.values()))
 
     @cached_property
@@ -92,7 +92,7 @@ class RestrictedPlan:
 
 
 class FamilyFunction:
-    """A function from `names` to `outputs`, in SI units (`units` of names), in one mode, with other settings fixed.
+    """A function that maps values of `names` to `outputs`, in SI units, in one mode and with all other settings fixed.
 
     `start` has the values of the document, `(n,)`, and `bounds` the limits of the parameters, `(n, 2)`; a missing limit is infinite.
     """
@@ -120,14 +120,14 @@ class FamilyFunction:
         self._plans: dict[int, RestrictedPlan] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Support copying and pickling: the copy opens the family again."""
+        """Support copying and pickling. A copy opens the family again."""
         return self._again, ()
 
     def __repr__(self) -> str:
         return f"FamilyFunction({', '.join(self.names)} -> {', '.join(self.outputs)})"
 
     def value(self, x: npt.ArrayLike) -> FamilyValues:
-        """Return the outputs for values of the names: `(n,)` to `(m,)`, or `(k, n)` to `(k, m)`.
+        """Compute the outputs for values of the names. An array `(n,)` gives `(m,)`, and an array `(k, n)` gives `(k, m)`.
 
         They have the bits of `RobotFamily.evaluate`. Raises `FamilyError` for another shape.
         """
@@ -150,7 +150,7 @@ class FamilyFunction:
         return values
 
     def jacobian(self, x: npt.ArrayLike) -> FamilyJacobian:
-        """Return the derivatives of the outputs by the names, `(m, n)`, at one setting `(n,)`.
+        """Compute the derivatives `(m, n)` of the outputs by the names, at the values `(n,)`.
 
         Derivatives are exact, unless a part, a decision or a search depends on the name: then they are estimated from settings near it, and
         their `error` is greater than 0. Raises `NotDifferentiable`, and `FamilyError` for another shape or refused settings.
@@ -180,7 +180,7 @@ class FamilyFunction:
         return jacobian
 
     def jax(self, *, dtype: str = "float64") -> JaxFunction:
-        """Return a pure function of JAX from `(n,)` to `(outputs (m,), ok)`, fit for `jit`, `vmap` and `grad`.
+        """Return a pure function for JAX that maps values `(n,)` to `(outputs (m,), ok)`. It can be used with `jit`, `vmap` and `grad`.
 
         It makes the decisions of `start`: `ok` is False for settings that are refused or decide otherwise, and their outputs are undefined.
         Raises `FamilyError` if JAX has no 64-bit numbers (with `dtype="float64"`), cannot run an operation, or if a part or a decision
@@ -207,7 +207,7 @@ class FamilyFunction:
             raise FamilyError(f"there are no results at {self._shown(row)}: {_errors(values.problems[0]) or missing}")
 
     def _restricted(self, plan: NumericPlan[ResultsShape]) -> NumericPlan[ResultsShape]:
-        """Return a plan that computes `outputs` only."""
+        """Restrict a plan to the requested outputs."""
         if id(plan) not in self._plans:
             while len(self._plans) >= MOST:
                 self._plans.pop(next(iter(self._plans)))
@@ -224,7 +224,7 @@ class FamilyFunction:
         return self._plans[id(plan)].restricted
 
     def _derivatives_at(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
-        """Return the derivatives by the names that a plan traces, with the indices of these names. The plan is made if necessary."""
+        """Return the derivatives by the names that a plan traces, and the indices of these names. The plan is created if necessary."""
         found = self._exact(read)
         if found is None and read.report is None:
             plan, _ = self._evaluation.plan_at(read)
@@ -256,7 +256,8 @@ class FamilyFunction:
                 yield one, given
 
     def _beside(self, x: Floats, place: int, own: Floats) -> tuple[Floats, Floats]:
-        """Return the derivatives by one name at settings for which a decision between equal numbers depends on it, and their errors.
+        """Return the derivatives by one name, and their errors, at settings where two compared numbers are equal. The derivatives on both
+        sides are compared.
 
         Other operations may compute the results for greater or smaller numbers, so derivatives next to `x` are compared with changes of the
         results. If only one side is valid, as at a bound, the derivative `own` at `x` is the one of this side.
@@ -341,7 +342,7 @@ class FamilyFunction:
         return np.asarray(values)
 
     def _rows(self, x: npt.ArrayLike) -> tuple[Floats, bool]:
-        """Return settings as rows, and whether there is a single one."""
+        """Convert values to an array of rows, and return whether there is a single row."""
         try:
             rows = np.array(x, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
@@ -356,7 +357,7 @@ class FamilyFunction:
         return settings, self._reader.read(settings)
 
     def _number(self, name: str) -> Quantity:
-        """Return the value of a number in the document. Raises `FamilyError` if it is none."""
+        """Return the value of a number in the document. Raises `FamilyError` if the value is not a number."""
         if not isinstance(name, str) or "*" in name:
             raise FamilyError(f"expected the name of one number, found `{name}`", "write the names one by one")
         kind = self._reader.kind(name)
@@ -398,9 +399,9 @@ def _errors(problems: Sequence[Diagnostic]) -> str:
 
 
 BESIDE = 1e-6
-"""Distance of the settings beside special ones, relative to the number."""
+"""Relative distance of the values on both sides of a special value of a number."""
 SAME = 1e-3
-"""Relative difference up to which derivatives beside special settings are the same."""
+"""Relative difference up to which the derivatives on both sides of a special value are treated as equal."""
 ROUNDING = 1e-15
 """Relative rounding error of a value, which limits the accuracy of a difference quotient."""
 

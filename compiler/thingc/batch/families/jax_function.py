@@ -1,4 +1,4 @@
-"""A family as a function of JAX, fit for `jit`, `vmap` and `grad` (`pip install thingc[jax]`)."""
+"""Convert a family to a function of JAX for use with `jit`, `vmap` and `grad` (`pip install thingc[jax]`)."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from thingc.batch.plans.tape import OPERATORS, Ref
 from thingc.batch.results import FamilyError
 
 JaxFunction = Callable[[Any], "tuple[Any, Any]"]
-"""Maps values `(n,)` to outputs `(m,)` and a boolean: whether the program applies to these values."""
+"""A function that maps values `(n,)` to outputs `(m,)` and a flag that shows whether the program applies to these values."""
 LONGEST = 10_000
-"""Maximum number of statements, since the time to compile them grows faster than their number."""
+"""Maximum number of statements of a program, because the compile time grows faster than their number."""
 
 
 def jax_function(program: Program, by: Sequence[int], values: Sequence[float], dtype: str, instead: str = "value") -> JaxFunction:
-    """Return a program as a function of the variables at the indices `by`; the others have `values`.
+    """Convert a program to a JAX function of the variables at the indices `by`. The other variables have fixed `values`.
 
     Decisions are made for the values of the program: for others that decide otherwise, the boolean is False. Raises `FamilyError` for a
     program with operations that JAX does not have, for one that is too long, and for `float64` without 64-bit numbers in JAX; its help is
@@ -85,4 +85,6 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "min": lambda *values: reduce(jnp.minimum, values), "max": lambda *values: reduce(jnp.maximum, values),
     "quarter_exact": lambda angle: (jnp.cos(angle), jnp.sin(angle)), "_principal_moments": _moments,
 }
-"""Operations of programs in JAX. Decisions within them, such as exact quarter turns, are not repeated, so last digits may differ."""
+"""The JAX functions for the operations of programs, by name. Decisions within them, such as exact quarter turns, are not repeated, so last
+digits may differ.
+"""

@@ -1,4 +1,4 @@
-"""The XML of a model with slots for numbers of a tape, and an `MjSpec` of this model.
+"""Recompile a model for other numbers, by its XML with slots for numbers or by an `MjSpec`.
 
 Numbers and meshes in the `MjSpec` are replaced, so that MuJoCo recompiles the model without parsing.
 """
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class ModelTemplate:
-    """The XML of a model with slots.
+    """The XML of a model with slots for numbers and names.
 
     `outputs` are the numbers for the slots, in the order of the values for `text`. `why` is the reason why `Arrays` cannot be used. If
     parts are exchanged, the names of their `meshes` are also slots. `slotted` is the XML with slots, `places` maps a slot to the index of
@@ -51,11 +51,11 @@ _KINDS = ("body", "geom", "site", "joint", "key")
 
 
 class NotInMjSpec(Exception):
-    """A slot has no equivalent in `MjSpec`, or the value in the spec differs from the value in the XML."""
+    """Raised if a slot has no equivalent in `MjSpec`, or the value in the spec differs from the value in the XML."""
 
 
 class RecompiledSpec:
-    """A template as an `MjSpec`.
+    """A model template as an `MjSpec`, whose numbers can be changed.
 
     `text` is the XML of the template with some values and names of `meshes`, whose files are in `files`. Raises `NotInMjSpec` if the number
     of a slot does not appear unchanged in the spec, and `ValueError` if MuJoCo rejects the XML.
@@ -90,7 +90,7 @@ class RecompiledSpec:
         return [*(number if gap is None else gap for number, gap in zip(words, gaps, strict=True)), *numbers[len(words):]]
 
     def model(self, values: Sequence[float], meshes: Sequence[str], files: mujoco.MjVfs) -> mujoco.MjModel:
-        """Return the model with the given values and meshes. Raises `ValueError` if MuJoCo rejects the model."""
+        """Compile the model with the given values and meshes. Raises `ValueError` if MuJoCo rejects the model."""
         for one, attribute, entries in self._places:
             numbers = [values[entry] + 0.0 if type(entry) is int else entry for entry in entries]
             setattr(one, attribute, numbers if len(numbers) > 1 else numbers[0])

@@ -1,4 +1,4 @@
-"""Fields that MuJoCo computes when it compiles a model, as functions of JAX: MJX takes them from the compiled model."""
+"""Compute in JAX the model fields that MuJoCo computes when it compiles a model."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def bounds(kind: int, size: Any) -> tuple[Any, Any]:
 
 
 def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int, Any]], relaxed: Sequence[int]) -> Fields:
-    """Return the fields that `mj_setConst` sets, for the other fields of a model.
+    """Compute the fields that `mj_setConst` sets from the other fields of a model.
 
     `ratios` are damping ratios by actuator, from which damping is computed, and `relaxed` the tendons whose springs have no given length.
     """
@@ -66,7 +66,7 @@ def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int,
 
 
 def _placed(model: mjx.Model, data: mjx.Data, qpos: Any) -> mjx.Data:
-    """Return the positions of bodies and tendons at `qpos`, with held bodies where the model places them."""
+    """Return the positions of bodies and tendons at `qpos`, with held bodies at the positions that the model specifies."""
     held = np.flatnonzero(model.body_mocapid >= 0)
     data = data.replace(qpos=qpos, mocap_pos=model.body_pos[held], mocap_quat=model.body_quat[held])
     return mjx.tendon(model, mjx.com_pos(model, mjx.kinematics(model, data)))
@@ -81,7 +81,7 @@ def _subtree_sums(model: mjx.Model) -> Any:
 
 
 def _inverse_weights(model: mjx.Model, data: mjx.Data, inverse: Any) -> tuple[Any, Any]:
-    """Return the means of the diagonal of the inverse inertia, for bodies by translation and rotation, and for degrees of freedom."""
+    """Return the mean of the diagonal of the inverse inertia: for translation and rotation of each body, and for each degree of freedom."""
     moves = (_subtree_sums(model).T > 0)[:, model.dof_bodyid].astype(float)  # of each body by each degree of freedom
     turns, offsets = data.cdof[:, :3], data.xipos - data.subtree_com[model.body_rootid]
     shifts = data.cdof[:, 3:] + jnp.cross(turns[None], offsets[:, None])
@@ -104,7 +104,7 @@ def _inverse_weights(model: mjx.Model, data: mjx.Data, inverse: Any) -> tuple[An
 
 
 def _lengths(rows: Any) -> Any:
-    """Return the lengths of rows, with the derivative 0 for length 0."""
+    """Return the length of each row of an array. The derivative at length 0 is 0."""
     squares = jnp.sum(rows * rows, axis=1)
     return jnp.where(squares > 0.0, jnp.sqrt(jnp.where(squares > 0.0, squares, 1.0)), 0.0)
 

@@ -1,4 +1,4 @@
-"""A family in MJX, MuJoCo in JAX: models as a pure function of numbers (`pip install thingc[jax]`)."""
+"""Compute models of MJX (MuJoCo in JAX) as a pure function of numbers (`pip install thingc[jax]`)."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ if TYPE_CHECKING:
 IGNORED = ("key_", "numeric_data", "stat.")
 """Prefixes of fields that do not affect a simulation."""
 OPTIONS = ("opt.timestep", "opt.gravity")
-"""Options that can differ between models of MJX, which evaluates the others when it converts a model."""
+"""The options that can differ between models of MJX. All other options are fixed when MJX converts a model."""
 FRICTION = ("dof_frictionloss", "tendon_frictionloss")
 
 
 class FamilyMjx:
-    """Models of MJX as a function of the numbers `names`, in one mode, with other settings fixed.
+    """A function that maps values of `names` to models of MJX, in one mode and with all other settings fixed.
 
     `base` is the model for `start`, the values of the document, `(n,)`. `varied` are the names of the fields in which models differ.
     Other fields, such as keyframes, are those of `base`.
@@ -77,7 +77,8 @@ class FamilyMjx:
         return tuple(jax.eval_shape(self._fields, jnp.asarray(self.start))[0])
 
     def model(self, p: Any) -> tuple[mjx.Model, Any]:
-        """Return the model for values `(n,)` of the names, and whether they are valid: a pure function for `jit`, `vmap` and `grad`.
+        """Return the model for values `(n,)` of the names, and whether the values are valid. This pure function can be used with `jit`,
+        `vmap` and `grad`.
 
         For values that are refused, or for which thingc makes another decision than for `start`, the boolean is False and the model
         undefined.
@@ -86,7 +87,8 @@ class FamilyMjx:
         return self.base.tree_replace(fields), ok
 
     def batch(self, p: npt.ArrayLike) -> tuple[mjx.Model, mjx.Model, Any]:
-        """Return the models for rows `(k, n)` as one model, its axes for `in_axes` of `jax.vmap`, and which rows are valid, `(k,)`.
+        """Return the models for rows `(k, n)` as one batched model, with the axes for `in_axes` of `jax.vmap` and a flag `(k,)` for each
+        valid row.
 
         The fields `varied` have a leading axis; the others are shared.
         """
@@ -114,7 +116,7 @@ class FamilyMjx:
     # --- implementation -------------------------------------------------------------------------------------------------
 
     def _read_template(self, template: ModelTemplate) -> None:
-        """Find the entries of fields for the numbers of the XML."""
+        """Find the entries of model fields that contain the numbers of the XML."""
         model, root = self._model, ElementTree.fromstring(template.slotted)
         named = {model.geom(geom).name for geom in range(model.ngeom)}
         for above in root.iter():
@@ -181,7 +183,9 @@ class FamilyMjx:
         return base.tree_replace({name: jnp.asarray(getattr(self._model, name)) for name in FRICTION if name in self._writes})
 
     def _raw(self, name: str) -> Any:
-        """Return a field of `base`; of meshes, the poses in the XML, which MuJoCo's compiler composes with those of the mesh."""
+        """Return a field of `base`. For geoms with meshes, return the poses in the XML, before the compiler of MuJoCo adds the poses of the
+        meshes.
+        """
         value = attrgetter(name)(self.base)
         if name not in ("geom_pos", "geom_quat") or not len(self._meshes):
             return value
@@ -239,7 +243,7 @@ class FamilyMjx:
 
 @dataclass(frozen=True)
 class Write:
-    """The flat indices of entries of a field, and the columns of the numbers with their signs."""
+    """The entries of a field that contain numbers: their flat indices, and the columns of the numbers with their signs."""
 
     at: npt.NDArray[np.int_]
     columns: npt.NDArray[np.int_]

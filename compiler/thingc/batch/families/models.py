@@ -90,7 +90,8 @@ class ModelsOfMode:
         return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
     def template_at(self, read: ParsedSettings) -> tuple[NumericPlan[ModelTemplate] | None, str]:
-        """Return a plan for the XML that applies to settings and no modelled part depends on; None with the reason if there is none."""
+        """Return a plan for the XML that applies to settings, if no modelled part depends on them. Otherwise, return None and the reason.
+        """
         form: PlanCache[Arrays | ModelTemplate] = PlanCache()
         for nearby in (True, False):
             plan = self.plan(read, form, text=True, nearby=nearby)
@@ -101,7 +102,7 @@ class ModelsOfMode:
     def plan(
         self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate], *, text: bool = False, nearby: bool = True,
     ) -> NumericPlan[Arrays | ModelTemplate] | None:
-        """Return a plan that results in the same models as compilations; with `text`, by the XML only.
+        """Create a plan that gives the same models as compilations. With `text`, the plan only creates XML.
 
         If no such plan exists, set the reason in `form` and return None.
         """
@@ -197,7 +198,7 @@ class ModelsOfMode:
     def _together(
         self, waiting: Sequence[tuple[Item, NumericPlan[Any], tuple[float, ...]]], share: bool,
     ) -> Iterator[mujoco.MjModel | NoModel]:
-        """Yield the models of settings that have the same plan."""
+        """Yield the models of consecutive settings that have the same plan."""
         if not waiting:
             return
         plan = waiting[0][1]
@@ -235,7 +236,7 @@ class ModelsOfMode:
         return not wrong
 
     def _passed(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:
-        """Return the cached model, or compile it."""
+        """Return the model from the cache, or compile the settings."""
         settings, read = item
         known = self._kept.get((read, share)) if read.report is None else None
         if known is None:
@@ -301,7 +302,7 @@ class ModelsOfMode:
                 self._held[file] = stored
 
     def _bytes(self, stored: StoredArtifact) -> bytes:
-        """Read a mesh. Raises `StoreUnusable` if the store has lost it."""
+        """Read a mesh from the store. Raises `StoreUnusable` if the store no longer contains the mesh."""
         store = self.session.environment.store
         try:
             return store.read(stored.sha256)

@@ -1,4 +1,4 @@
-"""Results of a family for settings."""
+"""The results of a family for given settings."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class NoModel(OneLineRepr, FrozenStruct):
 
 
 class Explanation(OneLineRepr, FrozenStruct):
-    """How a number enters the models of a mode.
+    """An explanation of how the models of a mode depend on a number.
 
     `way` is `arrays` (the number is written into arrays of a compiled model, `fields`), `text` (the number is written into the XML of a
     model, which MuJoCo recompiles), `parts` (as `text`, with other parts) or `passes` (all passes run). `why` is the reason why no faster

@@ -16,7 +16,8 @@ from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 
 
 class SpaceDimension(OneLineRepr, FrozenStruct):
-    """A dimension: a number between `low` and `high` (SI, in `unit`; None: unbounded; `whole`: integers only), or one of `choices`.
+    """A dimension of a search space: a number between `low` and `high` (SI, in `unit`; None: unbounded; `whole`: integers only), or one of
+    `choices`.
 
     `value` is the value in the document.
     """

@@ -1,4 +1,4 @@
-"""The sensitivity of results to numbers of the document: derivatives with units."""
+"""Compute the sensitivity of results to numbers of the document, as derivatives with units."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Sensitivity(OneLineRepr, FrozenStruct):
 
 
 def results_by_function(patterns: Iterable[str], kinds: Mapping[str, str]) -> list[list[str]]:
-    """Return the results of each function: ordinary results together, and each test alone. `kinds` are the kinds of tests by name.
+    """Group results into functions: all ordinary results in one function, and each test in its own. `kinds` are the kinds of tests by name.
 
     Patterns such as `tests.*` match tests that measure smooth numbers.
     """
@@ -61,7 +61,8 @@ def sensitivities(
     function: FamilyFunction, x: Mapping[str, float], kinds: Mapping[str, str], written: Mapping[str, ScalarNode],
     alone: Callable[[str, str], FamilyFunction],
 ) -> Iterator[Sensitivity]:
-    """Yield the derivatives of a function at `x`. If one does not exist, `alone(result, name)` returns the function of each.
+    """Yield the derivatives of a function at `x`. If they do not exist together, each is computed with the function that `alone(result,
+    name)` returns.
 
     `written` are the values in the document.
     """
@@ -86,7 +87,7 @@ def sensitivities(
 
 
 def _derivative(function: FamilyFunction, x: float) -> tuple[float, float, NotDifferentiable | None]:
-    """Return the derivative of a function of one number, its error, and the reason if there is none."""
+    """Return the derivative of a function of one number, its error, and the reason if the derivative does not exist."""
     try:
         jacobian = function.jacobian([x])
     except NotDifferentiable as fault:

@@ -1,4 +1,4 @@
-"""An episode of a robot: initial state, actions, switches between modes, and rewards."""
+"""Run an episode of a robot: its initial state, actions, switches between modes, and rewards."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class Episode:
         self._before, self._started = np.array(self.data.subtree_com[0]), self.data.time
 
     def _control(self, action: Array) -> None:
-        """Set the controls for an action."""
+        """Set the controls of the simulation for an action."""
         own, rules = self.simulations[self.mode], self._rules
         low, high = own.spans
         if rules.action_scale is None:
@@ -163,7 +163,7 @@ class Episode:
         return None
 
     def _push(self) -> None:
-        """Push a random body of the robot during this action, if it is the turn of one."""
+        """Push a random body of the robot during this action, if a push is due."""
         if self._rules.push is None:
             return
         every, impulse = self._rules.push
@@ -176,7 +176,7 @@ class Episode:
             forces[body, :3] = np.array([np.cos(angle), np.sin(angle), 0.0]) * impulse / seconds
 
     def run(self) -> None:
-        """Simulate the action."""
+        """Simulate the time steps of an action."""
         import mujoco
 
         model, data = self.model, self.data

@@ -393,7 +393,7 @@ class FamilyEnv(gymnasium.Env[Array, Any]):
 
 
 def _first(infos: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the `infos` of the only world."""
+    """Return the `infos` of an environment with a single world."""
     return {name: values[0] for name, values in infos.items() if not name.startswith("_")}
 
 

@@ -19,7 +19,7 @@ ALONE = ("qpos", "qvel")
 SWITCHED = ("joints", "gravity", "mode")
 """Default terms in several modes, whose `qpos` and `qvel` differ."""
 EXACT = ("action", "mode")
-"""Terms without noise."""
+"""The observation terms that have no noise."""
 
 
 def _joints(episode: Episode) -> Array:
@@ -50,7 +50,7 @@ TERMS: Mapping[str, Term] = {
     "action": lambda episode: episode.action,
     "mode": lambda episode: np.eye(len(episode.simulations))[episode.mode],
 }
-"""Terms by name."""
+"""The functions that compute observation terms, by name."""
 
 
 class Observer:

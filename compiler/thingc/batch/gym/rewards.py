@@ -37,7 +37,7 @@ class StepInfo(FrozenStruct):
     mode: str = ""
     """The name of the mode."""
     refused: str | None = None
-    """Why the switch of this action was refused, if it was."""
+    """The reason why a mode switch in this action was refused, or None."""
 
 
 Reward = Callable[[StepInfo], float]
@@ -59,7 +59,7 @@ def hold(step: StepInfo) -> float:
 
 
 TASKS: Mapping[str, Reward] = {"forward": forward, "hold": hold}
-"""Rewards by name of the task."""
+"""The reward functions of tasks, by name."""
 
 
 class Descriptor:

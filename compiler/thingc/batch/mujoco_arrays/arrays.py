@@ -1,4 +1,4 @@
-"""A compiled model. Its arrays are overwritten for other numbers in its XML."""
+"""Overwrite the arrays of a compiled MuJoCo model for other numbers in its XML."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ Compile = Callable[[str], "mujoco.MjModel"]
 
 
 class Arrays:
-    """The model of a structure, and the entries of its arrays that depend on varying numbers.
+    """A compiled model, and the entries of its arrays that depend on varying numbers.
 
     `text` is the XML with a word for each of these numbers, and `tokens` maps words to indices of numbers. `plain` is the XML with numbers,
     `assets` are the meshes by file, and `compile` compiles XML. `lines` are the indices of the numbers for `prepare`, in order. Raises
@@ -281,7 +281,7 @@ class Arrays:
 
 
 class Prepared:
-    """Computed entries of variants.
+    """The computed array entries of several variants.
 
     Each variant has a row of array entries, a value per option, and statistics if MuJoCo recomputes constants.
     """
@@ -349,7 +349,7 @@ class Bodies:
 
 
 class BodyArrays:
-    """The results for all copies.
+    """The arrays of the copied bodies, with the results for all copies.
 
     `inertia` (copies, bodies, 3) are principal moments, and `axes` (copies, bodies, 4) the quaternions of the axes. `boxes` are the fields
     of the bounding volume tree of each body.

@@ -1,1 +1,1 @@
-"""Plans: recorded computations that give the results of compilations for other numbers. `Builds` gives whole builds."""
+"""Plans: recorded computations that repeat a compilation for other numbers. `Builds` creates whole builds with plans."""

@@ -1,4 +1,4 @@
-"""Whole builds for many settings: files are written once, with slots for numbers, which are filled for other settings."""
+"""Create whole builds for many settings. Files are written once, with slots for numbers that are filled for other settings."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ Emit = Callable[["EmitRequest", Sequence[str]], "dict[str, Artifacts]"]
 """A function that returns the artifacts of targets: `emitted`, or one that returns fewer."""
 
 Measured = Callable[[Compilation], "dict[str, Any] | None"]
-"""A function that returns results of a compilation; None if there are none, and no build is wanted."""
+"""A function that returns the results of a compilation, or None if no results are available and no build is requested."""
 
 
 class Build(FrozenStruct):
-    """The build of valid settings.
+    """The files of a build of valid settings, and its results.
 
     `results` are those of `measured`; `problems` are all diagnostics; `losses` are counts by kind; `parts` is the number of part
     definitions. `files` returns the files of the folder by path, including the manifest.
@@ -62,7 +62,7 @@ class Build(FrozenStruct):
 
 
 class Builds:
-    """Builds of one document, for fixed modes (none: all) and targets.
+    """Creates builds of one document for fixed modes (none: all) and targets.
 
     `measured` returns their results, `emit` their artifacts. A plan is made for the `patience`-th (a power of two, default `PATIENCE`)
     settings with the same names. For each plan, the first build and then one in `verify` is compared with a compilation, whose models
@@ -85,7 +85,7 @@ class Builds:
         self._forms: PlanCaches[_Template] = PlanCaches(patience or PATIENCE, self._refusals.applies)
 
     def planned(self, settings: Settings) -> Build | None:
-        """Return the build of settings by a plan; None if there is no plan for them, which says nothing about the settings."""
+        """Create the build of settings by a plan. Return None if there is no plan for the settings, whether they are valid or not."""
         read = self._reader.read({**settings.parameters, **settings.choices})
         given = {*settings.parameters, *settings.choices}
         if given != {*read.names, *dict(read.texts)} or not self._has_slots:
@@ -109,20 +109,20 @@ class Builds:
         return None if problems is None else (problems, self._refusals.parts)
 
     def learn(self, settings: Settings, problems: tuple[Diagnostic, ...]) -> None:
-        """Take note of a compilation that failed, for `refused`."""
+        """Record a failed compilation, so that `refused` can recognize similar settings."""
         read = self._refusable(settings)
         if read is not None:
             self._refusals.learn(read, problems)
 
     def _refusable(self, settings: Settings) -> ParsedSettings | None:
-        """Return parsed settings; None if their diagnostics may quote other texts than those of plans, or be in another order."""
+        """Parse settings. Return None if their diagnostics may quote other texts than those of plans, or may have another order."""
         read = self._reader.read({**settings.parameters, **settings.choices})
         own = self._reader.settings(read)
         alike = [*settings.parameters] == [*own.parameters] and [*settings.choices.items()] == [*own.choices.items()]
         return read if alike else None
 
     def made(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
-        """Return the files, by a plan or a compilation (empty if the settings are refused), and all diagnostics."""
+        """Create the files of settings by a plan or a compilation. Return the files (none for refused settings) and all diagnostics."""
         planned = self.planned(settings)
         if planned is not None:
             return planned.files(), planned.problems
@@ -135,7 +135,7 @@ class Builds:
         return files, problems
 
     def passed(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
-        """Compile settings, and all models with MuJoCo; return the files (empty if the settings are refused), and all diagnostics."""
+        """Compile settings, and check all models with MuJoCo. Return the files (none for refused settings) and all diagnostics."""
         build, problems = self._passed(settings)
         return build.files() if build is not None else {}, problems
 
@@ -157,7 +157,7 @@ class Builds:
         ), problems
 
     def _plan(self, read: ParsedSettings, form: PlanCache[_Template]) -> NumericPlan[_Template] | None:
-        """Return a plan that gives the same builds as compilations; None, with the reason in `form`, if there is none."""
+        """Create a plan that gives the same builds as compilations. If this is impossible, return None and store the reason in `form`."""
         first, _ = self._passed(self._reader.settings(read))
         if first is None:
             return None
@@ -176,7 +176,7 @@ class Builds:
         return tracing.checked(tracing.plan(read, finish, form), read, form, differs, "files")
 
     def _written(self, read: ParsedSettings, compilation: Compilation, tape: Tape) -> tuple[Mapping[str, Content], Mapping[str, Any]]:
-        """Return the files with slots for numbers and texts of settings, and results with traced numbers (for `trace_compilation`)."""
+        """Create files with slots for the numbers and texts of settings, and results with traced numbers (for `trace_compilation`)."""
         results = self._measured(compilation) or {}
         environment = copy.copy(self._session.environment)
         environment.memo = Memo()
@@ -195,7 +195,7 @@ class Builds:
 
 
 class _Kernel:
-    """The geometry service, which does not accept traced numbers: those that the file of the whole robot depends on are pinned."""
+    """The geometry service for traced compilations. Numbers on which the STEP file of the robot depends are pinned to their values."""
 
     def __init__(self, service: Any) -> None:
         self._service = service
@@ -204,7 +204,7 @@ class _Kernel:
         return getattr(self._service, name)
 
     def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
-        """See `GeometryService`. With traced numbers, returns an empty file, since the plan is then for these values only."""
+        """Write the STEP file as `GeometryService` does. With traced numbers, return an empty file and pin the plan to these values."""
         rows: list[tuple[Any, ...]] = [row for one in instances for row in (*one.pose.rotation, one.pose.translation)]
         traced = [number for row in rows for number in row if isinstance(number, Traced)]
         for number in traced:
@@ -214,7 +214,7 @@ class _Kernel:
 
 
 class _Template:
-    """A build with slots for numbers. `outputs` are the numbers for them; `like` is a build of this kind."""
+    """A build with slots for numbers. `outputs` are the numbers for the slots, and `like` is a build with the same structure."""
 
     def __init__(self, rehearsal: TraceResult, like: Build) -> None:
         files, results = rehearsal.made
@@ -236,7 +236,7 @@ class _Template:
         self.outputs = [*self._numbers.outputs, *self._shape.outputs]
 
     def build(self, outputs: Sequence[float], settings: Settings) -> Build | None:
-        """Return the build for these values of `outputs`; None if a number in a file is not finite."""
+        """Create the build for these values of `outputs`. Return None if a number in a file is not finite."""
         count, like = len(self._numbers.outputs), self._like
         if not all(map(math.isfinite, outputs[:count])):
             return None
@@ -246,7 +246,7 @@ class _Template:
         )
 
     def files(self, numbers: Sequence[float], settings: Settings) -> dict[str, Content]:
-        """Return the files with these numbers and texts of settings."""
+        """Fill the slots of the files with these numbers and texts of settings."""
         files = dict(self._files)
         words, digests = self._numbers.words(numbers), {}
         given = {**settings.parameters, **settings.choices}
@@ -262,6 +262,6 @@ class _Template:
 
 
 def _same(planned: Build, whole: Build | None) -> bool:
-    """Return whether a plan gives the same build as a compilation."""
+    """Return whether the build of a plan equals the build of a compilation."""
     said = ("results", "problems", "losses", "parts")
     return whole is not None and all(getattr(planned, name) == getattr(whole, name) for name in said) and planned.files() == whole.files()

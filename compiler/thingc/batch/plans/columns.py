@@ -1,4 +1,4 @@
-"""Run a program over columns: arrays with one value per setting. Every value is equal to the last bit to that of `Program.run`.
+"""Run a program for many settings at once, with an array of values for each number. All results equal those of `Program.run` bit by bit.
 
 NumPy computes only what IEEE 754 defines exactly (sums, products, quotients, square roots, comparisons). Its other functions may differ in
 the last bit from those of Python, which are therefore applied to one value after the other.
@@ -22,19 +22,21 @@ from thingc.batch.plans.tape import OPERATORS, Ref
 Floats = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]
 ColumnFunction = Callable[[Floats], "tuple[Floats, Booleans]"]
-"""Maps `(k, n)` values of the variables to `(k, m)` outputs and `(k,)` flags: whether the program applies to a row."""
+"""A function that maps values `(k, n)` of the variables to outputs `(k, m)` and to flags `(k,)` that show whether the program applies to a
+row.
+"""
 
 _LAST = 1e-9
-"""A result that is nearer than this to the middle of two floats, in units of their distance, is computed again by Python."""
+"""Distance from the middle of two floats, in units of their distance, below which a result is computed again by Python."""
 
 _DECIDED = 1e-11
-"""Relative difference above which values that need not be exact decide a comparison."""
+"""Relative difference of two inexact values above which their comparison is reliable."""
 
 MOMENTS = "_principal_moments"
 
 
 def column_function(program: Program) -> ColumnFunction:
-    """Return the program as a function of columns."""
+    """Convert a program to a function of columns, which are arrays with one value per setting."""
     last: dict[int, int] = {int(one): len(program.statements) for one in program.outputs if isinstance(one, Ref)}
     for place in range(len(program.statements) - 1, -1, -1):
         for one in program.statements[place].arguments:
@@ -63,7 +65,7 @@ def column_function(program: Program) -> ColumnFunction:
 
 
 def _guards_only(program: Program) -> set[int]:
-    """Return the values that depend on principal moments and that only guards need: they need not be exact."""
+    """Return the values that depend on principal moments and are used only by guards. These values need not be exact."""
     near: set[int] = set()
     for one in program.statements:
         depends = any(int(argument) in near for argument in one.arguments if isinstance(argument, Ref))
@@ -75,7 +77,7 @@ def _guards_only(program: Program) -> set[int]:
 def _execute(
     statement: Operation | Guard, columns: dict[int, Any], ok: Booleans, near: set[int], functions: Mapping[str, Callable[..., Any]],
 ) -> None:
-    """Compute a line, or clear the flags of rows that a guard excludes or for which an operation fails.
+    """Execute a statement for all rows. Clear the flags of rows that a guard excludes or for which an operation fails.
 
     A guard also excludes rows for which values `near` the exact ones do not decide it.
     """
@@ -115,7 +117,7 @@ def _operation(name: str, arguments: Sequence[Any], ok: Booleans, functions: Map
 
 
 def _each(function: Callable[..., Any], arguments: Sequence[Any], ok: Booleans) -> Any:
-    """Apply a function to one row after the other: return an array, or a list of tuples. Clear the flags of rows for which it fails."""
+    """Apply a function to each row, and return an array or a list of tuples. Clear the flags of rows for which the function fails."""
     rows = zip(*(one.tolist() if isinstance(one, np.ndarray) else repeat(one, len(ok)) for one in arguments))
     try:
         results = [function(*row) for row in rows]
@@ -138,7 +140,7 @@ def _attempt(function: Callable[..., Any], row: Iterable[Any]) -> Any:
 
 
 def _hypot(arguments: Sequence[Any], ok: Booleans) -> Any:
-    """Return `numeric.hypot`, which rounds once.
+    """Compute `numeric.hypot` for arrays, with a single rounding.
 
     The sum of squares has twice the digits of a float (Dekker 1971); its root is that of a float with one correction. Python computes
     lengths near the middle of two floats, and of values whose squares are too large or small for this.
@@ -166,7 +168,7 @@ def _hypot(arguments: Sequence[Any], ok: Booleans) -> Any:
 
 
 def _moments(arguments: Sequence[Any], ok: Booleans) -> Floats:
-    """Return principal moments, ascending, `(3, k)`, by the rotations of `principal_axes`, with a relative error of about 1e-12.
+    """Compute ascending principal moments `(3, k)` by the rotations of `principal_axes`, with a relative error of about 1e-12.
 
     Python computes those of very different size, for which the relative error is greater.
     """
@@ -194,7 +196,7 @@ def _moments(arguments: Sequence[Any], ok: Booleans) -> Floats:
 
 
 def _fsum(arguments: Sequence[Any], ok: Booleans) -> Any:
-    """Return `math.fsum`, which rounds once: the sum of floats and of their rounding errors (Ogita, Rump and Oishi 2005).
+    """Compute `math.fsum` for arrays, with a single rounding: the sum of floats and of their rounding errors (Ogita, Rump and Oishi 2005).
 
     Python adds values whose sum is near the middle of two floats, or much smaller than the values.
     """
@@ -219,7 +221,7 @@ def _fsum(arguments: Sequence[Any], ok: Booleans) -> Any:
 
 
 def _few(numbers: Sequence[float]) -> Sequence[float]:
-    """Return two numbers with exactly the same sum, if there are such numbers, else `numbers`."""
+    """Return two numbers with exactly the same sum as `numbers` if they exist, otherwise `numbers`."""
     try:
         high = math.fsum(numbers)
         low = math.fsum((*numbers, -high))
@@ -252,7 +254,7 @@ def _power(base: float, exponent: float) -> float:
 
 
 def _minimum(first: Any, *others: Any) -> Any:
-    """Return the first of the least values, as `min` does: it matters for zeros with different signs, and if one is not a number."""
+    """Return the first of the smallest values, as `min` does. The order matters for zeros with different signs and for NaN."""
     for one in others:
         first = np.where(np.less(one, first), one, first)
     return first
@@ -268,6 +270,6 @@ EXACT: dict[str, Callable[..., Any]] = {
     **{name: OPERATORS[name] for name in ("+", "-", "*", "<", "<=", ">", ">=", "==", "!=")},
     "abs": operator.abs, "copysign": np.copysign, "isfinite": np.isfinite, "isinf": np.isinf, "min": _minimum, "max": _maximum,
 }
-"""Operations with the same results in NumPy, which never fail."""
+"""Operations that never fail and have the same results in NumPy."""
 ONE_BY_ONE: dict[str, Callable[..., Any]] = {"**": _power, "%": operator.mod, "round": round}
 """Operations of Python that NumPy may round differently."""

@@ -1,4 +1,5 @@
-"""Derivatives of a program: exact rules for each operation and the chain rule (Griewank and Walther, Evaluating Derivatives, 2008).
+"""Compute exact derivatives of a program with the chain rule and a rule for each operation (Griewank and Walther, Evaluating Derivatives,
+2008).
 
 The generated function computes values and derivatives in one pass, forward (from the variables) or backward (from the outputs), whichever
 needs fewer statements. At a kink, such as the minimum of two equal numbers, an output is differentiable only if all branches have the same
@@ -27,11 +28,11 @@ SAME = 1e-9
 
 
 BESIDE = 1e-6
-"""Relative distance of the values that are tested beside those of a decision between equal numbers."""
+"""Relative distance of the values that are tested on both sides of a decision between equal numbers."""
 
 
 class NotSmooth(Exception):
-    """An output has no derivative: `output` is its index, `why` the reason, as a clause."""
+    """Raised if an output of a program has no derivative. `output` is its index, and `why` is the reason as a clause."""
 
     def __init__(self, output: int, why: str) -> None:
         super().__init__(why)
@@ -87,8 +88,8 @@ RULES: dict[str, Partials] = {
     "round": _ROUNDED, "rounded": _ROUNDED,
     "negative": Partials(("-1.0",)), "item": Partials(("1.0",)), "cosine of": Partials(("-sin({0})",)), "sine of": Partials(("cos({0})",)),
 }
-"""Rules by operation. `negative` is the minus of one number; `cosine of` and `sine of` are the items of `quarter_exact`. Rounding to many
-digits has the derivative of the exact number.
+"""The derivative rules, by the name of the operation. `negative` is the minus of one number; `cosine of` and `sine of` are the items of
+`quarter_exact`. Rounding to many digits has the derivative of the exact number.
 """
 EXTREMES = ("min", "max")
 ROTATION = ("cosine of", "sine of")
@@ -96,7 +97,9 @@ ROTATION = ("cosine of", "sine of")
 
 @dataclass(frozen=True)
 class Step:
-    """An operation with partial derivatives: the value `target` depends on `arguments`, of which those that vary are at `varying`."""
+    """An operation with its partial derivatives. The value `target` depends on `arguments`, and `varying` are the positions of the
+    arguments that vary.
+    """
 
     target: int
     operation: str
@@ -105,16 +108,16 @@ class Step:
 
     @cached_property
     def rule(self) -> Partials:
-        """The rule of the operation; operations without one have a kink everywhere."""
+        """The derivative rule of the operation. Operations without a rule are treated as not differentiable."""
         return RULES.get(self.operation, UNKNOWN)
 
     def code(self, template: str) -> str:
-        """Return a partial derivative or a kink as a Python expression of the values."""
+        """Return a partial derivative or the condition of a kink as a Python expression."""
         return template.format(*map(word, self.arguments), r=f"v{self.target}")
 
     @property
     def kink(self) -> str:
-        """The condition of a kink as an expression; empty if there is none."""
+        """The condition under which the operation is not differentiable, as an expression. Empty if it is always differentiable."""
         if self.operation in EXTREMES:
             words = ", ".join(map(word, self.arguments))
             return f"({words}).count(v{self.target}) > 1"
@@ -123,7 +126,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Derivatives:
-    """Values of the outputs, `(m,)`, and their derivatives by the variables, `(m, n)`.
+    """The values `(m,)` of the outputs of a program, and their derivatives `(m, n)` by the variables.
 
     Derivatives through an operation without a rule are NaN.
 
@@ -142,7 +145,7 @@ LONGEST = 50_000
 
 
 def derivative_function(program: Program, by: Sequence[int] | None = None) -> DerivativeFunction:
-    """Return a function of the variables that computes the outputs and their derivatives by the variables at the indices `by` (None: all).
+    """Create a function of the variables that computes the outputs and their derivatives by the variables at the indices `by` (None: all).
 
     It returns None, or raises `ArithmeticError` or `ValueError`, for values to which the program does not apply. Raises `NotSmooth`.
     """
@@ -191,15 +194,15 @@ def with_slopes(program: Program, by: int, numbers: Sequence[int]) -> Program:
 
 
 Code = tuple[list[str], list[str]]
-"""Statements, and the entries of the Jacobian as expressions, row by row."""
+"""The type of generated code: statements, and the entries of the Jacobian as expressions, row by row."""
 
 
 Decision = tuple[str, frozenset[int]]
-"""A test whether the two numbers of a guard are equal, and the columns of the variables on which they depend."""
+"""A test of whether the two numbers of a guard are equal, with the columns of the variables on which the numbers depend."""
 
 
 def _decisions(program: Program, varying: Sequence[int]) -> list[Decision]:
-    """Return the decisions of the guards that depend on variables."""
+    """Return the decisions of guards that depend on the variables of a program."""
     depends: dict[int, frozenset[int]] = {index: frozenset((column,)) for column, index in enumerate(varying)}
     tests: dict[str, frozenset[int]] = {}
     for one in program.statements:
@@ -214,7 +217,8 @@ def _decisions(program: Program, varying: Sequence[int]) -> list[Decision]:
 def _special(
     program: Program, decisions: Sequence[Decision], varying: Sequence[int], values: Sequence[float], known: dict[str, float],
 ) -> tuple[frozenset[int], list[Decision]]:
-    """Return the columns of variables beside whose values the program does not apply, and the decisions between numbers that stay equal.
+    """Return the columns of variables for which the program does not apply to nearby values, and the decisions between numbers that remain
+    equal.
 
     Only variables of decisions between numbers that are equal now are tested.
     """
@@ -237,7 +241,7 @@ def _special(
 
 
 def _generated(program: Program, steps: Sequence[Step], decisions: Sequence[Decision], code: Code | None) -> Callable[..., Any]:
-    """Return the function that returns outputs and entries of the Jacobian.
+    """Generate the function that computes the outputs and the entries of the Jacobian.
 
     At a kink, for a decision between equal numbers, and without `code`, it returns all values by name in place of the entries.
     """
@@ -253,7 +257,7 @@ def _generated(program: Program, steps: Sequence[Step], decisions: Sequence[Deci
 
 
 def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
-    """Return code that computes the derivatives of every value by the variables on which it depends."""
+    """Generate code for forward differentiation: the derivatives of every value by the variables on which it depends."""
     known: dict[int, dict[int, str]] = {index: {place: "1.0"} for place, index in enumerate(varying)}
     statements: list[str] = []
     for step in steps:
@@ -268,7 +272,7 @@ def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) ->
 
 
 def _backward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
-    """Return code that computes the derivatives of every output by the values on which it depends."""
+    """Generate code for backward differentiation: the derivatives of every output by the values on which it depends."""
     statements: list[str] = []
     partials = [dict(_partials(step, statements)) for step in steps]
     entries: list[str] = []
@@ -289,7 +293,7 @@ def _backward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -
 
 
 def _partials(step: Step, statements: list[str]) -> list[tuple[int, str]]:
-    """Return the partial derivatives by the arguments that vary. Statements for those that are not constant are added."""
+    """Return the partial derivatives by the arguments that vary. For partial derivatives that are not constant, statements are added."""
     partials = []
     for place in step.varying:
         code = step.code(step.rule.partial(place))
@@ -307,12 +311,12 @@ def _product(partial: str, derivative: str) -> str:
 
 
 def _index(argument: Argument) -> int:
-    """Return the index of a value; -1 for a constant."""
+    """Return the index of a value, or -1 for a constant."""
     return int(argument) if isinstance(argument, Ref) else -1
 
 
 def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], values: dict[str, float]) -> Floats:
-    """Return the Jacobian from all values by name, with one array of derivatives for each value. Raises `NotSmooth`."""
+    """Compute the Jacobian from all values by name, with an array of derivatives for each value. Raises `NotSmooth`."""
     zero = np.zeros(len(varying))
     known: dict[int, Floats] = dict(zip(varying, np.eye(len(zero)), strict=True))
     reasons: dict[int, Partials] = {}

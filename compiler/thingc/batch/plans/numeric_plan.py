@@ -1,4 +1,6 @@
-"""Plans: compute a model or results for other numbers without a compilation. A plan is made once, and checked against compilations."""
+"""Compute models or results for other numbers by a plan instead of a compilation. A plan is created once, and is checked against
+compilations.
+"""
 
 from __future__ import annotations
 
@@ -28,23 +30,22 @@ Made = TypeVar("Made")
 MOST = 32
 """Maximum number of plans for settings with the same names and texts; the least recently used are dropped."""
 PAYS = 32
-"""After this many uses of plans, another plan may be made for settings without one, since making it takes some compilations."""
+"""Number of uses of plans after which another plan may be created, because creating a plan takes several compilations."""
 FORMS = 256
-"""Maximum number of caches, and of plans in all of them; above it, all are dropped."""
+"""Maximum number of caches, and of plans in all caches. If it is exceeded, all plans are dropped."""
 SIDES = (1.0, -1.0)
-"""Directions of the samples near the settings of a plan, with which it is compared before use.
+"""Directions of the samples near the settings of a plan at which the plan is checked before it is used.
 
 If a number is at its bound, one of them is valid.
 """
 EXCHANGED = (2, 4)
-"""Uses of a plan with an exchange that are compared with compilations in addition to those of `verify`; the first use has the numbers for
-which it was made.
+"""The uses of a plan with exchanged parts that are compared with compilations, in addition to those that `verify` selects.
 """
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NumericPlan(Generic[Made]):
-    """A function from numbers to the inputs of `made`.
+    """A plan: a function that maps numbers to the inputs of `made`, which creates the result.
 
     `fixed` are the indices and values of numbers that must not change. `program` takes the values at `free`, and, if parts depend on them,
     the numbers that `exchange` returns from their records.
@@ -76,7 +77,8 @@ class NumericPlan(Generic[Made]):
         return None if exchanged is None else (*given, *exchanged.numbers)
 
     def columns(self, values: Floats) -> tuple[Floats, Booleans]:
-        """Return `outputs` for `(k, n)` values, and whether the plan applies to each row. Parts must not depend on numbers."""
+        """Compute the outputs for values `(k, n)`, and return whether the plan applies to each row. Parts must not depend on the numbers.
+        """
         outputs, ok = self._columns(values[:, list(self.free)])
         for at, value in self.fixed:
             ok &= values[:, at] == value
@@ -87,12 +89,12 @@ class NumericPlan(Generic[Made]):
         return column_function(self.program)
 
     def exchanged(self, values: Sequence[float]) -> Exchanged | None:
-        """Return the records of parts that depend on values to which the plan applies; None if there are no such parts."""
+        """Return the records of parts for values to which the plan applies. Return None if no parts depend on the values."""
         return None if self.exchange is None else self.exchange.of([values[at] for at in self.free])
 
     def is_due(self, verify: int | None) -> bool:
-        """Count a use, and return whether to compare it with a compilation: the first, then one in `verify` (None: the first, second,
-        fourth, eighth ...; 0: none).
+        """Count a use of the plan, and return whether its result must be compared with a compilation: the first use, then one in `verify`
+        uses (None: the first, second, fourth, eighth ...; 0: none).
         """
         use = next(self._uses)
         if verify is None:
@@ -101,7 +103,7 @@ class NumericPlan(Generic[Made]):
 
 
 class PlanCache(Generic[Made]):
-    """The plans for settings with the same names and texts.
+    """The plans for settings that set the same names to the same texts and differ only in numbers.
 
     `why` has the reason for each number that is not traced, `modelled` the part that depends on each traced number, `refused` the reason
     why there is no plan at all. A plan is made for the `patience`-th (a power of two) settings without one.
@@ -117,7 +119,7 @@ class PlanCache(Generic[Made]):
         self._seen: dict[tuple[float, ...], int] = {}
 
     def plan_for(self, read: ParsedSettings) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """Return the plan that applies to these settings, and its outputs; None if there is none."""
+        """Return the plan that applies to these settings, and its outputs, or None."""
         for number, plan in enumerate(self.plans):
             outputs = plan.outputs(read.values)
             if outputs is not None:
@@ -128,7 +130,7 @@ class PlanCache(Generic[Made]):
         return None
 
     def worth_it(self, read: ParsedSettings) -> bool:
-        """Return whether to make a plan for settings without one.
+        """Return whether a plan should be created for settings that have no plan.
 
         This takes as long as some compilations, so it is not done for settings that may occur once only; numbers that parts depend on often
         do not occur again.
@@ -147,7 +149,9 @@ class PlanCache(Generic[Made]):
     def planned(
         self, read: ParsedSettings, make: Callable[[], NumericPlan[Made] | None], is_refused: Callable[[ParsedSettings], bool],
     ) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """Return `plan_for`; if there is no plan, and the settings are not known to be refused, make one if it is `worth_it`."""
+        """Return the plan for these settings, as `plan_for` does. A missing plan is created if it is `worth_it` and the settings are not
+        known to be refused.
+        """
         known = self.plan_for(read)
         if known is not None or is_refused(read) or not self.worth_it(read):
             return known
@@ -158,18 +162,18 @@ class PlanCache(Generic[Made]):
         return self.plan_for(read)
 
     def give_up(self, names: Collection[str], why: str) -> None:
-        """Stop tracing these numbers; if there are none, make no more plans."""
+        """Stop tracing these numbers. Without numbers, stop creating plans."""
         self.why.update((name, f"{self.modelled[name]}, and {why}" if name in self.modelled else why) for name in names)
         if not names:
             self.refused = why
 
     def wrong(self, why: str) -> None:
-        """Drop all plans and make no more, because one gave a wrong result."""
+        """Drop all plans and stop creating plans, because a plan gave a wrong result."""
         self.plans, self.refused = [], why
 
 
 class PlanCaches(Generic[Made]):
-    """The caches of plans by names and texts of settings; `patience` is as in `PlanCache`.
+    """The caches of plans, by the names and texts of settings. `patience` has the same meaning as in `PlanCache`.
 
     No plan is made for settings that `is_refused` returns True for.
     """
@@ -180,7 +184,7 @@ class PlanCaches(Generic[Made]):
         self.kept: dict[Hashable, PlanCache[Made]] = {}
 
     def of(self, read: ParsedSettings) -> PlanCache[Made]:
-        """Return the cache for settings with these names and texts."""
+        """Return the cache of plans for settings with these names and texts."""
         key = (read.names, read.texts)
         if key not in self.kept:
             if len(self.kept) >= FORMS or sum(len(form.plans) for form in self.kept.values()) >= FORMS:
@@ -191,8 +195,9 @@ class PlanCaches(Generic[Made]):
     def planned(
         self, read: ParsedSettings, make: Callable[[ParsedSettings, PlanCache[Made]], NumericPlan[Made] | None],
     ) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """Return the plan for settings and its outputs, as `PlanCache.planned` does; None if the settings are refused or
-        contain no numbers."""
+        """Return the plan for settings and its outputs, as `PlanCache.planned` does. Return None if the settings are refused or contain no
+        numbers.
+        """
         if read.report is not None or not read.names:
             return None
         form = self.of(read)
@@ -200,7 +205,7 @@ class PlanCaches(Generic[Made]):
 
 
 class TracedResults:
-    """Values by name, some of which are traced numbers, `outputs`."""
+    """The results of a traced compilation by name. Some of the values are traced numbers, which are listed in `outputs`."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self.outputs = [value for value in values.values() if isinstance(value, Traced)]
@@ -208,14 +213,14 @@ class TracedResults:
         self._all = {name: None if isinstance(value, Traced) else value for name, value in values.items()}
 
     def argument(self, name: str, program: Program) -> Argument:
-        """Return a value by name as an output of a program for `outputs`; NaN if there is none."""
+        """Return the output of a program that corresponds to a name, or NaN if the name has no value."""
         if name in self._names:
             return program.outputs[self._names.index(name)]
         value = self._all.get(name)
         return Const(nan if value is None else value)
 
     def of(self, outputs: Sequence[float]) -> dict[str, Any]:
-        """Return the values, with numbers for `outputs`."""
+        """Return the results with the given numbers in the places of `outputs`."""
         return {**self._all, **dict(zip(self._names, outputs, strict=True))}
 
 
@@ -341,6 +346,6 @@ class Tracing(FrozenStruct):
 
 
 def _near(quantity: Quantity, source: random.Random, side: float = 1.0) -> Quantity:
-    """Return a number near another one, without special meaning; near 0, one above, since many numbers may not be negative."""
+    """Return a number near another number. Near 0, the result is positive, because many numbers must not be negative."""
     share = side * source.uniform(-1e-3, 1e-3)
     return Quantity(quantity.value * (1.0 + share) if quantity.value else abs(share), quantity.dimension)

@@ -1,5 +1,5 @@
-"""Parts that depend on traced numbers: their definitions are computed by a tape, their records are requested, and the numbers of a record
-replace those of the first one.
+"""Support parts that depend on traced numbers. A tape computes the definition of a part, the record of this part is requested, and its
+numbers replace those of the first record.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ _ASIDE = frozenset(("text", "bom", "brep", "code", "slices"))
 
 
 class Exchanged(FrozenStruct):
-    """The result of the records for some parameters: their numbers, in order, the names of their meshes in the model, and all meshes of the
-    model by file.
+    """The part records for some parameters: their numbers in order, the names of their meshes in the model, and all meshes of the model by
+    file.
     """
 
     numbers: tuple[float, ...]
@@ -40,7 +40,7 @@ class Exchanged(FrozenStruct):
 
 
 class TracedParts:
-    """The source of parts while tracing.
+    """The source of parts during a traced compilation.
 
     For definitions with traced numbers, it returns the record for their current values, in which numbers are new variables, and meshes are
     tokens. `allowed` returns whether parts may depend on a traced number; if not, `PartDependsOnNumber` is raised. `before` is a copy of
@@ -62,7 +62,9 @@ class TracedParts:
         return getattr(self._parts, name)
 
     def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None, **named: Any) -> Any:
-        """See `PartSource`; may be called once. Likely slicings are not passed on, since they may contain traced numbers."""
+        """Return part records as `PartSource` does. The method can be called once. Likely slicings are not passed on, because they may
+        contain traced numbers.
+        """
         traced = [one for one in definitions if numbers_of(one)]
         for one in traced:
             if forbidden := [number for number in numbers_of(one) if not self._allowed(number)]:
@@ -94,19 +96,19 @@ class TracedParts:
 
     @property
     def parameters(self) -> list[Traced]:
-        """The traced numbers of the definitions, in order."""
+        """The traced numbers in part definitions, in order."""
         return [number for one in self.definitions for number in numbers_of(one)]
 
     @property
     def words(self) -> list[str]:
-        """Texts of records that messages may quote, and that may contain numbers of other parts."""
+        """The texts of records that messages may quote and that may contain numbers of other parts."""
         records = self._records.values()
         found = [one.interface or "" for record in records for one in record.mounts.values()]
         found += [text for record in records for one in record.expectations for text in (one.label, one.text)]
         return [text for text in found if any(map(str.isdigit, text))]
 
     def slice(self, definitions: Sequence[PartDefinition], records: Any, slicings: Mapping[str, Collection[Slicing]]) -> Any:
-        """See `PartSource`."""
+        """Return the records with slices as `PartSource` does."""
         for one in definitions:
             for slicing in slicings.get(one.text, ()):
                 for value in (*slicing.up, *astuple(slicing)):
@@ -124,7 +126,7 @@ class TracedParts:
 
 
 class PartDependsOnNumber(Exception):
-    """A part depends on a traced number (default: the first one of its definition)."""
+    """Raised if a part depends on a traced number (default: the first number of its definition)."""
 
     def __init__(self, definition: PartDefinition, number: Traced | None = None) -> None:
         super().__init__(definition.label)
@@ -133,7 +135,7 @@ class PartDependsOnNumber(Exception):
 
 
 class Exchange:
-    """The records of a plan.
+    """The exchange of part records in a plan.
 
     `rehearsed` are the parts of the traced compilation, `parts` is the source of others, and `assets` are the meshes in the traced model.
     `names` are those of its meshes that are replaced.
@@ -164,7 +166,7 @@ class Exchange:
         self._kept: OrderedDict[tuple[float, ...], Exchanged | None] = OrderedDict()
 
     def of(self, values: Sequence[float]) -> Exchanged | None:
-        """Return the records for values of the variables; None if the plan does not apply to them.
+        """Return the part records for values of the variables, or None if the plan does not apply to these values.
 
         Parts that are not in the store are built.
         """
@@ -183,7 +185,8 @@ class Exchange:
         return {one.text: one for one, rehearsed in zip(definitions, self._definitions, strict=True) if numbers_of(rehearsed)}
 
     def _pattern_of(self, definitions: Sequence[PartDefinition]) -> list[int]:
-        """Return which definitions are equal, including those expected by other parts: the index of the first one with the same text."""
+        """Return for each definition, including definitions that other parts expect, the index of the first definition with the same text.
+        """
         first: dict[str, int] = {}
         return [first.setdefault(text, place) for place, text in enumerate((*(one.text for one in definitions), *self._expected))]
 
@@ -219,7 +222,7 @@ class Exchange:
         return Exchanged(numbers=tuple(walk.numbers), names=names, assets={**self._others, **own})
 
     def _made(self, rehearsed: PartDefinition, numbers: Any) -> PartDefinition:
-        """Return a definition with other numbers."""
+        """Return a part definition with other numbers in the places of traced numbers."""
         if rehearsed.plain is not None and rehearsed.mirror is not None:
             return self._made(rehearsed.plain, numbers).mirrored(rehearsed.mirror)
         values = {name: next(numbers) if isinstance(value, Traced) else value for name, value in rehearsed.parameters}
@@ -233,7 +236,7 @@ TOKEN = "mesh "
 
 
 class _Walk:
-    """Walks through records in a fixed order.
+    """Visits the numbers of part records in a fixed order.
 
     Every number is replaced by the result of `number`; `rest` collects all other values that models depend on. `texts` are those of all
     definitions, which are replaced by their indices.
@@ -249,18 +252,18 @@ class _Walk:
         self.rest: list[Hashable] = []
 
     def slices(self, record: PartRecord) -> Any:
-        """Return the slicing results of a record, with other numbers."""
+        """Return the slicing results of a record with other numbers."""
         return self._in("slices", record)
 
     def through(self, record: PartRecord) -> PartRecord:
-        """Return a record with other numbers and meshes, without its slicing results."""
+        """Return a part record with other numbers and meshes, without its slicing results."""
         known = {name: getattr(record, name) for name in record.__struct_fields__ if name in _ASIDE}
         changed = {name: self._in(name, record) for name in record.__struct_fields__ if name not in known}
         self._record, self._mesh = self._record + 1, 0
         return PartRecord(**known, **changed)
 
     def _in(self, name: str, record: PartRecord) -> Any:
-        """Return a field of a record, with other numbers."""
+        """Return a field of a part record with other numbers."""
         self._plain = () if name in _MEASURED else _PLAIN
         return self._of(getattr(record, name))
 
@@ -295,12 +298,12 @@ class _Walk:
 
 
 def numbers_of(definition: PartDefinition) -> list[Traced]:
-    """Return the traced numbers of a definition."""
+    """Return the traced numbers in a part definition."""
     values: Sequence[tuple[str, Any]] = definition.parameters
     return [value for _, value in values if isinstance(value, Traced)]
 
 
 def _plain(definition: PartDefinition) -> PartDefinition:
-    """Return a definition with the values of traced numbers."""
+    """Return a part definition with each traced number replaced by its value."""
     plain = None if definition.plain is None else _plain(definition.plain)
     return replace(definition, parameters=tuple((name, value_of(one)) for name, one in definition.parameters), plain=plain)

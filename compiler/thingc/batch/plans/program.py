@@ -1,4 +1,4 @@
-"""Programs: the part of a tape that computes given outputs, as statements in order of computation."""
+"""Programs: the statements of a tape that compute given outputs, in order of computation."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from thingc.batch.plans.tape import OPERATORS, Const, Ref, Tape, Traced, lines_n
 
 Argument = Ref | Const
 Run = Callable[..., "tuple[float, ...] | None"]
-"""Maps values of the variables to values of the outputs; returns None if a guard fails."""
+"""A function that maps values of the variables to values of the outputs. It returns None if a guard fails."""
 
 
 def names(operations: Mapping[str, Callable[..., Any]] = {}) -> dict[str, Any]:
-    """Return the names that generated code can use: all operations that are known now, and `operations`."""
+    """Return the names that generated code can use: all registered operations, and `operations`."""
     return {"inf": numeric.inf, "nan": numeric.nan, "log": math.log, **numeric.OPERATIONS, **operations}
 
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """Computes the value with index `target` from other values and constants."""
+    """A statement that computes the value with index `target` from other values and constants."""
 
     target: int
     operation: str
@@ -32,7 +32,7 @@ class Operation:
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """A decision: the program applies only to values for which the operation returns `outcome`."""
+    """A guard of a program, which applies only to values for which the operation returns `outcome`."""
 
     operation: str
     arguments: tuple[Argument, ...]
@@ -41,7 +41,7 @@ class Guard:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Computes `outputs` from the values with the indices `variables`.
+    """A program that computes `outputs` from the variables of a tape.
 
     It repeats the operations of the passes on doubles in the same order, so its results are equal to the last bit.
     """
@@ -54,8 +54,8 @@ class Program:
 
     @cached_property
     def run(self) -> Run:
-        """The program as a function of the variables. It returns None, or raises `ArithmeticError` or `ValueError`, for values for which a
-        pass would decide otherwise or fail.
+        """The program as a function of the variables. For values for which a pass would decide differently or fail, the function returns
+        None or raises `ArithmeticError` or `ValueError`.
         """
         text = [f"def run({', '.join(f'v{index}' for index in self.variables)}):", *self.code]
         text.append(f" return ({''.join(f'{word(one)}, ' for one in self.outputs)})")
@@ -64,7 +64,7 @@ class Program:
 
     @property
     def code(self) -> list[str]:
-        """The statements as lines of the body of a Python function, which returns None if a guard fails."""
+        """The source lines of a Python function that executes the statements. The function returns None if a guard fails."""
         return [
             f" v{one.target} = {expression(one.operation, one.arguments)}" if isinstance(one, Operation)
             else f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None"
@@ -73,7 +73,7 @@ class Program:
 
     @cached_property
     def needed(self) -> frozenset[int]:
-        """The values that outputs depend on, computed by operations; guards may need others."""
+        """The values on which the outputs depend. Guards may depend on other values."""
         needed = {int(one) for one in self.outputs if isinstance(one, Ref)}
         for one in reversed(self.statements):
             if isinstance(one, Operation) and one.target in needed:
@@ -82,7 +82,7 @@ class Program:
 
 
 def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
-    """Return the program for `outputs` (numbers, traced or not), with all guards of the tape."""
+    """Create the program that computes `outputs` (numbers, traced or not), with all guards of the tape."""
     guards = list(dict.fromkeys((Guard(operation, arguments, outcome), at) for at, operation, arguments, outcome in tape.guards))
     results = tuple(Ref(one.line) if isinstance(one, Traced) else Const(one) for one in outputs)
     needed = lines_needed(tape, [*results, *(argument for one, _ in guards for argument in one.arguments)])
@@ -98,14 +98,14 @@ def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
 
 
 def function(name: str, lines: Sequence[str], operations: Mapping[str, Callable[..., Any]] = {}) -> Any:
-    """Return the function `name` of a generated source, which can use `names`."""
+    """Compile generated source code, and return its function `name`. The code can use `names`."""
     known = names(operations)
     exec("\n".join(lines), known)
     return known[name]
 
 
 def expression(operation: str, arguments: Sequence[Argument]) -> str:
-    """Return an operation as a Python expression."""
+    """Format an operation as a Python expression."""
     words = [word(one) for one in arguments]
     if operation in OPERATORS:
         return f"-{words[0]}" if len(words) == 1 else f"({words[0]} {operation} {words[1]})"
@@ -115,5 +115,5 @@ def expression(operation: str, arguments: Sequence[Argument]) -> str:
 
 
 def word(argument: Argument) -> str:
-    """Return an argument as a Python expression: the name of a value, or a constant."""
+    """Format an argument as a Python expression: the name of a value, or a constant."""
     return f"v{int(argument)}" if isinstance(argument, Ref) else f"({argument.text})"

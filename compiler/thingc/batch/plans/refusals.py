@@ -1,4 +1,6 @@
-"""Diagnostics of refused settings by plans: a refused compilation is traced up to its diagnostics, whose texts have slots for numbers."""
+"""Compute the diagnostics of refused settings by plans. A refused compilation is traced up to its diagnostics, whose texts have slots for
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -19,21 +21,21 @@ from thingc.driver.session import Session
 from thingc.driver.settings import ParsedSettings, SettingsReader
 
 CAUSES = 32
-"""Maximum number of causes with plans; the least recently used are dropped."""
+"""Maximum number of causes with plans. The least recently used plans are dropped."""
 PARTS = frozenset(code for code in Code if code.code.startswith("TC4"))
-"""Diagnostics of single parts."""
+"""Codes of diagnostics about a single part."""
 PATIENCE = 4
-"""Number of settings with the same cause to compile before a plan is made, since there may be many causes."""
+"""Number of refused settings with the same cause that are compiled before a plan is created."""
 CUT = " characters) ..."
 """Part of a text that was shortened, whose length must not depend on slots."""
 
 Diagnostics = tuple[Diagnostic, ...]
 Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], Hashable]
-"""Names and texts of settings, and the cause of their refusal."""
+"""A key of the cache: the names and texts of settings, and the cause of their refusal."""
 
 
 class Refusals:
-    """The diagnostics of compilations of the modes that fail, by plans.
+    """Computes the diagnostics of refused settings by plans.
 
     Each cause, which is a list of codes, locations and paths, has its own plans. `verify` is as in `ModelsOfMode`. `parts` is the number of
     part definitions of the last refused settings.
@@ -49,7 +51,9 @@ class Refusals:
         self._last: tuple[ParsedSettings, Diagnostics | None] | None = None
 
     def problems(self, read: ParsedSettings) -> Diagnostics | None:
-        """Return the diagnostics of settings if a plan shows that they are refused, otherwise None, which shows nothing."""
+        """Return the diagnostics of settings if a plan shows that the settings are refused. Otherwise, return None; the settings may still
+        be refused.
+        """
         if read.report is not None or not all(map(isfinite, read.values)):  # a compilation parses no such number
             return None
         if self._last is None or self._last[0] is not read:
@@ -61,7 +65,7 @@ class Refusals:
         return self.problems(read) is not None
 
     def learn(self, read: ParsedSettings, problems: Diagnostics) -> None:
-        """Take note of a compilation that failed; make a plan if its cause occurs again, unless it is a part, which is built every time."""
+        """Record a failed compilation. If its cause occurs again, create a plan, unless the cause is a part."""
         if not read.names or read.report is not None or any(one.code in PARTS and one.severity is Severity.ERROR for one in problems):
             return
         key = (read.names, read.texts, _cause(problems))
@@ -90,7 +94,8 @@ class Refusals:
     def _plan(
         self, read: ParsedSettings, problems: Diagnostics, form: PlanCache[DiagnosticsTemplate],
     ) -> NumericPlan[DiagnosticsTemplate] | None:
-        """Return a plan that gives the same diagnostics as compilations; None, with the reason in `form`, if there is none."""
+        """Create a plan that gives the same diagnostics as compilations. If this is impossible, return None and store the reason in `form`.
+        """
         if self._compiled(read) != problems:  # refused later, by MuJoCo or when it was written
             form.refused = "it is not refused by a compilation"
             return None
@@ -115,7 +120,7 @@ class Refusals:
 
 
 class DiagnosticsTemplate:
-    """Diagnostics with slots for the numbers of `numbers`, of a compilation with `parts` part definitions.
+    """Diagnostics with slots for numbers, from a compilation with `parts` part definitions.
 
     Raises `NotTraceable` if they contain other text that depends on numbers.
     """
@@ -134,7 +139,7 @@ class DiagnosticsTemplate:
         self.numbers = NumberSlots(rehearsal.tape, [name for one in self._templates.values() for name in one.slots])
 
     def diagnostics(self, outputs: Sequence[float]) -> Diagnostics:
-        """Return the diagnostics with these values of the numbers. Equal ones occur once, as in a report."""
+        """Return the diagnostics with these values of the numbers. Duplicates are omitted, as in a report."""
         words = self.numbers.words(outputs)
         texts = {text: template.fill(words) for text, template in self._templates.items()}
         return tuple(dict.fromkeys(_filled(one, texts) for one in self._all)) if texts else self._all
@@ -149,7 +154,7 @@ def _texts(one: Diagnostic) -> list[str]:
 
 
 def _filled(one: Diagnostic, texts: Mapping[str, str]) -> Diagnostic:
-    """Return a diagnostic with the texts in place of those with slots."""
+    """Return a diagnostic with the slots in its texts filled."""
     if not any(text in texts for text in _texts(one)):
         return one
     notes = tuple(replace(note, message=texts.get(note.message, note.message)) for note in one.notes)

@@ -1,4 +1,4 @@
-"""Searches on a tape: a search that iterates, as for closed loops and shared loads, is one operation: its steps depend on the numbers."""
+"""Record iterative searches, such as for closed loops, as single operations of a tape, because their steps depend on the numbers."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from thingc.model.resolve.coordinates import Dynamics
 from thingc.model.robot.loop_solver import Loops, SolverState
 
 SEARCHES = ("close_pose", "closest_failure", "balance")
-"""Names of functions of structures of numbers, called through the memo, that the tape repeats as they are."""
+"""Names of functions that are called through the memo and that the tape repeats as single operations."""
 
 KEPT = 32
-"""Number of results of a search to cache, since plans are tried again for the same numbers."""
+"""Number of cached results of a search, because plans are tried several times for the same numbers."""
 
 Numbers = Sequence[float]
 
 
 class SearchMemo(Memo):
-    """The memo of a traced compilation. A call of one of `SEARCHES` with traced numbers becomes one operation on `tape`.
+    """The memo of a traced compilation. A call of a function in `SEARCHES` with traced numbers is recorded as one operation on the tape.
 
     The operation raises `ValueError` if its result has another structure than the traced one (other than for its numbers), because the
     tape does not apply then.
@@ -38,7 +38,7 @@ class SearchMemo(Memo):
         self._tape = tape
 
     def __call__(self, place: Any, function: Callable[..., Any], *inputs: Any) -> Any:
-        """See `Memo`."""
+        """Return the result of a function, as `Memo` does, and record searches on the tape."""
         known = getattr(function, "__name__", "") in SEARCHES
         return super().__call__(place, partial(self._search, function) if known else function, *inputs)
 
@@ -72,7 +72,8 @@ class SearchMemo(Memo):
 
 
 def _builder(value: Any, numbers: list[Traced]) -> Callable[[Numbers], Any] | None:
-    """Return a function that returns the structure with other numbers in the places of traced ones, which are added to `numbers`.
+    """Return a function that rebuilds a structure with other numbers in the places of its traced numbers. The traced numbers are added to
+    `numbers`.
 
     None if there are none.
     """
@@ -103,12 +104,12 @@ def _builder(value: Any, numbers: list[Traced]) -> Callable[[Numbers], Any] | No
 
 
 def _like(value: Any, items: Iterable[Any]) -> Any:
-    """Return a list, tuple or named tuple like `value` with other items."""
+    """Return a list, tuple or named tuple of the same type as `value` with other items."""
     return getattr(type(value), "_make", type(value))(items)
 
 
 def _outside(inputs: Sequence[Any]) -> dict[str, Any]:
-    """Return the coordinates at the start of joints that do not move the closures, by path. Usually they are those of the result."""
+    """Return the start values of joints that do not move any loop closure, by path. They are usually unchanged in the result."""
     loops, start = (*inputs, None)[:2]
     return {path: start.q[path] for path in loops.outside} if isinstance(loops, Loops) and isinstance(start, SolverState) else {}
 
@@ -118,7 +119,7 @@ def _is_kept(path: Any, value: Any, outside: Mapping[str, float]) -> bool:
 
 
 def _structure(value: Any, outside: Mapping[str, float], numbers: list[float]) -> Any:
-    """Return a result without its floats, which are added to `numbers`, except those that are equal in `outside`."""
+    """Return the structure of a result without its floats. The floats are added to `numbers`, unless `outside` contains equal values."""
     if type(value) is float:
         numbers.append(value)
         return float
@@ -130,7 +131,9 @@ def _structure(value: Any, outside: Mapping[str, float], numbers: list[float]) -
 
 
 def _with_numbers(value: Any, outside: Mapping[str, float], traced: Mapping[str, Any], numbers: Iterator[Traced]) -> Any:
-    """Return a result with traced numbers in the places of its floats: those of `traced` for `outside`, then `numbers`, in order."""
+    """Return a result with traced numbers in the places of its floats: first those of `traced` for the joints in `outside`, then `numbers`
+    in order.
+    """
     change = partial(_with_numbers, outside=outside, traced=traced, numbers=numbers)
     if type(value) is float:
         return next(numbers)

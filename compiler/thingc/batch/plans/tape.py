@@ -1,4 +1,4 @@
-"""The tape: it records what passes compute with some numbers, to repeat it with others.
+"""The tape, which records the computations of passes with some numbers, so that they can be repeated with other numbers.
 
 A `Traced` replaces a number in the passes and has its value. What is computed from it, by operators and the functions of `base/numeric.py`,
 is another `Traced` with a line on the tape: the operation and its arguments. A decision (`if mass > 0`) is recorded as a *guard*: the tape
@@ -23,12 +23,14 @@ SLOT = re.compile("⟦(.*?)⟧")
 
 
 def slot(name: str) -> str:
-    """Return a slot, which `SLOT` matches."""
+    """Return the text of a slot for a number, which the pattern `SLOT` matches."""
     return f"⟦{name}⟧"
 
 
 class Tape:
-    """The lines, in the order of computation. A line is `(operation, arguments)`; arguments are constants, and `Ref`s to lines."""
+    """A tape of recorded operations in the order of computation. A line is `(operation, arguments)`, where arguments are constants or
+    `Ref`s to lines.
+    """
 
     def __init__(self) -> None:
         self.lines: list[tuple[str, tuple[Any, ...]]] = []
@@ -42,27 +44,27 @@ class Tape:
         self._known: dict[tuple[str, tuple[Any, ...]], int] = {}
 
     def variable(self, value: float, of: Sequence[Traced] = ()) -> Traced:
-        """Add a variable number. `of` are the numbers that it depends on through operations that are not on the tape."""
+        """Add a variable to the tape. `of` are the numbers on which the variable depends through operations that are not on the tape."""
         return self._line("variable", (Const(len(self.lines)), *map(_argument, of)), value)
 
     def copy(self) -> Tape:
-        """Return a copy of lines, values and guards."""
+        """Return a copy of the tape with its lines, values and guards."""
         made = Tape()
         made.lines, made.values, made.guards = list(self.lines), list(self.values), list(self.guards)
         made.operations = dict(self.operations)
         return made
 
     def apply(self, operation: str, arguments: Sequence[Number], value: Any) -> Traced:
-        """Add the line of an operation with the result `value`, unless there is an equal one."""
+        """Record an operation with the result `value`, unless the tape already contains an equal line."""
         return self._line(operation, tuple(map(_argument, arguments)), value)
 
     def guard(self, operation: str, arguments: Sequence[Number], outcome: bool) -> bool:
-        """Record a decision; return its outcome."""
+        """Record a decision as a guard, and return its outcome."""
         self.guards.append((len(self.lines), operation, tuple(map(_argument, arguments)), outcome))
         return outcome
 
     def pin(self, number: Traced) -> Any:
-        """Record that a pass uses the value itself: the tape applies to this value only."""
+        """Record that a pass uses the value of a number directly, so that the tape applies only to this value."""
         self.pinned.append(number)
         self.guards.append((len(self.lines), "==", (Ref(number.line), Const(number.value)), True))
         return number.value
@@ -78,7 +80,7 @@ class Tape:
 
 
 class Ref(int):
-    """The index of a line."""
+    """A reference to a line of the tape, by its index."""
 
     __slots__ = ()
 
@@ -90,7 +92,7 @@ class Ref(int):
 
 
 class Const:
-    """A constant. Zeros with different signs differ."""
+    """A constant on the tape. Zeros with different signs are different constants."""
 
     __slots__ = ("text", "value")
 
@@ -115,7 +117,7 @@ def value_of(number: Number) -> Any:
 
 
 class Traced(Recorded):
-    """A number on a tape. It is hashed by identity, and identity is compared first, so that caches keyed by it are never shared."""
+    """A number on a tape. It is hashed and compared by identity, so that different traced numbers never share a cache entry."""
 
     __slots__ = ("line", "tape", "value")
 
@@ -190,23 +192,23 @@ class Traced(Recorded):
         return self.slot(f":{form}") if self.tape.writing or self.tape.reporting else format(self.value, form)
 
     def operate(self, name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """Record a function as one line, without the decisions in it; a test is recorded as a guard."""
+        """Record a function call as one line of the tape, without the decisions inside the function. A test is recorded as a guard."""
         result = function(*map(value_of, arguments))
         if isinstance(result, bool):
             return self.tape.guard(name, arguments, result)
         return _items(self.tape.apply(name, arguments, result))
 
     def for_text(self) -> Any:
-        """Return the number if its texts have slots, otherwise its value, which needs no decisions."""
+        """Return the number if texts are recorded with slots, otherwise its value."""
         return self if self.tape.writing or self.tape.reporting else self.value
 
     def slot(self, form: str) -> str:
-        """Return the slot for the line."""
+        """Return the slot that represents this number in a text."""
         return slot(f"{self.line}:{form}")
 
 
 def _items(result: Traced) -> Any:
-    """Return the numbers of a result, in tuples like the result."""
+    """Return the traced numbers of a result, in tuples with the same structure as the result."""
     if not isinstance(result.value, tuple):
         return result
     return tuple(_items(result.tape.apply("item", (result, place), one)) for place, one in enumerate(result.value))
@@ -244,7 +246,7 @@ def variables_of(tape: Tape, number: Traced) -> list[int]:
 
 
 def lines_needed(tape: Tape, wanted: Sequence[Any]) -> set[int]:
-    """Return the indices of the lines that references depend on, theirs included; constants are ignored."""
+    """Return the indices of the lines on which references depend, including the lines of the references. Constants are ignored."""
     needed: set[int] = set()
     waiting = [int(one) for one in wanted if isinstance(one, Ref)]
     while waiting:

@@ -1,4 +1,4 @@
-"""Texts with slots for numbers."""
+"""Texts with slots that are filled with numbers."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from thingc.batch.plans.trace_compilation import NotTraceable
 
 
 class TextTemplate:
-    """A text with slots. `slots` are their distinct names."""
+    """A text with slots. `slots` contains the distinct names of the slots."""
 
     def __init__(self, text: str) -> None:
         self._pieces = SLOT.split(text)
         self.slots = list(dict.fromkeys(self._pieces[1::2]))
 
     def fill(self, words: Mapping[str, str]) -> str:
-        """Return the text with a word in each slot."""
+        """Fill each slot of the text with a word."""
         pieces = self._pieces.copy()
         pieces[1::2] = [words[name] for name in pieces[1::2]]
         return "".join(pieces)
 
 
 class NumberSlots:
-    """The slots for numbers of a tape.
+    """The slots in texts for numbers of a tape.
 
     `outputs` are these numbers, in the order of `names`. Raises `NotTraceable` for names of other slots.
     """
@@ -42,7 +42,7 @@ class NumberSlots:
             self._formatters.append(FORMATTERS[form] if form in FORMATTERS else partial(_formatted, form[1:]))
 
     def words(self, values: Sequence[float]) -> dict[str, str]:
-        """Format these values of `outputs`; return the words by slot."""
+        """Format the values of `outputs`, and return the formatted words by slot."""
         return {name: write(value) for name, write, value in zip(self.names, self._formatters, values, strict=True)}
 
 

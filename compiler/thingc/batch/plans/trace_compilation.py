@@ -1,4 +1,4 @@
-"""Trace one compilation: record on a tape how the numbers of a document affect a model."""
+"""Trace a compilation: record on a tape how a model depends on the numbers of a document."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from thingc.targets.mjcf.emit import sources as model_sources
 
 
 class NotTraceable(Exception):
-    """A number cannot be traced.
+    """Raised if a number cannot be traced.
 
     `names` are the settings that it comes from (empty: unknown), `why` is the reason. `modelled`: a part depends on it. `unused`: no pass
     uses it.
@@ -42,7 +42,7 @@ class NotTraceable(Exception):
 
 
 class TraceResult(FrozenStruct):
-    """The result of tracing.
+    """The result of a traced compilation.
 
     `made` is computed from the compilation, and may contain traced numbers. `names` are the names of the variables, in order (those of
     records follow). `parts` is None unless parts depend on traced numbers.
@@ -59,7 +59,8 @@ def trace_compilation(
     make: Callable[[Compilation, Tape], Any], exact: Collection[str] = (), *,
     refused: bool = False,
 ) -> TraceResult:
-    """Compile modes (none: all) with `numbers` traced and other `texts` unchanged, both by parameter or path; return the result of `make`.
+    """Compile modes (none: all) and trace `numbers`, while `texts` are set unchanged. Both are given by parameter or path. Return the
+    result of `make`.
 
     Parts may depend on numbers in `exact`. If `refused`, the compilation may fail, and its diagnostics have slots for numbers. Raises
     `NotTraceable`.
@@ -100,7 +101,7 @@ WrittenModel = tuple[str, Mapping[str, StoredArtifact]]
 
 
 def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilation, Tape], WrittenModel]:
-    """Return a function for `trace_compilation` that writes the model of a mode."""
+    """Return a function that writes the model of a mode, for use with `trace_compilation`."""
 
     def make(compilation: Compilation, tape: Tape) -> WrittenModel:
         request = replace(pipeline.request_of(session.environment, compilation, verify=False), memo=Memo())
@@ -115,7 +116,7 @@ def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilatio
 
 
 def pinned(rehearsal: TraceResult) -> list[str]:
-    """Return the settings whose very value a pass has used."""
+    """Return the settings whose values were used directly by a pass, so that the tape applies only to these values."""
     names: dict[str, None] = {}
     for number in rehearsal.tape.pinned:
         names.update(dict.fromkeys(_names(rehearsal.tape, rehearsal.names, number)))
@@ -127,7 +128,7 @@ def _names(tape: Tape, names: Sequence[str], number: Traced) -> list[str]:
 
 
 class _Quantities(dict[str, Quantity]):
-    """Traced numbers by parameter or path. `used` are those that were looked up."""
+    """The traced numbers, by parameter or path. `used` contains the names that were looked up."""
 
     def __init__(self, numbers: Mapping[str, Quantity]) -> None:
         super().__init__(numbers)
@@ -140,7 +141,7 @@ class _Quantities(dict[str, Quantity]):
 
 
 def _with_parameters(session: Session, numbers: Mapping[str, Quantity]) -> Sources:
-    """Return the documents with other values of parameters."""
+    """Return the documents with other default values of parameters."""
     own = session.sources
     assert own is not None
     relative = own.documents.root.relative

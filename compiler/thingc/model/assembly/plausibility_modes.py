@@ -70,7 +70,7 @@ def _check_gravity(modes: Sequence[Mode], findings: LinkReport) -> None:
             findings.warn(
                 Code.GRAVITY_UP, f"gravity points up ({z:.6g} m/s^2): loose objects fall away from the floor", mode.gravity_origin,
                 path=mode.name, help="write `gravity: floor` for -9.81 m/s^2 along z, and `gravity: ceiling` for a robot that hangs "
-                f"from one; {allow_hint(Code.GRAVITY_UP)}",
+                f"from a ceiling; {allow_hint(Code.GRAVITY_UP)}",
             )
 
 

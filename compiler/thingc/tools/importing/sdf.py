@@ -50,7 +50,7 @@ class Includes:
                 except NotFound as fault:
                     uri = self.values.place(child, "uri")
                     if element.tag == "world":  # the included model may be the sun or the ground
-                        self.report.warn(Code.SOURCE_DOUBT, f"this is not imported: {fault}", uri, help="remove the included model if it is scenery")
+                        self.report.warn(Code.SOURCE_DOUBT, f"this is not imported: {fault}", uri, help="remove it if it is scenery")
                     else:
                         self.report.add(Code.SOURCE_FILE, str(fault), uri, help=fault.help)
             elif child.tag in ("world", "model"):
