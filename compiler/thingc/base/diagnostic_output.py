@@ -1,4 +1,4 @@
-"""Diagnostics as text with code frames, and as JSON (`--format json`). The formats of GitHub and SARIF are in `reporting`."""
+"""Format diagnostics as text with source lines, and as JSON (`--format json`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Diagnostics: a fixed set of codes. Each diagnostic has a location, a message and a help text.
+"""Diagnostics, each with a code, a location, a message and a help text.
 
 Passes never raise exceptions for bad input. They add diagnostics to a `Report`, so that one run reports all errors.
 """
@@ -28,7 +28,7 @@ class Severity(str, Enum):
 
 
 class Stage(str, Enum):
-    """The command that reports all warnings of a code if it succeeds."""
+    """The command that reports all warnings with a certain code."""
 
     CHECK = "check"
     BUILD = "build"
@@ -288,7 +288,8 @@ def noted(message: str, origin: Origin) -> tuple[Note, ...]:
 
 
 class Diagnostic(OneLineRepr, FrozenStruct):
-    """A diagnostic.
+    """A diagnostic: an error, a warning or a note about a document, a part or the command line.
+
 
     `path` is the key path in the document, or the path of the occurrence or joint. `detail` (such as the traceback of a part) is shown only
     with `--debug`. `fixes` are unambiguous edits for `thingc check --fix`. `Diagnostic` shortens `message` and `help` for all output

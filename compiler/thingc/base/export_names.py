@@ -1,4 +1,4 @@
-"""Names in exported files: the types of fields with paths that `names:` can rename in exported files, and the rules for valid names.
+"""The types of fields with paths that `names:` can rename in exported files, and the rules for names in these files.
 
 The type of such a field specifies what the path refers to, for `targets/custom_names.py`. Type checkers treat it as `str`.
 """

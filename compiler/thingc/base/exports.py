@@ -1,4 +1,4 @@
-"""Public names of a package whose modules are imported lazily (PEP 562)."""
+"""Export the public names of a package whose modules are imported lazily (PEP 562)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def exported(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the module-level `__getattr__` of a package.
+    """Return a module-level `__getattr__` for a package, which imports a module when one of its names is first used.
 
     `modules` maps public names to modules of the package. `xml:number` means that the object has the name `number` in the module `xml`.
     Other names raise `AttributeError`.

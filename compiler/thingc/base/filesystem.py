@@ -17,11 +17,11 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class NotARegularFile(OSError):
-    """The path is not a regular file. It is a pipe, which would block, or a device."""
+    """Raised if a path is not a regular file, but for example a device or a pipe, which would block."""
 
 
 class BadPath(OSError, ValueError):
-    """A path that was read from a file is not safe to use. The message contains the reason."""
+    """Raised if a path that was read from a file is not safe to use. The message contains the reason."""
 
 
 def hash_name(text: str, digits: int = 64) -> str:

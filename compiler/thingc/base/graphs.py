@@ -1,4 +1,4 @@
-"""Cycles in graphs, and disjoint sets."""
+"""Find cycles in graphs, and compute disjoint sets."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ T = TypeVar("T", bound=Hashable)
 
 
 def find_cycles(starts: Iterable[T], after: Callable[[T], T | None]) -> Iterator[list[T]]:
-    """Yield every cycle once. The first member is the member that the search reaches first.
+    """Yield every cycle of a graph once, starting at the member that the search reaches first.
 
     `after` returns the successor of a member, or None.
     """

@@ -17,7 +17,7 @@ ZERO: Matrix = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
-    """Mass properties of a rigid body in some frame: mass [kg], centre of mass [m], inertia [kg m^2] about the centre, frame axes."""
+    """The mass properties of a rigid body: mass [kg], centre of mass [m], and inertia [kg m^2] about the centre, in the axes of a frame."""
 
     mass: float
     centre: Vector = (0.0, 0.0, 0.0)
@@ -52,7 +52,7 @@ class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
 
 
 def total(bodies: Iterable[MassProperties]) -> MassProperties:
-    """Combine bodies in one frame: masses are added, and inertias are moved to the common centre and added."""
+    """Return the mass properties of several bodies together, all in the same frame."""
     parts = list(bodies)
     mass = numeric.fsum(body.mass for body in parts)
     if mass > 0.0:

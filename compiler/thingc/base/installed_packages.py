@@ -26,7 +26,7 @@ _PYTHONS_OWN = (importlib.machinery.PathFinder, importlib.machinery.BuiltinImpor
 
 
 def specification_of(name: str) -> importlib.machinery.ModuleSpec | None:
-    """Return the spec of a top-level module of the environment, or None. The search also uses the finders of editable packages."""
+    """Return the import spec of an installed top-level module, or None. Editable packages are also found."""
     specification = importlib.machinery.PathFinder.find_spec(name, list(import_path()))
     if specification is None or specification.origin is None and specification.submodule_search_locations:
         for finder in sys.meta_path:

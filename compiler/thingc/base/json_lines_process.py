@@ -1,4 +1,4 @@
-"""Child processes that exchange lines of JSON: workers that build parts, runners of batches, and the renderer of a batch's pictures."""
+"""Start child processes that exchange lines of JSON, such as workers that build parts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Lines = queue.SimpleQueue["tuple[JsonLinesProcess, Any]"]
 
 
 class ProcessLost(Exception):
-    """A process died, or does not answer (`hung`). `words` describes the cause."""
+    """Raised if a process has died or does not answer (`hung`). `words` describes the cause."""
 
     def __init__(self, words: str, *, hung: bool = False) -> None:
         super().__init__(words)
@@ -60,14 +60,16 @@ class JsonLinesProcess:
         return self._process.pid
 
     def ask(self, value: Any) -> None:
-        """Send a value as a line. Ignore a broken pipe."""
+        """Send a value to the process as a line of JSON. A broken pipe is ignored."""
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):  # `answer` reports the death of the process
             self._process.stdin.write(json.dumps(value, separators=(",", ":")).encode() + b"\n")
             self._process.stdin.flush()
 
     def answer(self, timeout: float) -> Any:
-        """Return the next value, after at most `timeout` [s]. Raises `ProcessLost` if the process dies or times out; then call `close`."""
+        """Return the next value that the process sends. Raises `ProcessLost` if the process dies or does not answer within `timeout` [s];
+        then call `close`.
+        """
         try:
             _, said = self._lines.get(timeout=timeout)
         except queue.Empty:

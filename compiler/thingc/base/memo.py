@@ -35,7 +35,7 @@ class Memo:
         return answer
 
     def apart(self) -> Memo:
-        """Return an empty memo for results that are valid only in one run."""
+        """Return a separate empty memo for results that are valid only in one run."""
         return Memo()
 
     def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
@@ -44,7 +44,7 @@ class Memo:
         return known[1] if known is not None and known[0] == inputs else None
 
     def keep(self, place: Hashable, inputs: tuple[Any, ...], answer: Any) -> None:
-        """Store a result."""
+        """Store a result with the inputs from which it was computed."""
         if len(self._kept) >= PLACES:
             self._kept.clear()
         self._kept[place] = (inputs, answer)

@@ -31,12 +31,12 @@ class Recorded:
         raise NotImplementedError
 
     def for_text(self) -> Any:
-        """Return the number if texts are recorded, otherwise its value."""
+        """Return this number if texts are recorded with placeholders, otherwise its value."""
         raise NotImplementedError
 
 
 def for_text(value: float) -> float:
-    """Return a number for a text: the value of a recorded number, if its texts are not recorded."""
+    """Return a number for use in a text. If texts are not recorded, return the value of a recorded number."""
     return cast("float", value.for_text()) if isinstance(value, Recorded) else value
 
 
@@ -108,7 +108,7 @@ def sum_of(values: Iterable[float]) -> float:
 
 
 def fsum(values: Iterable[float]) -> float:
-    """Return the sum, rounded once."""
+    """Return the sum of floats, rounded once."""
     return _fsum(*values)
 
 

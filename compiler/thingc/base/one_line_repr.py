@@ -53,7 +53,7 @@ def _line(self: Any) -> str:
 
 
 def _called(value: object) -> str | None:
-    """Return the name of an object, or None."""
+    """Return the name of an object for its representation, or None."""
     names = (getattr(value, attribute, None) for attribute in ("name", "path", "text", "code"))
     return next((one for one in names if isinstance(one, str) and one), None)
 

@@ -1,4 +1,4 @@
-"""Rigid poses in pure Python: `X_AB` is the pose of frame B in frame A, and `X_AC = X_AB @ X_BC`.
+"""Compute with rigid poses in pure Python. `X_AB` is the pose of frame B in frame A, and `X_AC = X_AB @ X_BC`.
 
 Values are tuples of floats, because importing numpy would slow down `check`. Lengths are in metres, angles in radians.
 """
@@ -35,7 +35,7 @@ def transpose(a: Matrix) -> Matrix:
 
 
 def dot(a: Vector, b: Vector) -> float:
-    """Return the scalar product."""
+    """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -195,7 +195,7 @@ def turned_z(angle: float) -> Pose:
 
 
 def shifted(x: float, y: float, z: float) -> Pose:
-    """Return a translation [m]."""
+    """Return the pose of a frame that is translated [m] without rotation."""
     return Pose(translation=(x, y, z))
 
 
@@ -263,7 +263,7 @@ class Mirror:
         return (a, b, c)
 
     def mount(self, pose: Pose) -> Pose:
-        """Reflect a mount: origin, x and z are reflected. y is `z x x`, the reversed image of y, which keeps the frame right-handed."""
+        """Reflect a mount: origin, x and z are reflected, and y is chosen so that the frame stays right-handed."""
         x, y, z = (self.vector(column) for column in zip(*pose.rotation, strict=True))
         a, b, c = ((x[k], -y[k] + 0.0, z[k]) for k in range(3))
         return Pose(rotation=(a, b, c), translation=self.vector(pose.translation))

@@ -22,7 +22,7 @@ Commands that replace files hold the lock for less time than these attempts take
 
 
 class ReplacementRefused(Exception):
-    """The files were not replaced. `diagnostic` contains the reason."""
+    """Raised if files could not be replaced. `diagnostic` contains the reason."""
 
     def __init__(self, message: str, help: Hint | None = None) -> None:
         super().__init__(message)
@@ -60,7 +60,7 @@ def replace_files(changes: Mapping[str, Change]) -> None:
 
 @contextlib.contextmanager
 def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, Change]], None]]:
-    """Write temporary contents, and create the necessary folders, in order to check other files.
+    """Write contents temporarily, so that other files can be checked with them.
 
     On exit, the old contents are restored, except in files that have changed in the meantime. The yielded callback also replaces the other
     files. After a call of the callback, the old contents are not restored. The function and the callback raise `ReplacementRefused`.

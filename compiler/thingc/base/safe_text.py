@@ -53,7 +53,7 @@ def some(words: Sequence[str], most: int, *, between: str = ", ") -> str:
 
 
 def quoted(names: Sequence[str], most: int) -> str:
-    """Join the first `most` names in backquotes, as `some` does."""
+    """Join the first `most` names in backquotes, followed by the number of the remaining names."""
     return some([f"`{name}`" for name in names], most)
 
 

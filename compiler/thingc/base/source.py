@@ -1,4 +1,4 @@
-"""Positions in documents: spans, origins and the node tree that `load` produces.
+"""Positions in documents, and the tree of nodes into which a document is parsed.
 
 All values of documents contain their position. A `Span` is one location. An `Origin` is the chain of locations that created an element,
 innermost first: the component, then the line of the parent document that nests it, and so on.
@@ -19,7 +19,7 @@ Plain = Union[Scalar, list["Plain"], dict[str, "Plain"]]
 
 
 class Span(FrozenStruct):
-    """A range in a file. `file` is an absolute path. Lines and columns count from 1; the end is exclusive."""
+    """A range of characters in a file, which is given by an absolute path. Lines and columns count from 1; the end is exclusive."""
 
     file: str
     line: int
@@ -28,7 +28,7 @@ class Span(FrozenStruct):
     end_column: int
 
     def holds(self, other: Span) -> bool:
-        """Return whether another span is inside this one."""
+        """Return whether another span is inside this span."""
         return (
             self.file == other.file and (self.line, self.column) <= (other.line, other.column)
             and (other.end_line, other.end_column) <= (self.end_line, self.end_column)
@@ -56,7 +56,9 @@ def line_of(file: str, line: int = 1) -> Span:
 
 
 Origin = tuple[Span, ...]
-"""A chain of spans that created an element, innermost first. The origin of an element of a document is never empty."""
+"""The origin of an element: the spans in nested documents that created the element, innermost first. The origin of an element of a document
+is never empty.
+"""
 
 
 class Edit(FrozenStruct):
@@ -68,7 +70,7 @@ class Edit(FrozenStruct):
 
 
 class ScalarNode(FrozenStruct):
-    """A leaf: its typed value (YAML 1.2 core schema or TOML), its source text, and its span.
+    """A scalar in a document: its typed value (YAML 1.2 core schema or TOML), its source text, and its span.
 
     `damaged` means that the value replaces an invalid value (a number that is not finite) that has been reported.
     """
@@ -91,7 +93,7 @@ def text_of(node: Node | None) -> str:
 
 
 class SequenceNode(FrozenStruct):
-    """A list with its span."""
+    """A list in a document, with its span."""
 
     items: tuple[Node, ...]
     span: Span
@@ -106,7 +108,7 @@ class SequenceNode(FrozenStruct):
 
 
 class MappingNode(FrozenStruct):
-    """A mapping with its span. `entries` is in document order, and `keys` contains the span of every key.
+    """A mapping in a document, with its span. `entries` is in document order, and `keys` contains the span of every key.
 
     `damaged` means that the mapping has an invalid key that has been reported, so its intended content is unknown. `again` contains other
     places of the keys, because TOML repeats keys in the headers of subtables.

@@ -35,7 +35,7 @@ def _is_slip(name: str, candidate: str) -> bool:
 
 
 class Suggestion(FrozenStruct, kw_only=False):
-    """A hint with its text. For an unambiguous hint, `fix` is (written, replacement), which `Report.add` adds to the diagnostic."""
+    """A hint for a diagnostic. For an unambiguous hint, `fix` is the pair (written, replacement) for an automatic fix."""
 
     text: str
     fix: tuple[str, str] | None = None

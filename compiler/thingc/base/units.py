@@ -22,7 +22,7 @@ Exponent = Union[int, "Fraction"]
 
 
 class UnitError(ValueError):
-    """The error for a string that is not a quantity, or that has the wrong physical dimension.
+    """Raised if a string is not a quantity, or has the wrong physical dimension.
 
     `kind` is `unit` (a unit is missing or unknown), `dimension` (another dimension is expected) or `quantity` (any other error). `offset`
     and `end` are the range of invalid characters in the string, or None if the whole string is invalid.
@@ -91,7 +91,7 @@ class Dimension(FrozenStruct, kw_only=False):
 
 
 def _whole(exponent: Exponent) -> Exponent:
-    """Convert a fraction with denominator 1 to an integer."""
+    """Convert a fraction to an integer if its denominator is 1."""
     return exponent.numerator if exponent.denominator == 1 else exponent
 
 
@@ -226,7 +226,7 @@ MAX_FACTORS = 12
 
 
 def exact(number: str) -> tuple[int, int]:
-    """Return a decimal number as numerator and denominator.
+    """Return the exact value of a decimal number as numerator and denominator.
 
     Raises UnitError (`quantity`) if the number exceeds the range of a double (a power of ten above 400).
     """

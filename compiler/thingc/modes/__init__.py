@@ -1,4 +1,4 @@
-"""Switch modes at run time: convert the state of a robot with one root to the state of the same robot with another root.
+"""Switch modes at run time: convert the state of a robot in one mode to the state of the same robot in another mode.
 
     from thingc.modes import Modes
 

@@ -31,7 +31,7 @@ class Addresses:
         self._count = len(mode.coordinates)
 
     def read(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-        """Return q and v of all coordinates. Those that are not in the tree are 0."""
+        """Read the positions and velocities of all coordinates. Coordinates that are not in the tree are 0."""
         q, v = np.zeros(self._count), np.zeros(self._count)
         rows, positions, speeds = self._read
         q[rows], v[rows] = qpos[positions], qvel[speeds]
@@ -40,7 +40,7 @@ class Addresses:
         return q, v
 
     def write(self, q: Array, v: Array, qpos: Any, qvel: Any) -> None:
-        """Write q and v to `qpos` and `qvel`."""
+        """Write the positions and velocities of coordinates to `qpos` and `qvel`."""
         rows, positions, speeds = self._write
         qpos[positions], qvel[speeds] = self._ratio * q[rows], self._ratio * v[rows]
         for ball, own, at, moving in self._balls:

@@ -1,4 +1,4 @@
-"""Coordinates of joints outside the tree of a mode, computed from the poses and twists of the two ends."""
+"""Compute the coordinates of joints outside the tree of a mode from the poses and twists of their two ends."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def coordinates(cut: Cut, X_AB: Array, usual: Array, xp: Any = np, steps: int = 
 
 
 def usual(mode: Mode, cut: Cut) -> Array:
-    """Return the values of the joint's coordinates in the first pose of the mode."""
+    """Return the coordinates of a cut joint in the first pose of the mode."""
     first: Mapping[str, float] = next(iter(mode.named.values()), {})
     return np.array([first.get(name, 0.0) for name in cut.coordinates])
 

@@ -1,4 +1,4 @@
-"""Exceptions of this package."""
+"""The exceptions of the package `thingc.modes`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from thingc.modes.frames import Array
 
 
 class ModesError(ValueError):
-    """Base class of the exceptions of this package."""
+    """The base class of all exceptions of the package `thingc.modes`."""
 
 
 class UnknownMode(ModesError, KeyError):

@@ -1,4 +1,4 @@
-"""Perfectly inelastic impact: compute the velocity of a robot after the held links of a mode stop instantly."""
+"""Compute the velocity of a robot after a perfectly inelastic impact, in which the held links of a mode stop instantly."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RANK = 1e-10
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Impact(OneLineRepr):
-    """The effect of a switch on a held link.
+    """The effect of a mode switch on a held link.
 
     Attributes:
         removed: The removed twist (6,) [m/s, rad/s]. If the hold allows rotation about the mount, this array contains the velocity of the
@@ -82,7 +82,7 @@ def stop(mode: Mode, state: State, inertias: Inertias, xp: Any, **newton: int) -
 
 
 def _impulses(mode: Mode, change: Array, moves: Array, mimics: Array, more: list[Array], xp: Any) -> tuple[Array, list[Array]]:
-    """Return the impulse on the root link, and those on the other holds as in their constraints, for a change of momentum."""
+    """Return the impulses on the root link and at the other holds for a change of momentum."""
     if not more:
         return change[:6], []
     stays = np.eye(6) - (moves @ xp.linalg.solve(moves.T @ moves, moves.T) if moves.shape[1] else np.zeros((6, 6)))

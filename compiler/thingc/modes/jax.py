@@ -1,4 +1,4 @@
-"""Mode switches in JAX, fit for `jit`, `vmap` and `grad` (`pip install thingc[jax]`).
+"""Switch modes in JAX, for use with `jit`, `vmap` and `grad` (`pip install thingc[jax]`).
 
     from thingc.modes.jax import State, switch
 

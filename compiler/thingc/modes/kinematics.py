@@ -1,4 +1,4 @@
-"""Kinematics and mass matrix of a mode's tree in arrays, with numpy or JAX.
+"""Compute the kinematics and the mass matrix of a mode's tree in arrays, with numpy or JAX.
 
 A *frame* is the pose of a link, or the frame between two coordinates of one joint: frame 0 is the root link, and coordinate k moves frame
 k + 1. The argument `xp` of methods is `numpy` or `jax.numpy`.

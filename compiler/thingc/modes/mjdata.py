@@ -32,7 +32,7 @@ RESULTS = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelMap:
-    """Where a model has the links and coordinates of a mode.
+    """The indices of the links and coordinates of a mode in a MuJoCo model.
 
     Attributes:
         addresses: The coordinates of joints.
@@ -52,7 +52,7 @@ class ModelMap:
 
 
 def map_model(mode: Mode, model: Any) -> ModelMap:
-    """Return the map of a model of `mode`.
+    """Create the `ModelMap` of a MuJoCo model of `mode`.
 
     Raises `WrongData` if the model differs from the mode in its links, their parents, its base, or the poses of links, joints or mounts.
     """
@@ -61,7 +61,7 @@ def map_model(mode: Mode, model: Any) -> ModelMap:
 
 
 def _cached(make: Callable[[Mode, Any], Any], mode: Mode, model: Any) -> Any:
-    """Return `make(mode, model)`, from the cache for a model with the same structure: most calls use the same models."""
+    """Return `make(mode, model)`, or its cached result for a model with the same structure."""
     key = tuple([model.names if name == "names" else getattr(model, name).tobytes() for name in STRUCTURE])
     results = _results(make, mode)
     if key not in results:
@@ -104,7 +104,7 @@ def _new_map(mode: Mode, model: Any) -> ModelMap:
 
 
 def check(mode: Mode, model: Any) -> None:
-    """Check that `model` is one of `mode`.
+    """Check that a MuJoCo model belongs to a mode.
 
     Raises `WrongData` if the model differs from the mode in its links, their parents, its base, or the poses of links, joints or mounts.
     """
@@ -150,7 +150,7 @@ def _link_above(model: Any, body: int, links: Collection[int]) -> int:
 
 
 def read_state(mode: Mode, found: ModelMap, data: Any) -> State:
-    """Return the state in `data`. Raises `ModesError` for numbers that are not finite.
+    """Read the state of a mode from `data`. Raises `ModesError` for numbers that are not finite.
 
     The pose of a fixed base is read from the model. The twist of a fixed or held base is zero.
     """
@@ -187,7 +187,7 @@ def write_state(mode: Mode, state: State, found: ModelMap, data: Any) -> None:
 
 
 def carry(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any, target: Any) -> tuple[str, ...]:
-    """Copy the values that a switch preserves besides the motion to `target`. Return the actuators that only `target` has.
+    """Copy values other than the motion, such as controls, from one mode to `target`. Return the actuators that only `target` has.
 
     These values are the time, the controls and activations by actuator, and the joint accelerations for the solver's warm start. The
     controls of the returned actuators do not change.

@@ -1,4 +1,4 @@
-"""Parse `modes.json`."""
+"""Parse the file `modes.json`."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from thingc.modes.frames import Array, cross, inverse, pose, quaternion_of, rota
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PartBase(OneLineRepr):
-    """Mobility of the root link. `kind` is `planar` or `ball`. The module defines `X_WA` and `X0_WR` (4, 4)."""
+    """A base with partial mobility of the root link. `kind` is `planar` or `ball`. The module defines `X_WA` and `X0_WR` (4, 4)."""
 
     kind: Literal["planar", "ball"]
     X_WA: Array

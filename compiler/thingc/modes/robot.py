@@ -1,4 +1,4 @@
-"""All modes of a robot, and methods to switch between them."""
+"""The modes of a robot, and methods to switch between them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CHOICES: tuple[OnMotion, ...] = get_args(OnMotion)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SwitchResult(OneLineRepr):
-    """The result of a switch.
+    """The result of a mode switch.
 
     Attributes:
         state: The state in the new mode.
@@ -148,7 +148,7 @@ class Modes(Mapping[str, Mode]):
 
 
 def _placed(state: State, mode: Mode, data: Any, tolerance: float) -> State:
-    """Return the state with a base pose that `mode` allows.
+    """Return the state with its base at a pose that `mode` allows.
 
     The pose of a fixed base is read from the model of `data` if given, else from the build. Raises `BaseElsewhere` if the base, or another
     hold of a fixed base, is too far from a pose that the mode allows.

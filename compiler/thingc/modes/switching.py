@@ -1,4 +1,4 @@
-"""Switches between modes in arrays, with numpy or JAX (`xp`)."""
+"""Switch between modes in arrays, with numpy or JAX (`xp`)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _gathered(mode: Mode) -> Array:
 
 
 def _across(mode: Mode, cut: Cut, poses: Array, twists: Array, xp: Any, newton: dict[str, int]) -> tuple[Array, Array]:
-    """Return (q, v) of a cut joint from the motion of its ends. Angles differ from the mode's first pose by at most half a turn."""
+    """Compute (q, v) of a cut joint from the motion of its ends. Angles differ from the mode's first pose by at most half a turn."""
     X_WA, X_WB = poses[cut.parent] @ cut.X_PA, poses[cut.child] @ cut.X_CB
     q = coordinates(cut, inverse(X_WA, xp) @ X_WB, usual(mode, cut), xp, **newton)
     ends = []

@@ -50,7 +50,7 @@ class Ball(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Inertias(OneLineRepr):
-    """Inertias of n links and of m joints.
+    """The inertias of n links, and the armatures of m joints.
 
     The fields of links are `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, and `inertia` (n, 3, 3) [kg m^2] about the centre in
     the link's axes. The field of joints is `armature` (m,) [kg m^2; kg for slides], the reflected inertia of the rotor.
@@ -281,7 +281,7 @@ class Mode(OneLineRepr):
         return self._values(state)[1]
 
     def arrays(self, state: RobotState) -> State:
-        """Return a state of this mode in arrays, with joints that the mode cuts at 0."""
+        """Convert a state of this mode to arrays, with joints that the mode cuts at 0."""
         if state.mode != self.name:
             raise ModesError(f"expected a state of mode `{self.name}`, found one of mode `{state.mode}`: `switch` it first")
         for what, values in (("q", state.q), ("v", state.v)):
@@ -292,7 +292,7 @@ class Mode(OneLineRepr):
         return State(state.base_pose, state.base_twist, q, v)
 
     def robot_state(self, state: State) -> RobotState:
-        """Return a state in arrays as a state of this mode."""
+        """Convert a state in arrays to a state of this mode by joint path."""
         q, v = (dict(zip(self.coordinates, np.asarray(values).tolist(), strict=True)) for values in (state.q, state.v))
         return RobotState(
             mode=self.name, base_pose=np.asarray(state.base), base_twist=np.asarray(state.twist),

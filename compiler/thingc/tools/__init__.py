@@ -1,1 +1,1 @@
-"""Commands, the language server, importers and reports."""
+"""The commands of thingc, its language server, importers of other formats, and reports."""

@@ -1,1 +1,1 @@
-"""Kinds of joints: the twists of their coordinates and the limits that they accept."""
+"""The kinds of joints, with the twists of their coordinates and the limits that they accept."""

@@ -43,7 +43,7 @@ class JointKind(FrozenStruct):
 
     @property
     def axial(self) -> bool:
-        """Whether all motions are about z or along z, so that another axis can replace z."""
+        """Whether all motions of the joint are about or along z, so that another axis can replace z."""
         return self.moves and all(one.axis == Z for one in self.twists)
 
     def about(self, axis: Vector, lead: float = 0.0) -> tuple[Twist, ...]:

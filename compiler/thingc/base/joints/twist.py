@@ -1,4 +1,4 @@
-"""Twists: the motion of one coordinate of a joint, and the physical dimensions of its values.
+"""Twists, which describe the motion of a joint coordinate, and the physical dimensions of its values.
 
 By Chasles' theorem any rigid motion of one coordinate at a constant rate is a rotation about a line with a translation along it. One type
 therefore covers revolute, prismatic and screw joints. For the exponential and changes of frame see Lynch and Park, Modern Robotics, 2017,
@@ -55,7 +55,7 @@ NONE: Vector = (0.0, 0.0, 0.0)
 
 
 class Twist(FrozenStruct, kw_only=False):
-    """A motion per unit of q, in some frame.
+    """A twist: the motion of a joint coordinate per unit of q, in some frame.
 
     The motion is a rotation by `angular` (a unit vector, or 0 for a pure translation), while the point `anchor` [m] on the axis moves by
     `linear` (parallel to the axis; a unit vector for a pure translation).
@@ -67,7 +67,7 @@ class Twist(FrozenStruct, kw_only=False):
 
     @property
     def core(self) -> Literal["hinge", "slide"]:
-        """The type of joint in targets: `hinge` about an axis, or `slide` along it."""
+        """The type of the motion: a `hinge` rotates about an axis, and a `slide` moves along an axis."""
         return "hinge" if self.angular != NONE else "slide"
 
     @property

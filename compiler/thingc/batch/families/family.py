@@ -396,8 +396,7 @@ class RobotFamily:
         return self._evaluations[key]
 
     def _check_tests(self, names: Sequence[str], *, alone: bool) -> None:
-        """Raise `FamilyError` for tests whose result is not differentiable, and for tests that are requested together with other results
-        unless `alone` is False.
+        """Raise `FamilyError` for tests whose result is not differentiable and, unless `alone` is True, for any test.
         """
         for name in names:
             if name not in self._spec.tests:

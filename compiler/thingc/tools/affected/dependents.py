@@ -34,7 +34,7 @@ class AffectedDocuments(FrozenStruct):
 
 
 class _Needs(FrozenStruct, kw_only=False):
-    """The dependencies of a document. All paths are resolved. The files do not have to exist.
+    """The files and parts on which a document depends. All paths are resolved. The files do not have to exist.
 
     Attributes:
         files: The files that the document depends on.

@@ -46,7 +46,7 @@ OPTIONS = {
     "standing_on": ("mode",), "gravity": ("mode",), "type": ("joint",), "parent": ("joint",),
     "child": ("joint",), "loop": ("joint",), "kind": ("test",),
 }
-"""Kinds of elements that each option applies to."""
+"""The kinds of elements to which each option applies."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -172,7 +172,7 @@ def _article(what: str) -> str:
 def _say(
     arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[str] = (), texts: Mapping[str, str] | None = None,
 ) -> int:
-    """Print the added elements, or the errors. `texts` are the contents of the changed documents."""
+    """Print the elements that were added, or the errors. `texts` are the contents of the changed documents."""
     if arguments.format == "text":
         console.say(*done)
     return console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, added=list(done))

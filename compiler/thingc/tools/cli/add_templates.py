@@ -98,7 +98,7 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
 
 
 def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
-    """Return the default mount for --on: the mount `usual`, or the only one. Raises `WrongCommandLine`."""
+    """Return the default mount for --on: the mount `usual` if it exists, or the only mount. Raises `WrongCommandLine`."""
     if usual in mounts or not mounts:
         return usual
     if len(mounts) > 1:
@@ -217,7 +217,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 
 
 def _format_plain(plain: object) -> Written:
-    """Convert plain values of a document to formatted values."""
+    """Format the values of a new element as they are written in documents."""
     if isinstance(plain, dict):
         return {key: _format_plain(one) for key, one in plain.items()}
     return [_format_plain(one) for one in plain] if isinstance(plain, list) else str(plain)
@@ -333,7 +333,7 @@ def _params(arguments: argparse.Namespace, key: str = "params") -> dict[str, Wri
 
 
 def _new(root: Document, section: str, name: str, hint: str = "choose another name") -> str:
-    """Return the name if it is not used in the section. Otherwise raise `WrongCommandLine`."""
+    """Return the name of a new element. Raises `WrongCommandLine` if the section already contains the name."""
     _identifier(name)
     taken = {known.lower(): known for known in _section(root.tree, section)}
     if name.lower() in taken:

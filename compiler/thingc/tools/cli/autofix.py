@@ -24,7 +24,7 @@ ReportOf = Callable[[Environment, Compilation], Report]
 
 
 def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Options, report_of: ReportOf) -> int:
-    """Fix `documents`. Return the exit code, which is 0 if all errors were fixed (with `--diff`: can be fixed).
+    """Fix documents, and return the exit code, which is 0 if all errors were fixed (with `--diff`: can be fixed).
 
     The function `report_of` checks a document and returns its report.
     """
@@ -75,7 +75,7 @@ def _autofix(
 
 
 class _Disk:
-    """A cache of files. Each file has its content at the time of the first read."""
+    """A cache of file contents, which are read once."""
 
     def __init__(self) -> None:
         self.known: dict[str, bytes | None] = {}

@@ -45,11 +45,11 @@ files in chunks/ contain 1024 variants each, and --unpack writes the folder of o
   thingc batch leg_sweep.yaml --resume
 """
 VERIFY = {"some": 64, "all": 1, "none": 0}
-"""Values of `--verify`. MuJoCo compiles every n-th model of those that differ only in numbers."""
+"""The values of the option `--verify`. MuJoCo compiles every n-th model of those that differ only in numbers."""
 PAUSE = 30.0
 """Interval [s] of progress reports if standard error is not a terminal."""
 STATUSES = {"built": "built", "kept_out": "kept out", "refused": "refused", "failed": "failed"}
-"""Statuses as shown to users."""
+"""The names of statuses in messages."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -307,7 +307,7 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
 
 
 def _told(planned: Plan, forecast: DryRun) -> list[str]:
-    """Format the result of a dry run."""
+    """Format the result of a dry run as lines of text."""
     all_of_them = counted(planned.count, "variant")
     some = f"{forecast.count} of {all_of_them}" if forecast.count != planned.count else all_of_them
     lines = [f"{planned.name}: {some} of {planned.assembly_relative}; modes {', '.join(planned.modes)}; "

@@ -129,7 +129,7 @@ def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
 
 
 def _stands(answer: Mapping[str, Any], store: Store) -> bool:
-    """Return whether the folder of an earlier build is unchanged and has no temporary files next to it."""
+    """Return whether the folder of an earlier build is unchanged and was not left incomplete."""
     folder = answer["folder"]
     if build_folder(*answer["place"]) != folder or unswept(folder):
         return False
@@ -157,7 +157,7 @@ def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
 
 
 def in_words() -> str:
-    """List the targets with their descriptions."""
+    """Return a text that lists all targets with their descriptions, for `--help`."""
     unasked, asked = ([f"{name} ({one.says})" for name, one in TARGETS.items() if one.unasked == kind] for kind in (True, False))
     return f"Targets: {', '.join(unasked)}; and, only with --emit, {', '.join(asked)}."
 

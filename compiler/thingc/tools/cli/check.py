@@ -101,7 +101,7 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
 
 
 def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:
-    """Append the diagnostics of all documents to `diagnostics`. Return it, and the documents without warnings and errors.
+    """Append the diagnostics of all documents to `diagnostics`. Return all diagnostics, and the documents without warnings and errors.
 
     This function does not report an allowance as unused if one of the documents needs the allowance.
     """

@@ -1,4 +1,4 @@
-"""Shared code of commands: options, output of diagnostics and tables, exit codes."""
+"""Code that commands share: options, the output of diagnostics and tables, and exit codes."""
 
 from __future__ import annotations
 
@@ -244,7 +244,7 @@ def require_document(path: str) -> None:
 
 
 def _document_meant(path: str, folder: str, beside: Sequence[str]) -> Hint:
-    """Return a suggestion of existing documents in place of a missing document.
+    """Return a hint that suggests existing documents in place of a missing document.
 
     Suggest a document with a similar name in `beside`, else in the rest of the workspace, else list all documents.
     """
@@ -344,7 +344,7 @@ def say_diff(name: str, before: str, after: str) -> None:
 
 
 def hand_on(content: bytes | str) -> None:
-    """Write content for other programs (XML, a document, NUL-terminated names) to standard output without escaping."""
+    """Write content for other programs, such as XML, to standard output without escaping it."""
     if isinstance(content, str):
         sys.stdout.write(content)
     else:

@@ -135,7 +135,7 @@ def fail_on(words: Sequence[str]) -> frozenset[str]:
 
 
 def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: Options, stack: ExitStack) -> DiffResult | BrokenSide:
-    """Compare both sides. Raises `UnknownComparison`, `NotARepository`, `NoGraphics`, `WrongCommandLine`."""
+    """Compare the old and the new state. Raises `UnknownComparison`, `NotARepository`, `NoGraphics`, `WrongCommandLine`."""
     options = replace(options, lock=arguments.no_code, code=not arguments.no_code)
     names = (wanted.old.name, wanted.new.name)
     tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)

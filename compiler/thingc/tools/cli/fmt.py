@@ -80,7 +80,7 @@ def _documents(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
-    """Format one document. Return whether it changes."""
+    """Format one document, and return whether its text changes."""
     try:
         with open(path, "rb") as stream:
             data = stream.read(10_000_001)

@@ -29,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `hag`. Diagnostics go to standard error."""
+    """Run `hag`. The graph is printed to standard output, and diagnostics are printed to standard error."""
     try:
         console.require_document(arguments.document)
         options = console.options_of(arguments)

@@ -121,7 +121,7 @@ def _faults(document: str, text: str) -> list[Diagnostic]:
 
 
 def _merged(now: Update, *, disputed: bool) -> list[str]:
-    """Describe the changes in the source and by the user. `disputed` is true if they conflict."""
+    """Describe the changes that were merged and the edits that were preserved. `disputed` is True if some of them conflict."""
     taken = [f"  {dotted(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
     kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
     said = [f"merged: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else []
@@ -190,7 +190,7 @@ def _read(arguments: argparse.Namespace, imported: Imported) -> str:
 
 
 def _told(arguments: argparse.Namespace, imported: Imported, folder: str, changes: list[str]) -> list[str]:
-    """Describe the import and the next commands."""
+    """Describe the result of an import, and list useful next commands."""
     robot, here = imported.robot, shown_path(folder)
     said = [f"{here}: {_read(arguments, imported)}", *changes]
     if imported.renamed:

@@ -37,7 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `info`. In text format, diagnostics go to standard error."""
+    """Run `info`. With text output, diagnostics are printed to standard error."""
     console.require_document(arguments.document)
     compilation = attempted(arguments.document, console.options_of(arguments), compile)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
@@ -153,7 +153,7 @@ def _cut(robot: Robot) -> tuple[Loop, ...]:
 
 
 def _why_cut(loop: Loop, robot: Robot) -> list[str]:
-    """Describe the joints of a loop, and the reason for cutting the loop at one of these joints."""
+    """Describe the joints of a loop, and the reason why the loop is cut at one of these joints."""
     if any(one.joint == loop.cut for one in robot.mode.cut):
         return [f"    through {', '.join(loop.through)}: cut as the mode specifies"]
     return [f"    through {path}, which {reason}" if reason else f"    through {path}" for path, reason in loop.through.items()]

@@ -128,7 +128,7 @@ def _used(
 
 
 def _line(path: str, lines: list[str], key: str) -> Span:
-    """Return the line of a key in the lock file, or its first line if the key is missing."""
+    """Return the span of a key in the lock file, or of the first line if the key is missing."""
     word = json_text(json.dumps(key, ensure_ascii=False))
     for number, line in enumerate(lines, 1):
         if line.lstrip().startswith(word + ":"):

@@ -201,7 +201,7 @@ def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:
 
 
 def _form(asked: str) -> str:
-    """Return the format of diagnostics: `asked` if it is in `FINDINGS`, else text."""
+    """Return the output format of diagnostics: `asked` if it is a valid format, otherwise text."""
     from thingc.tools.cli import console
 
     return asked if asked in console.FINDINGS else "text"

@@ -125,7 +125,7 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
 
 
 def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) -> list[Mark]:
-    """Return the marks to draw on the picture at `q`, without duplicates. Raises `UnknownChoice`."""
+    """Return the frames and axes to draw over the picture at `q`, without duplicates. Raises `UnknownChoice`."""
     if not (arguments.mounts or arguments.mounts_of or arguments.joints or arguments.root):
         return []
     from thingc.tools.cli import render_overlay

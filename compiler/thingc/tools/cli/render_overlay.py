@@ -28,7 +28,7 @@ def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
 
 
 def mounts_of(robot: Robot, q: Mapping[str, float], wanted: Sequence[str]) -> Iterator[Mark]:
-    """Yield the frame and all mounts of components. `hand` includes the components inside `hand`. Raises `UnknownChoice`."""
+    """Yield the frame and all mounts of a component and of the components inside it. Raises `UnknownChoice`."""
     assembly = robot.assembly
     for name in wanted:
         path = name.replace(".", "/")

@@ -29,11 +29,11 @@ estimate is shown after `+-`.
   thingc sensitivity assemblies/arm.yaml --of site:tip.z --by reach,joints.elbow.turn -p 'reach=120 mm'
 """
 SHOWN = {MASS: "g", LENGTH: "mm", ANGLE: "deg", INERTIA: "kg*mm^2"}
-"""Units of results, and of numbers for which the document does not use a unit."""
+"""The display units of results, and of numbers for which the document does not use a unit."""
 ALIASES = {"com": "centre"}
-"""Names of results as in documents."""
+"""The names of results in documents, by their internal names."""
 NONE = 1e-12
-"""Relative change of a result that is only rounding."""
+"""Relative change of a result below which the change is treated as a rounding error."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -101,7 +101,7 @@ def _as_data(one: Sensitivity) -> dict[str, object]:
 
 
 def as_text(found: Sequence[Sensitivity]) -> list[str]:
-    """Return the table as lines: for each result, the numbers that change it, the greatest change first."""
+    """Format the derivatives as a table: for each result, the numbers that change it, the largest change first."""
     rows = [("result", "value", "parameter", "at", "derivative", "error", "+1 % changes it by", "")]
     idle: list[str] = []
     for result, each in groupby(found, key=lambda one: one.result):
@@ -117,7 +117,7 @@ def as_text(found: Sequence[Sensitivity]) -> list[str]:
 
 
 def _cells(one: Sensitivity) -> tuple[str, ...]:
-    """Return the cells of a derivative."""
+    """Return the table cells of a derivative."""
     by, by_size = (one.unit, parse_quantity(f"1 {one.unit}").value) if one.unit else _unit(one.number)
     at = f"{one.number.value / by_size:z.4g} {by}".rstrip()
     if one.missing is not None:

@@ -27,7 +27,7 @@ IMPORTING = "<frozen importlib._bootstrap>"
 
 
 def heed(*, ignored: bool = False) -> None:
-    """Raise `KeyboardInterrupt` for both signals. If the signal arrives during an import, wait until the end of the import.
+    """Raise `KeyboardInterrupt` on SIGINT and SIGTERM. If a signal arrives during an import, wait until the import has finished.
 
     If the parent process ignores a signal, this process ignores it, too, unless `ignored` is true. Shells ignore SIGINT in background jobs.
     """
@@ -39,7 +39,7 @@ def heed(*, ignored: bool = False) -> None:
 
 
 def leave_at_once() -> None:
-    """Exit immediately on both signals. Use this in processes without cleanup that wait in code that raises no exceptions."""
+    """Exit immediately on SIGINT and SIGTERM. Use this function in processes that require no cleanup."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, lambda *_: os._exit(INTERRUPTED))
 

@@ -108,7 +108,7 @@ def _line(result: Result, width: int) -> str:
 
 
 def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> None:
-    """Print the results in the requested format. Do not repeat lines that were already printed."""
+    """Print the test results in the requested format, without repeating lines that were already printed."""
     if arguments.format == "json":
         console.print_json(diagnostics, tests=[_data(result) for result in results])
         return

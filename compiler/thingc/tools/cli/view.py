@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:
-    """Return the rebuild, the page of the robot (None after errors), and the diagnostics on the page."""
+    """Return the result of a rebuild, the page of the robot (None after errors), and the diagnostics for the page."""
     environment = live.environment
     assert environment is not None
     page = None
@@ -118,7 +118,7 @@ def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list
 
 
 class _Beside:
-    """The document of the overlay in all its modes. A thread watches the document, and compiles it while holding the lock `turn`."""
+    """The document that is shown as an overlay. A thread watches this document, and compiles it while it holds the lock `turn`."""
 
     def __init__(self, arguments: argparse.Namespace, options: Options, turn: threading.Lock) -> None:
         self._turn = turn

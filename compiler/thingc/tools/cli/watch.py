@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def live_of(arguments: argparse.Namespace) -> RebuildLoop:
-    """Return the rebuild loop of the command line. Raises `WrongCommandLine`."""
+    """Create the rebuild loop that the command line specifies. Raises `WrongCommandLine`."""
     console.require_document(arguments.document)
     options = console.options_of(arguments)
     targets, _ = chosen_targets(arguments)
@@ -80,7 +80,7 @@ def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int
 
 
 def hopeless(made: Rebuild) -> bool:
-    """Return whether the first rebuild has an error in the command line, which saving a file cannot fix."""
+    """Return whether the first rebuild has an error in the command line, which cannot be fixed by saving a file."""
     return made.number == 1 and console.exit_code(made.diagnostics) == console.USAGE
 
 

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _answered(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
-    """Print the answer. Return the diagnostics."""
+    """Print why a part was built or reused, or the losses of targets. Return the diagnostics."""
     compilation = pipeline.compile(environment)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     if console.exit_code(diagnostics):
@@ -95,7 +95,7 @@ def _losses(environment: Environment, compilation: Compilation, targets: Sequenc
 
 
 def _alike(losses: Iterable[Loss]) -> Iterable[list[Loss]]:
-    """Group losses of the same target that differ only in locations, numbers and modes."""
+    """Group export losses of the same target that differ only in locations, numbers and modes."""
     groups: dict[tuple[str, str | None, str, str], list[Loss]] = {}
     for loss in losses:
         mode = None if loss.mode == loss.path else loss.mode
@@ -104,7 +104,7 @@ def _alike(losses: Iterable[Loss]) -> Iterable[list[Loss]]:
 
 
 def _in_words(alike: Sequence[Loss]) -> str:
-    """Format a group of losses as one line, with the location of the first loss. Numbers that differ are replaced by `...`."""
+    """Format a group of export losses as one line, with the location of the first loss. Numbers that differ are replaced by `...`."""
     first = alike[0]
     place = f"{shown_path(first.span.file)}:{first.span.line}: " if first.span is not None else ""
     of_modes = first.mode == first.path

@@ -26,7 +26,7 @@ class UnknownComparison(Exception):
 
 
 class Side(FrozenStruct):
-    """One side of a comparison.
+    """One side of a comparison, which is the old or the new state of a robot.
 
     `name` is the name of the side in reports. `place` is the path of a document, build folder or lock, or the hash of a commit.
     """
@@ -48,7 +48,7 @@ class ComparisonRequest(FrozenStruct):
 
 
 def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
-    """Parse the arguments. `documents` are the arguments after `--`. Raises `UnknownComparison` and `NotARepository`."""
+    """Parse the arguments of `thingc diff`. `documents` are the arguments after `--`. Raises `UnknownComparison` and `NotARepository`."""
     words = list(words)
     if len(words) > 2:
         raise UnknownComparison(f"expected two states, found {len(words)} arguments", "write the documents to compare after `--`")

@@ -16,7 +16,7 @@ from thingc.tools.diff.snapshot import Edge, Fact, LinkOf, Named, OccurrenceSnap
 
 
 def edges_of(assembly: Assembly) -> Iterator[Edge]:
-    """Yield the mates as edges between paths."""
+    """Yield the mates of an assembly as edges between the paths of components."""
     paths = [occurrence.path for occurrence in assembly.occurrences]
     for mate in assembly.mates:
         kind = mate.joints[0].kind.name if mate.joints else "fixed" if mate.name is not None else ""

@@ -127,7 +127,7 @@ def _stated(text: str, facts: Mapping[str, Value], file: str) -> SnapshotElement
 
 
 def _said(record: PartRecord) -> dict[str, Value]:
-    """Return the properties of a part without its shape."""
+    """Return the declared properties of a part, without its shape."""
     said: dict[str, Value] = {"material": record.material, "color": record.color}
     for key, stated in (("mass", record.mass), ("com", record.com), ("density", record.density)):
         if stated is not None:

@@ -25,7 +25,7 @@ from thingc.tools.diff.surface_distance import SurfaceDistances
 
 
 class Checkout(OneLineRepr, FrozenStruct):
-    """A document, build folder or lock (`kind`) of one side, at `path`.
+    """A document, a build folder or a lock file of one side of a comparison, at an absolute path.
 
     If the files were written from a revision, `revision` is its name. If the files already existed, `revision` is None.
     """
@@ -51,7 +51,7 @@ class DocumentPair(OneLineRepr, FrozenStruct):
 
 
 class BrokenSide(OneLineRepr, FrozenStruct):
-    """A side that does not compile: its diagnostics, with the name of the side in file names, and the contents of these files."""
+    """A side that does not compile: its diagnostics, whose file names contain the name of the side, and the contents of these files."""
 
     name: str
     diagnostics: tuple[Diagnostic, ...]

@@ -1,4 +1,4 @@
-"""Compare two snapshots: find all changes and the causes of each."""
+"""Compare two snapshots of a robot, and find all changes and the causes of each change."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SHAPES = 1e-7
 
 
 class _Following:
-    """Finds the changes that are consequences of changes in documents, and adds them to the result."""
+    """Finds the consequences of changes in documents, such as changes of masses, and adds them to the result."""
 
     def __init__(self, pairing: NameMapping, changes: DocumentChanges, farthest: Farthest) -> None:
         self.pairing, self.changes, self.farthest = pairing, changes, farthest
@@ -40,7 +40,7 @@ class _Following:
         self._moved: dict[str, tuple[str, ...]] = {}
 
     def all(self) -> None:
-        """Add all consequences. The method adds a cause before its consequences."""
+        """Add all consequences in an order in which each cause precedes its consequences."""
         for old, new in self.occurrences:
             self._geometry(old, new)
             self._mounts(old, new)

@@ -16,7 +16,7 @@ LONGEST = 40
 
 
 def worded(pair: Pair, key: str, old: Fact | None, new: Fact | None, robots: tuple[Snapshot, Snapshot]) -> tuple[str, str] | None:
-    """Format both values of a fact with units. Return None if the physical dimension of the values is unknown."""
+    """Format the old and the new value of a fact with units. Return None if the physical dimension is unknown."""
     words = tuple(_said(fact) for fact in (old, new))
     if words[0] is not None and words[1] is not None:
         return (words[0], words[1])
@@ -79,7 +79,7 @@ class DocumentChanges:
         self._on: dict[str, list[Change]] = {}
 
     def add(self, change: Change) -> None:
-        """Add a change."""
+        """Add a change with its causes."""
         self.found.append(change)
         for path in {change.path, change.new_path or change.path}:
             self._at.setdefault((change.what, path), []).append(change)
@@ -206,7 +206,7 @@ class StatedChanges:
         return any(thing.what == "joint" and thing.path == joint for thing in (*self.pairing.gone, *self.pairing.come))
 
     def _because(self, pair: Pair, key: str, old: Fact | None, new: Fact | None, made: set[str]) -> tuple[str, ...]:
-        """Return the causes of a changed value.
+        """Return the changes that caused the change of a value.
 
         If the value is an unchanged expression, the causes are the changed parameters in the expression. If the document does not contain
         the value, the causes are changes of the component or of the drive.

@@ -28,7 +28,7 @@ SAME_PLACE = 1e-3
 
 
 class Match(FrozenStruct):
-    """A match: the paths of a component in the old and the new robot, the reason, and `perhaps` if the match is uncertain."""
+    """A match of a component: its paths in the old and the new robot, the reason, and `perhaps` if the match is uncertain."""
 
     old: str
     new: str
@@ -112,7 +112,7 @@ class _Matching:
     # --- neighbours --------------------------------------------------------------------------------------------------
 
     def _known_neighbours(self, what: Callable[[ComponentNode], Hashable], words: str, exact: bool) -> bool:
-        """Match components whose combination of `what` and mates to matched components is unique.
+        """Match components with a unique combination of the value `what` and mates to matched components.
 
         If `exact` is true, the names of the mounts must also be equal. Return whether the method found a match.
         """
@@ -129,7 +129,7 @@ class _Matching:
     def _signed(
         self, side: _Side, what: Callable[[ComponentNode], Hashable], known: Callable[[str], str | None], exact: bool,
     ) -> dict[tuple[Hashable, tuple[tuple[tuple[str, ...], str], ...]], list[str]]:
-        """Group the unmatched components by `what` and by their mates to matched components. Omit components without such mates."""
+        """Group unmatched components by the value `what` and by their mates to matched components. Omit components without such mates."""
         signed: dict[Any, list[str]] = defaultdict(list)
         for path in side.left:
             met = [

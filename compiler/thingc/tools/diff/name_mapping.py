@@ -34,7 +34,7 @@ class Pair(FrozenStruct):
 
 
 class NameMapping:
-    """A mapping of names between two robots.
+    """A mapping of names from the old robot to the new robot.
 
     `pairs` are the elements of both robots. `gone` are the elements that only the old robot has, and `come` the elements that only the new
     robot has.
@@ -63,7 +63,7 @@ class NameMapping:
         return self._back.get(path)
 
     def now(self, value: Value) -> Value:
-        """Replace old names in a value by new names. Names of removed elements do not change."""
+        """Translate the names in a value from the old to the new robot. Names of removed elements do not change."""
         if isinstance(value, tuple):
             return tuple(self.now(one) for one in value)
         if not isinstance(value, Named):
@@ -152,7 +152,7 @@ class NameMapping:
         return sum(1 for _, before, after in self.facts(old, new) if self.same(before, after))
 
     def facts(self, old: SnapshotElement, new: SnapshotElement) -> Iterator[tuple[str, Value, Value]]:
-        """Yield the key, the old value and the new value of each fact of two elements. Old names in keys are replaced by new names."""
+        """Yield the key, the old value and the new value of each fact of two matched elements. Keys use the names of the new robot."""
         before = {self._key(old.what, key): fact.value for key, fact in old.facts.items()}
         for key in {**before, **dict.fromkeys(new.facts)}:
             after = new.facts[key].value if key in new.facts else None

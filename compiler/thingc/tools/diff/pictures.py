@@ -47,7 +47,7 @@ def colours(changes: Iterable[Change]) -> dict[str, str]:
 
 
 def coloured(xml: str, colours: Mapping[str, str]) -> str:
-    """Return the model with these colours on its visual geoms, and with a pale colour on all other visual geoms."""
+    """Set the colours of changed parts in a MuJoCo model, and a pale colour on all other visual geoms."""
     root = ElementTree.fromstring(xml)
     for geom in root.iter("geom"):
         if geom.get("class") == "visual" and (name := geom.get("name")) is not None:

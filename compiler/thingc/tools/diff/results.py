@@ -75,14 +75,14 @@ def _entry(change: Change) -> dict[str, object]:
 
 
 def pack(answer: Comparison | BrokenSide) -> list[Any]:
-    """Convert the result for one document, without pictures, to plain values."""
+    """Convert the result for one document, without pictures, to plain JSON values."""
     if isinstance(answer, BrokenSide):
         return ["broken", answer.name, [packed(d) for d in answer.diagnostics], dict(answer.texts)]
     return ["compared", answer.name, to_builtins(answer.changes), list(answer.unknown)]
 
 
 def unpack(values: list[Any]) -> Comparison | BrokenSide:
-    """Convert the output of `pack` to a result."""
+    """Convert plain JSON values to a result. This function is the inverse of `pack`."""
     kind, name, inner, more = values
     if kind == "broken":
         return BrokenSide(name=name, diagnostics=tuple(unpacked(one) for one in inner), texts=more)

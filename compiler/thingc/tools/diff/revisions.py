@@ -119,7 +119,7 @@ class Revision:
         return bool(self._bring(self._files))
 
     def _bring(self, paths: Iterable[str]) -> dict[str, bytes]:
-        """Write those of the files that do not exist yet, and return their contents."""
+        """Write the files that do not exist yet, and return the contents of all files."""
         wanted = [path for path in dict.fromkeys(paths) if path in self._files and path not in self._there]
         self._there.update(wanted)
         contents = dict(self._contents(wanted))
@@ -173,7 +173,7 @@ def _above(path: str) -> Iterator[str]:
 
 
 def _parts(path: str, data: bytes) -> Iterator[str]:
-    """Yield the part folders in a file of settings."""
+    """Yield the part folders that a `thingc.toml` or `pyproject.toml` specifies."""
     try:
         table = tomllib.loads(data.decode("utf-8-sig")) if path.endswith(".toml") else {}
     except (ValueError, RecursionError):

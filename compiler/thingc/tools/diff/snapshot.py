@@ -82,7 +82,8 @@ Value = Union[None, bool, int, float, str, Named, tuple["Value", ...]]
 
 
 class Fact(OneLineRepr, FrozenStruct):
-    """A value in a document.
+    """A value in a document that is compared between two robots.
+
 
     `written` is the text of the value, or None if the document does not contain the value. `scope` is the path of the assembly that
     resolves names in an expression. `words` is the value in display units, if its physical dimension is known.
@@ -180,7 +181,7 @@ class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
 
 
 class LinkOf(OneLineRepr, FrozenStruct):
-    """A link: its name, the occurrence that defines its frame, its members, and its mass properties in its frame."""
+    """A link in a snapshot: its name, the occurrence that defines its frame, its members, and its mass properties."""
 
     name: str
     frame: str
@@ -213,7 +214,7 @@ class TestOutcome(OneLineRepr, FrozenStruct):
 
 
 class Snapshot(OneLineRepr, FrozenStruct):
-    """A robot in a form that can be compared.
+    """A snapshot of a robot, which can be compared with another snapshot.
 
     `things` are elements by kind and path, in document order. `lacks` lists the kinds of information that the snapshot does not contain.
     `coordinates` are the joints of each mode in model order. `prints` are the SHA-256 of print files by path; only snapshots of build
@@ -235,7 +236,7 @@ class Snapshot(OneLineRepr, FrozenStruct):
 
 
 def told(value: Value) -> DisplayValue:
-    """Convert a value to the form that reports contain."""
+    """Convert a value to the form in which reports contain it."""
     if isinstance(value, Named):
         return value.text
     return tuple(map(told, value)) if isinstance(value, tuple) else value

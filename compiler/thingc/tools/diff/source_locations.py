@@ -45,7 +45,7 @@ class DocumentTrees:
         return self._components.get(prefix.rstrip("/"), ())
 
     def section(self, document: str, *keys: str) -> Section:
-        """Return the node at the given keys, and the nodes from which this node inherits."""
+        """Return the node of an element at the given keys, and the nodes from which the element inherits values."""
         *above, name = keys
         nodes: dict[str, Node | None] = {}
         while name not in nodes:

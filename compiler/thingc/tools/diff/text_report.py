@@ -60,12 +60,12 @@ class ReportLine(FrozenStruct):
 
     @property
     def named(self) -> str:
-        """The paths. A long list of paths is abbreviated."""
+        """The paths of the elements as text. A long list is abbreviated."""
         return _listed(self.paths)
 
 
 def as_text(answer: DiffResult) -> Iterator[str]:
-    """Yield the lines of the report for a terminal."""
+    """Format the result of a comparison as lines for a terminal."""
     for sign, names in (("+", answer.come), ("-", answer.gone)):
         yield from (f"{sign} {name}" for name in names)
     if not answer.documents and not answer.come and not answer.gone:
@@ -200,7 +200,7 @@ def _lines(changes: Iterable[Change]) -> Iterator[ReportLine]:
 
 
 def _motion(change: Change) -> tuple[float, float]:
-    """Return the distance [m] and the angle [rad] of a motion.
+    """Return the distance [m] and the angle [rad] of a rigid motion.
 
     The value of a `place` is a translation. The value of a `turn` is three angles (roll, pitch, yaw). The value of a `pose` contains both.
     """
@@ -212,7 +212,7 @@ def _motion(change: Change) -> tuple[float, float]:
 
 
 def _change_text(change: Change) -> str:
-    """Describe a change."""
+    """Describe a change in words."""
     if change.change == "moved" and change.field in ("place", "turn", "pose"):
         return MOVED
     if change.change in ("added", "removed"):

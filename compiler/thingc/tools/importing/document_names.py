@@ -227,7 +227,7 @@ class DocumentNaming:
         return name if name is not None and name not in self.repeated and name != self.usual[id(shape)] and is_file_name(name) else None
 
     def _tied(self) -> dict[str, str]:
-        """Return a mapping of source names of equalities to their default names in models."""
+        """Map the source names of MuJoCo equalities to their default names in models."""
         tied = {one.follows.name: f"{self.joints[one.name]}:mimic" for hanging in self.order for one in hanging.joints if one.follows}
         tied |= {one.equality: f"{self.loops[one.name]}:loop" for one in self.robot.loops} | self._of("equality")
         return {name: word for name, word in tied.items() if name}
@@ -270,5 +270,5 @@ class DocumentNaming:
 
 
 def _form(shape: SourceShape) -> tuple[object, ...]:
-    """Return the properties that must be equal for a visual and a collision shape to become one item."""
+    """Return the properties that must be equal so that a visual and a collision shape become one item in a document."""
     return shape.kind, shape.size, shape.pose, shape.mesh

@@ -161,7 +161,7 @@ def _load_source(
 
 
 def _record(imported: Imported, written: WrittenDocument, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
-    """Return the content of `import.json`.
+    """Return the data of `import.json`.
 
     The file contains the source, the options, the names, the repairs, the losses, and the original document, so that the next import can
     compare them.

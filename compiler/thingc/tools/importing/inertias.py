@@ -99,7 +99,7 @@ def _between(robot: SourceRobot) -> set[str]:
 
 
 def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
-    """Return why simulators reject a moving body, or None if they accept it."""
+    """Return the reason why simulators reject a moving body, or None if they accept it."""
     whole = _whole(members)
     if whole.mass <= LEAST_MASS:
         return "it has no mass"
@@ -113,7 +113,7 @@ def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
 
 
 def _misstated(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
-    """Return why the inertia of a static body is invalid, or None if it is valid or missing. The compiler uses the same check."""
+    """Return the reason why the inertia of a body that does not move is invalid, or None if it is valid or missing."""
     stated = [link.weight.properties.inertia for link, _ in members if link.weight is not None]
     if all(one == ZERO or physical_fault(one) is None for one in stated):
         return None
@@ -145,7 +145,7 @@ def _with(one: RepairedLink) -> SourceLink:
 
 
 def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLink | None:
-    """Return the repaired link, or None if the method cannot repair it."""
+    """Repair the inertia of a link. Return None if the chosen method cannot repair it."""
     old = MassProperties(mass=0.0) if link.weight is None else link.weight.properties
     if how is None:
         return None

@@ -1,4 +1,4 @@
-"""Write the sections `poses`, `modes`, `simulation`, `sensors` and `tendons` of a document, and its drives."""
+"""Write the sections `poses`, `modes`, `simulation`, `sensors` and `tendons` of an imported document, and its drives."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from thingc.tools.importing.source_model import SOURCE_MODE, SourceDrive, Source
 
 
 def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
-    """Return the nonzero start values of joints, and the first pose that can replace these values, or None.
+    """Return the start values of joints that are not 0, and the first pose that contains these values, or None.
 
     A pose can replace the start values if it satisfies the limits of each joint whose start value violates the limits.
     """
@@ -79,7 +79,7 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
 
 
 def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
-    """Format the values of a pose. Omit zeros if the robot has no loops: an unspecified joint may move to close a loop."""
+    """Format the values of a pose. Zeros are omitted if the robot has no loops, in which an unspecified joint could move."""
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
     said: dict[str, str] = {}
     for name, value in state.q.items():

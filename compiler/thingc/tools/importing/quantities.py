@@ -139,7 +139,7 @@ def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> st
 
 
 def quaternion_words(pose: Pose) -> str:
-    """Format the rotation as a quaternion `[1, 0, 0, 0]`.
+    """Format a rotation as a quaternion, such as `[1, 0, 0, 0]`.
 
     The function rounds the other components and then computes the largest component from them. Therefore, parsing and formatting the result
     gives the same result.

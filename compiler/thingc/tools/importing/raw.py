@@ -77,7 +77,7 @@ def order_of(words: DocumentNaming, kind: str) -> dict[str, str]:
 
 
 def _says(shape: SourceShape, attribute: str) -> bool:
-    """Return whether the model already sets an attribute of a shape because the shape has friction."""
+    """Return whether an attribute of a shape is redundant, because thingc sets it for shapes with friction."""
     return {"friction": 0, "priority": 0, "condim": 1}.get(attribute, 3) < len(shape.friction)
 
 
@@ -127,7 +127,7 @@ def raw_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _element(words: DocumentNaming, one: SourceAdded) -> dict[str, str]:
-    """Return the attributes of an element. References use the names in the document."""
+    """Return the attributes of an added element, with references converted to names in the document."""
     name = words.added[one.section, one.name]
     return ({"name": name} if name else {}) | {key: _name_text(words, value) for key, value in one.attributes}
 

@@ -50,7 +50,7 @@ class Includes:
                 except NotFound as fault:
                     uri = self.values.place(child, "uri")
                     if element.tag == "world":  # the included model may be the sun or the ground
-                        self.report.warn(Code.SOURCE_DOUBT, f"this is not imported: {fault}", uri, help="remove it if it is scenery")
+                        self.report.warn(Code.SOURCE_DOUBT, f"this is not imported: {fault}", uri, help="remove models that are scenery")
                     else:
                         self.report.add(Code.SOURCE_FILE, str(fault), uri, help=fault.help)
             elif child.tag in ("world", "model"):
@@ -320,7 +320,7 @@ class _Sdf:
         return link
 
     def _joint(self, name: str, key: str, kind: source_model.Kind, tag: str) -> source_model.SourceJoint | None:
-        """Read the joint about or along the axis `tag`."""
+        """Read a joint that moves about or along the axis in the child element `tag`."""
         frame = self.frames.named[key]
         element, here = frame.element, self.frames.poses[self._end(frame, "child") or ""].inverse()
         at = here @ self.frames.poses[key]
@@ -417,7 +417,7 @@ class _Sdf:
     def _stood(
         self, model: SourceElement, name: str, links: list[source_model.SourceLink], hangings: list[source_model.Attachment],
     ) -> source_model.SourceRobot | None:
-        """Return the robot with its root link. If a joint attaches a link to the world, the base is fixed, else free.
+        """Determine the root link and the base of the robot. If a joint attaches a link to the world, the base is fixed, otherwise free.
 
         If a joint of the world moves the robot, this method adds a massless root link.
         """
@@ -450,7 +450,7 @@ class _Sdf:
         )
 
     def _loop(self, one: source_model.Attachment) -> source_model.SourceLoop:
-        """Convert a joint that is not in the tree to a loop."""
+        """Convert a joint that is not in the tree to a loop closure."""
         joint = next(iter(one.joints), None)
         at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
         unlimited = source_model.SourceLimits()
@@ -467,7 +467,7 @@ class _Sdf:
 
 
 def _rounded(vector: Vector) -> Vector:
-    """Remove the rounding errors of composed poses."""
+    """Remove rounding errors that result from the composition of poses."""
     x, y, z = (round(one, 15) + 0.0 for one in vector)
     return (x, y, z)
 

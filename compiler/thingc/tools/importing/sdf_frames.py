@@ -51,7 +51,7 @@ class Frames:
         return [(key, frame) for key, frame in self.named.items() if frame.element.tag == tag]
 
     def _find(self, model: SourceElement, scope: str) -> None:
-        """Collect the frames of a model and its nested models."""
+        """Collect the named frames of a model and of its nested models."""
         for child in model.children:
             if child.tag not in ("link", "frame", "joint", "model") or (name := self.values.word(child, "name")) is None:
                 continue

@@ -33,7 +33,7 @@ FAR = 1000.0
 
 
 class SourceThing(FrozenStruct):
-    """An element with a name and a location in the source."""
+    """A named element of an imported robot, with its location in the source."""
 
     name: str
     where: Span
@@ -262,7 +262,7 @@ class SourceAdhesion(SourceThing):
 
 
 class SourceTarget(FrozenStruct):
-    """A reference to an element by its name in the source."""
+    """A reference to an element of the imported robot by its name in the source."""
 
     kind: Literal["joint", "site", "tendon", "body", "geom", "actuator"]
     name: str

@@ -23,7 +23,7 @@ NOTHING = "missing"
 
 
 class Text(FrozenStruct):
-    """A document: its text and its parsed tree."""
+    """A document in a merge: its text and its parsed tree."""
 
     source: Source
     tree: MappingNode
@@ -48,7 +48,7 @@ class Conflict(FrozenStruct):
 
 
 class Merged(FrozenStruct):
-    """The result of a merge.
+    """The result of a three-way merge: the merged text, the accepted changes and the conflicts.
 
     `taken` contains the paths changed in the source, each with the old and the new value. `kept` contains the paths changed by the user.
     """
@@ -116,7 +116,7 @@ class Merge:
         return ours
 
     def _inside(self, path: Path, base: Any, new: Any, ours: Any, keys: Sequence[Any]) -> Any:
-        """Merge the entries of mappings or lists recursively."""
+        """Merge the entries of nested mappings or lists."""
         of = {key: tuple(_get(one, key) for one in (base, new, ours)) for key in keys}
         after = {key: self._whole((*path, key), *three) for key, three in of.items()}
         changed = [key for key in keys if not _alike(after[key], of[key][2]) and _keys(*of[key]) is None]
@@ -277,7 +277,7 @@ def _lines(text: Text, parent: Node, key: Any) -> tuple[int, int]:
 
 
 def _leading(text: Text, path: Path, key: Any) -> list[str]:
-    """Return the lines between an entry and the previous one (comments and blank lines), or nothing for the first entry."""
+    """Return the comments and blank lines between an entry and the previous entry, or nothing for the first entry."""
     parent = node_at(text.tree, path)
     assert isinstance(parent, MappingNode)
     order = list(parent.entries)

@@ -1,4 +1,4 @@
-"""Check, for all formats, that links and joints form one tree."""
+"""Check that the links and joints of an imported robot form one tree."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def look_at_mimics(hangings: Sequence[Attachment], moving: Set[str], report: Rep
 
 
 def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, Named]:
-    """Return the elements by name. If several elements have the same name, report an error and use the first element."""
+    """Map names to elements. If several elements have the same name, report an error and use the first element."""
     first: dict[str, Named] = {}
     for one in things:
         if first.setdefault(one.name, one) is not one:

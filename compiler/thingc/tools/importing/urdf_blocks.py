@@ -134,7 +134,7 @@ class Blocks:
         return self.values.number_of(element, element.attributes.get("value", element.text), f"`<{element.tag}>`")
 
     def _from_zero(self, element: SourceElement) -> float | None:
-        """Read a nonnegative number."""
+        """Read a number that must be at least 0."""
         number = self._number(element)
         if number is not None and number < 0.0:
             self.values.fault(element, None, f"`<{element.tag}>`: expected a number of at least 0, found {number:g}")

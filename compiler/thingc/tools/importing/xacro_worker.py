@@ -58,7 +58,7 @@ def is_plausible(answer: Mapping[str, Any], readable: Sequence[str]) -> bool:
 
 
 def _expand(asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Expand the file in the child process."""
+    """Expand a xacro file in the child process."""
     resource.setrlimit(resource.RLIMIT_CPU, (asked["seconds"], asked["seconds"]))
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES))
@@ -119,7 +119,7 @@ class _Expanding:
         return top, 1
 
     def _find(self, name: str) -> str:
-        """Evaluate `$(find NAME)`."""
+        """Evaluate the xacro expression `$(find NAME)`."""
         try:
             self.found[name] = self.packages.package(name)
         except NotFound as fault:

@@ -66,7 +66,7 @@ def utf8_of(data: bytes) -> bytes:
 
 
 class _Stop(Exception):
-    """Raised to stop parsing after an error was reported."""
+    """Raised to stop parsing after an error has been reported."""
 
 
 def read_robot(path: str, data: bytes, report: Report, tag: str, form: str, *, files: Sequence[str] = ()) -> SourceElement | None:

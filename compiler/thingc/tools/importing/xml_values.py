@@ -28,15 +28,15 @@ class Values:
         self.report = report
 
     def written(self, element: SourceElement, key: str) -> str | None:
-        """Return the text of a value, or None if it is missing."""
+        """Return the text of an attribute, or None if it is missing."""
         return element.attributes.get(key)
 
     def place(self, element: SourceElement, key: str) -> Span:
-        """Return the location of a value."""
+        """Return the location of the value of an attribute."""
         return element.place(key)
 
     def example(self, key: str, text: str) -> str:
-        """Format a value as an example."""
+        """Format a value as an example for messages."""
         return f'{key}="{text}"'
 
     def fault(self, element: SourceElement, attribute: str | None, message: str, help: Hint | None = None) -> None:
@@ -102,7 +102,7 @@ class Values:
         return values
 
     def from_zero(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
-        """Read a nonnegative number. If the number is missing, return `default`, or report an error if no default is given."""
+        """Read a number that must be at least 0. If the number is missing, return `default`, or report an error if no default is given."""
         value = self.number(element, attribute, default)
         if value is not None and value < 0.0:
             self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected a number of at least 0, found {value:g}")

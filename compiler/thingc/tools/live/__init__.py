@@ -1,1 +1,1 @@
-"""Live view of a document: rebuild it after every save and show it in a browser."""
+"""Rebuild a document after every save, and show the robot in a browser."""

@@ -44,7 +44,7 @@ CLOCK = 0.02
 
 
 class Rebuild(FrozenStruct):
-    """The result of one round.
+    """The result of one rebuild after a save.
 
     Attributes:
         saved: The absolute paths of the changed files. Empty in the first round.
@@ -119,7 +119,7 @@ class RebuildLoop:
         self._workers.end()
 
     def rounds(self, stop: threading.Event) -> Iterator[Rebuild]:
-        """Yield the first round, and then a round after every save, until `stop` is set."""
+        """Yield the result of the first build, and then of a rebuild after every save, until `stop` is set."""
         saved: tuple[str, ...] = ()
         first = True
         for files in looks(self._watched.changed, stop, PAUSE):
@@ -160,7 +160,9 @@ class RebuildLoop:
             saved = tuple(dict.fromkeys((*saved, *self._watched.changed())))
 
     def _round(self, saved: tuple[str, ...]) -> tuple[Rebuild, tuple[str, ...]]:
-        """Run one round. Return its result, and the files saved during the round. If files were saved, the round wrote no output."""
+        """Rebuild the document once. Return the result, and the files that were saved during the rebuild. If files were saved, the round
+        wrote no output.
+        """
         started, clock, begun = time.perf_counter(), time.time(), time.monotonic()
         self._abandoned, self._saved = (), saved
         with contextlib.suppress(OSError):  # the folder may have been replaced, for example by checking out a branch

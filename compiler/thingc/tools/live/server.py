@@ -45,14 +45,14 @@ Finding = Mapping[str, object]
 
 
 class _Shown(FrozenStruct, kw_only=False):
-    """The state of one robot: the last good page, the number of good pages so far, and the current diagnostics."""
+    """The state of one robot on the page: the last page without errors, the number of such pages so far, and the current diagnostics."""
 
     page: Page | None = None
     count: int = 0
     findings: tuple[Finding, ...] = ()
 
     def after(self, page: Page | None, findings: Sequence[Finding]) -> _Shown:
-        """Return the state after a round. `page` is None if the round had errors."""
+        """Return the state after a rebuild. `page` is None if the rebuild had errors."""
         return _Shown(page or self.page, self.count + (page is not None), tuple(findings))
 
 
@@ -137,7 +137,7 @@ class Server:
         return f"http://{LOOPBACK}:{self.port}/{self._token}/"
 
     def tell(self, page: Page | None, seconds: float, findings: Sequence[Finding], *, kernel: float = 0.0) -> None:
-        """Publish the result of a round.
+        """Publish the result of a rebuild to the browsers.
 
         After errors, `page` is None, and the last good page remains. `seconds` is the duration of the round, and `kernel` is the time in
         the round for building parts [s].
@@ -233,11 +233,11 @@ class _Handler(BaseHTTPRequestHandler):
             self.server.wait_no_more(self.connection)
 
     def do_GET(self) -> None:
-        """Answer with the content."""
+        """Answer a GET request with the content."""
         self._answer(body=True)
 
     def do_HEAD(self) -> None:
-        """Answer with the headers only."""
+        """Answer a HEAD request, without the content."""
         self._answer(body=False)
 
     def log_message(self, *_: Any) -> None:

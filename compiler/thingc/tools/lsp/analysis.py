@@ -1,4 +1,4 @@
-"""Analyse one document with unsaved text."""
+"""Check one document, using the unsaved text of open files."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Analysis(FrozenStruct, eq=False):
     looked_at: frozenset[str] = frozenset()
     in_reach: AvailableNames | None = None
     _kept: dict[str, Any] = {}
-    """Cached results for these texts. A copy of this object with other texts needs an empty cache."""
+    """The cached results of this analysis. A copy of this object with other texts needs an empty cache."""
 
     @property
     def known(self) -> Analysis:
@@ -121,7 +121,7 @@ class Analysis(FrozenStruct, eq=False):
         return self.open[path].uri if path in self.open else Path(path).as_uri()
 
     def once(self, name: str, make: Callable[[], T]) -> T:
-        """Return a result of this analysis. Compute it at the first call and cache it."""
+        """Return a result that is computed at the first call and then cached."""
         if name not in self._kept:
             self._kept[name] = make()
         kept: T = self._kept[name]

@@ -37,7 +37,7 @@ WAITED_FOR: FailureKind = "unlocked"
 
 @dataclass(slots=True)
 class PendingRequests:
-    """Requests to workers.
+    """The part descriptions, records and slicings that workers should compute.
 
     `references` are parts to describe. `definitions` maps the texts of parts to build to whether convex pieces are needed. `slices` are the
     requested slicings of records.
@@ -65,7 +65,7 @@ class PendingRequests:
 
 
 class CachedParts:
-    """A source of parts that does not start workers.
+    """A source of parts that never waits for workers, and records the missing results.
 
     A part without a cached result fails with `WAITED_FOR`, and the compiler omits diagnostics that depend on this part. `failed` and
     `undescribed` are failures that the store does not cache, such as crashes and timeouts. `unanswered` are the requests without a result.

@@ -205,7 +205,7 @@ class _Answering:
             self._opened = OpenDocuments(options, publish, refused, self._wake)
 
     def close(self) -> None:
-        """Stop answering."""
+        """Stop answering requests."""
         self._thread.shutdown(wait=False, cancel_futures=True)
         if self._opened is not None:
             self._opened.close()
@@ -219,7 +219,7 @@ class _Answering:
             self._wake()
 
     def take_away(self, uri: str) -> None:
-        """Close a document."""
+        """Remove the text of a document that was closed."""
         path = path_of(uri)
         if path is not None and self._opened is not None:
             self._opened.take_away(path)

@@ -1,4 +1,4 @@
-"""Values to display: parameters and expressions, their inlay hints, and frames of mounts. Errors are not reported here."""
+"""Compute values to display in editors: parameters and expressions, inlay hints, and the frames of mounts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Diagnostics for continuous integration: SARIF 2.1.0 (OASIS), and annotations of GitHub Actions.
+"""Format diagnostics for continuous integration: as SARIF 2.1.0 (OASIS), or as annotations of GitHub Actions.
 
 In SARIF, diagnostics with a location are results. Diagnostics without a location are notifications of the invocation, because readers
 reject results without a location.

@@ -1,4 +1,4 @@
-"""Explanations of codes for `thingc explain`: meaning, fix, and a wrong and a right example.
+"""Explain diagnostic codes for `thingc explain`, with their meaning, their fix, and a wrong and a right example.
 
 The texts are in `examples.json` in this folder, which `docs/generate.py` generates from the codes and from `docs/codes`. Therefore, nothing
 is imported that defines a code.

@@ -20,7 +20,7 @@ MAX_NAMES = 2000
 """Maximum number of mounts, components or joints of a document that are listed."""
 
 Names = dict[str, str]
-"""Names with descriptions."""
+"""The type of names with descriptions."""
 Records = Mapping[str, PartRecord | PartFailure]
 
 
@@ -50,7 +50,7 @@ class WrittenComponent(FrozenStruct):
 
 
 class DocumentFacts(FrozenStruct):
-    """The names in a document.
+    """The names in a document, for editors.
 
     `mounts` are references (`plate.servo_seat`). `components` and `joints` are dotted paths, including nested documents. `parameters` are
     the parameters of the document with their values. `nested_poses` are poses of nested documents by component. `materials_sure` specifies
@@ -71,7 +71,7 @@ class DocumentFacts(FrozenStruct):
 
 
 class JointFacts(FrozenStruct):
-    """A joint for editors.
+    """A joint with its description, for editors.
 
     `what` is the description of the joint. `angle` specifies whether its coordinate is an angle (None: unknown, or not exactly one
     coordinate). `settable` specifies whether poses can set the joint. `own` specifies whether the document itself, and not a nested

@@ -58,7 +58,7 @@ def _ref(name: str) -> Schema:
 
 
 class _Narrowing:
-    """Adapts one schema. Each method handles one section."""
+    """Adapts the schema of one document. Each method adapts one section."""
 
     def __init__(self, schema: Schema, facts: DocumentFacts, around: SchemaContext) -> None:
         self.schema = schema
@@ -267,7 +267,7 @@ class _Narrowing:
         self._offer("SensorSpec", "joint", [(name, joint.what) for name, joint in self.facts.joints.items()])
 
     def _tests(self) -> None:
-        """Adapt the schema of `tests`.
+        """Adapt the schema of the section `tests` to the names in the document.
 
         A reference in a list is a component, and so is a reference whose description mentions a component. Other references are mounts.
         Poses, modes and joints have the same keys in all kinds of tests.

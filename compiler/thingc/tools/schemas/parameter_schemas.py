@@ -1,4 +1,4 @@
-"""Schemas of values and parameters: quantities, choices of names, parameters of parts, and parameters of nested documents."""
+"""Create the schemas of values and parameters: quantities, names, parameters of parts, and parameters of nested documents."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class AvailableParts(Protocol):
 
 @dataclass(slots=True)
 class Parts:
-    """A cache of the results of a source of parts."""
+    """A cache of part schemas and records from a source of parts."""
 
     service: AvailableParts
     schemas: dict[str, PartSchema | PartFailure] = field(default_factory=dict)
@@ -140,7 +140,7 @@ MAX_OTHERS = 100
 
 
 class RefreshOutcome(FrozenStruct):
-    """The result of writing schemas. Documents are given by their paths in the workspace.
+    """The result of writing the schemas of a workspace. Documents are given by their paths in the workspace.
 
     Attributes:
         documents: All documents.

@@ -23,7 +23,7 @@ INERTIAL, OF_AXES = 1, ("framequat", "framexaxis", "frameyaxis", "framezaxis")
 
 
 class Added:
-    """Collects the elements to add to the MuJoCo model, in source order.
+    """Collects elements of MuJoCo that are added to the model unchanged, in source order.
 
     `kept` contains the numbers of imported joints, sites, geoms and actuators. `tendons` are the imported tendons. `heads` maps each body
     to the first body of its link. References to bodies are allowed only if merging did not change their inertial frames.

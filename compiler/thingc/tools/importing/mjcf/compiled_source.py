@@ -155,7 +155,7 @@ def numbers(values: Any) -> str:
 
 
 def differing(wanted: Sequence[tuple[str, str]], otherwise: dict[str, str]) -> Raw:
-    """Return the attributes that differ from the defaults `otherwise` by more than MuJoCo's rounding errors."""
+    """Return the attributes of an element that differ from the defaults `otherwise` by more than rounding errors."""
     return tuple((name, value) for name, value in wanted if not _alike(value, otherwise.get(name, "")))
 
 

@@ -1,4 +1,4 @@
-"""Read actuators: drives of joints and tendons, and adhesions of bodies."""
+"""Import actuators of MuJoCo as drives of joints and tendons, and as adhesions of bodies."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class _Length(FrozenStruct, kw_only=False):
 
 
 class Actuators:
-    """The imported actuators.
+    """The drives and adhesions that the actuators of a model become.
 
     `of_joint` and `of_tendon` are drives by the index of the joint or tendon. `driven` are the targets of drives by the index of the
     actuator. Other actuators are `adhesions`, `added` elements, or losses. `kept` contains the indices of all actuators that are not
@@ -141,7 +141,9 @@ class Actuators:
         self, number: int, gain: float, gear: float, control: tuple[float, float] | None, force: tuple[float, float] | None,
         length: _Length,
     ) -> SourceDrive:
-        """Return a motor. A motor in a document has no gain, so its gear is gain times gear. The control range does not change."""
+        """Convert an actuator to a motor. A motor in a document has no gain, so the gain is multiplied into the gear ratio. The control
+        range does not change.
+        """
         original, ends = self.original, force
         if gain != 1.0:
             ends = None if force is None else (force[0] / gain, force[1] / gain)

@@ -1,4 +1,4 @@
-"""Read joints and equalities: mimics and loops."""
+"""Import joints and equalities of MuJoCo as joints, mimics and loops."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
 
 
 class Equalities:
-    """The imported equalities.
+    """The mimics and loops that the equalities of a model become.
 
     `follows` are mimics by the index of the joint that mimics another joint, and `loops` are loops. Other equalities are `added` elements
     or losses. `on` maps each imported body to its link and its pose in the link.

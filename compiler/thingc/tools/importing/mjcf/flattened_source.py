@@ -42,7 +42,7 @@ FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 
 
 class FlattenedSource(FrozenStruct):
-    """A flattened source.
+    """A flattened MJCF file, and the source location of each line.
 
     `lines` are the source elements by line of `text`. `files` are the contents of files for MuJoCo, by their names in the text, and
     `meshes` maps these names to paths relative to the folder of the source. `models` are the texts of attached models. `included` are the
@@ -75,7 +75,7 @@ class FlattenedSource(FrozenStruct):
 
 
 class Flattening:
-    """Flattens a file. If `meshes` is false, a small solid replaces each unreadable mesh."""
+    """Flattens an MJCF file and its included files. If `meshes` is False, a small solid replaces each unreadable mesh."""
 
     def __init__(self, root: SourceElement, packages: Packages, report: Report, meshes: bool) -> None:
         self.root, self.packages, self.report, self.with_meshes = root, packages, report, meshes

@@ -1,4 +1,4 @@
-"""Read MJCF: the tree of bodies, the masses and the shapes of the compiled model."""
+"""Read MJCF files: the tree of bodies, the masses and the shapes of the compiled model."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes
 
 
 def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
-    """Compile the model. Report errors of MuJoCo at the line in their message."""
+    """Compile the model with MuJoCo, and report its errors at their lines in the source."""
     import mujoco
 
     try:
@@ -190,7 +190,7 @@ class _Reader:
         return pose_of(self.model.body_pos[body], self.model.body_quat[body])
 
     def _kept(self) -> set[int]:
-        """Return the bodies of the robot.
+        """Return the bodies that belong to the imported robot.
 
         All bodies attached to the world form one group, and each floating body forms another group. The group with the most joints is the
         robot. All other bodies are losses. If the world is not part of the robot, geoms and sites of the world are losses, too.

@@ -1,4 +1,4 @@
-"""Read sensors and cameras."""
+"""Import sensors and cameras of MuJoCo."""
 
 from __future__ import annotations
 

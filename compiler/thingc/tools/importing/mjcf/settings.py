@@ -1,4 +1,4 @@
-"""Read options, contact exclusions and keyframes."""
+"""Import the options, the contact exclusions and the keyframes of a MuJoCo model."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def touching(
     masks = {body: _masks(original, body) for body in heads}
 
     def meet(head: int, other: int) -> bool:
-        """Return whether two links have shapes that could touch. Ignore excluded pairs of bodies."""
+        """Return whether two links have shapes that can touch, without considering excluded pairs of bodies."""
         pairs = ((one, two) for one in members[head] for two in members[other] if _pair(one, two) not in written)
         return any(_meet(masks[one], masks[two]) for one, two in pairs)
 

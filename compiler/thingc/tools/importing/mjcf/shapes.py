@@ -27,7 +27,7 @@ GREY = (0.5, 0.5, 0.5, 1.0)
 
 
 class Geoms:
-    """The shapes of bodies.
+    """The visual and collision shapes of the bodies of a MuJoCo model.
 
     `files` are the meshes written from the model, by name. `shown` contains the indices of imported geoms.
     """
@@ -114,7 +114,9 @@ class Geoms:
         return () if said == (FRICTION[0],) or dimensions == 1 else said
 
     def _raw(self, geom: int, friction: tuple[float, ...]) -> Raw:
-        """Return the other contact attributes. thingc gives geoms with friction a priority, so that their friction applies on any floor."""
+        """Return the contact attributes of a geom other than friction. thingc sets a priority for geoms with friction, so that their
+        friction applies on any floor.
+        """
         model = self.model
         wanted = [(name, numbers(values if getattr(values, "shape", ()) else [values])) for name in USUAL
                   for values in [getattr(model, f"geom_{name}")[geom]]]

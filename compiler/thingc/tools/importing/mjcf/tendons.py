@@ -1,4 +1,4 @@
-"""Read tendons that couple joints, and tendons along paths."""
+"""Import tendons of MuJoCo that couple joints or run along paths."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Tendons:
         return tuple(replace(one, drive=drives.get(number)) for number, one in self.of.items())
 
     def _unsaid(self, wrap: int) -> str:
-        """Return an empty string, or why a document cannot express a step of a path."""
+        """Return the reason why a document cannot express a step of a tendon's path, or an empty string."""
         model = self.model
         kind, thing, side = (int(one[wrap]) for one in (model.wrap_type, model.wrap_objid, model.wrap_prm))
         gone = "it uses elements that are not imported"
