@@ -60,7 +60,7 @@ def hand(**exported: str) -> AssemblyDefinition:
             "crashed",
             "PART_CRASHED",
             "`pen` (`p:Pen(length=-100 mm)`) crashed the interpreter: length must be above 0",
-            "change the `params` of the component, or the CAD operations in the part file",
+            "change the `params` of the component, or the CAD calls in the part file",
         ),
         (
             "empty",
@@ -111,7 +111,7 @@ def test_a_part_that_failed_is_said_once(kind: str, code: str, words: str, help:
     assert notes(report) == [
         ("`spare` also uses this part", "/robots/robot.yaml", 6),
         ("`pen` also uses this part", "/robots/robot.yaml", 41),
-        ("its parameters: diameter=15 mm, length=-100 mm", None, None),
+        ("parameters of the part: diameter=15 mm, length=-100 mm", None, None),
         ("location in the part file", "/robots/parts/p.py", 31),
     ]
     assert report.diagnostics[0].detail == "Traceback ..."
@@ -185,15 +185,15 @@ def test_expectations_that_are_met() -> None:
 
 def test_expectations_that_are_not_met() -> None:
     help = "attach `p:Cap` there by its mount `foot`; if this is intended, write `allow: {TC407: \"the reason\"}`"
-    assert said(warnings(*board())) == [("EXPECTATION", "`board.cap_seat` is cut for `p:Cap`, but nothing is attached there", help, 3)]
+    assert said(warnings(*board())) == [("EXPECTATION", "`board.cap_seat` is cut for `p:Cap`, but nothing is attached to it", help, 3)]
     plain = component("cap", "p:Cap", laid("board.cap_seat", np.eye(4)), line=5)
-    assert said(warnings(*board(plain)))[0][1] == "`board.cap_seat` is cut for `p:Cap`, but nothing is attached there"
+    assert said(warnings(*board(plain)))[0][1] == "`board.cap_seat` is cut for `p:Cap`, but nothing is attached to it"
     other = warnings(*board(component("lid", "p:Plate", attach("lid.foot", "board.cap_seat"), line=5)))
-    assert said(other) == [("EXPECTATION", "`board.cap_seat` is cut for `p:Cap`, but `lid` (`p:Plate`) is attached there", help, 5)]
+    assert said(other) == [("EXPECTATION", "`board.cap_seat` is cut for `p:Cap`, but `lid` (`p:Plate`) is attached to it", help, 5)]
     assert notes(other) == [("`board` is defined here", "/robots/robot.yaml", 3)]
     turned = warnings(*board(component("cap", "p:Cap", attach("cap.top", "board.cap_seat"), line=5)))
     assert said(turned) == [
-        ("EXPECTATION", "`board.cap_seat` is cut for `p:Cap` by its mount `foot`, but `cap` is attached there by `top`", help, 5)
+        ("EXPECTATION", "`board.cap_seat` is cut for `p:Cap` by its mount `foot`, but `cap` is attached to it by `top`", help, 5)
     ]
 
 
@@ -204,7 +204,7 @@ def test_other_parameters_are_another_part() -> None:
     )
     assert (
         said(warnings(model, BOARD, wide))[0][1]
-        == "`board.cap_seat` is cut for `p:Cap`, but `cap` (`p:Cap(width=0.2)`) is attached there"
+        == "`board.cap_seat` is cut for `p:Cap`, but `cap` (`p:Cap(width=0.2)`) is attached to it"
     )
 
 
@@ -222,7 +222,7 @@ def test_a_mirror_image_was_cut_for_a_mirror_image_or_for_the_part_itself() -> N
     cap_x = component("cap", part("p:Cap").mirrored("x"), attach("cap.foot", "board.cap_seat"))
     model = assembly("a", [component("board", "p:Board"), cap_x])
     assert said(warnings(model, BOARD, replace(CAP, text="p:Cap(mirror=x)")))[0][1] == (
-        "`board.cap_seat` is cut for `p:Cap`, but `cap` (`p:Cap(mirror=x)`) is attached there"
+        "`board.cap_seat` is cut for `p:Cap`, but `cap` (`p:Cap(mirror=x)`) is attached to it"
     )
 
 
@@ -260,7 +260,7 @@ def test_a_length_that_went_through_a_part_is_the_same_length() -> None:
             linked(model, board, cap)
         else:
             assert said(warnings(model, board, cap))[0][1] == (
-                "`board.seat` is cut for `p:Cap(width=0.187672239581141)`, but `cap` (`p:Cap(width=0.1876722395)`) is attached there"
+                "`board.seat` is cut for `p:Cap(width=0.187672239581141)`, but `cap` (`p:Cap(width=0.1876722395)`) is attached to it"
             ), "where labels are the same, the texts tell them apart"
 
 
@@ -269,5 +269,5 @@ def test_expectations_that_are_not_asked_for() -> None:
     linked(shown, BOARD)  # whoever nests this assembly puts the cap there
     nested = assembly("b", [component("plate", "p:Plate"), component("h", shown, attach("h.board.foot", "plate.foot"))])
     assert [d.message for d in warnings(nested, BOARD, PLATE).diagnostics] == [
-        "`board.cap_seat` is cut for `p:Cap`, but nothing is attached there"
+        "`board.cap_seat` is cut for `p:Cap`, but nothing is attached to it"
     ]

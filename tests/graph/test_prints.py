@@ -136,7 +136,7 @@ def test_a_part_without_layers_is_estimated_by_its_skin_with_a_word() -> None:
     assert said(report) == [(
         "UNSLICED",
         "`part` (`p:Box`) cannot be sliced: it has a mesh that is not closed; its mass is estimated from its surface",
-        "fix the part, or write `process: {estimate: skin}` here",
+        "fix the part, or set `process: {estimate: skin}` in the component",
         7,
     )]
     quiet = assembly("a", [component("part", "p:Box", process=Process(estimate="skin"))], materials=(material("petg", process=PRINTED),))
@@ -162,7 +162,7 @@ def test_lines_are_at_least_as_wide_as_high() -> None:
     model = assembly("a", [high], materials=(material("petg", process=PRINTED),))
     assert said(faults(model, box("p:Box", SIZE))) == [(
         "HIGH_LAYERS", "`layer` is 1 mm, and `line_width` only 0.45 mm: a line must be at least as wide as it is high",
-        "for example `layer: 0.2 mm, line_width: 0.45 mm`", 9,
+        "write for example `layer: 0.2 mm, line_width: 0.45 mm`", 9,
     )]
 
 

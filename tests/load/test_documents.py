@@ -186,7 +186,7 @@ def test_a_chain_that_is_too_long(tmp_path: Path) -> None:
     ("thingc: 1\n", Code.HEADER, "`thingc` must specify kind and version, found `1`", "write for example `thingc: assembly/1`", (1, 9)),
     ("thingc:\n", Code.HEADER, "`thingc` must specify kind and version, found nothing", "write for example `thingc: assembly/1`", (1, 1)),
     ("thingc: materials/1\nmaterials: {}\n", Code.WRONG_KIND, "expected a document of kind `assembly`, found `materials`",
-     "use the assembly that lists it", (1, 9)),
+     "use the assembly that lists this document", (1, 9)),
     ("thingc: variants/1\nassembly: b.yaml\n", Code.WRONG_KIND,
      "this is a variants document, but a single assembly is required here",
      "use `thingc batch` to build all variants, or build the assembly with -p 'NAME=VALUE' for a single variant", (1, 9)),

@@ -161,12 +161,12 @@ def test_what_tomlkit_writes_is_read_back(value: dict[str, Any]) -> None:
     ("[a\n", Code.SYNTAX, "the `[` of this table is not closed", "add `]`", (1, 3, 1, 3)),
     ("part = arm:Plate # x\n", Code.SYNTAX, "`arm:Plate` is not a TOML value",
      'strings and quantities need quotes: `part = "arm:Plate"`', (1, 8, 1, 17)),
-    ("name: arm\n", Code.SYNTAX, "expected `=` after the key", "TOML writes `key = value`", (1, 5, 1, 6)),
+    ("name: arm\n", Code.SYNTAX, "expected `=` after the key", "write `key = value`", (1, 5, 1, 6)),
     ("a = \n", Code.SYNTAX, "expected a value", "strings and quantities need quotes", (1, 5, 1, 5)),
     ("a = \"x\nb = 1\n", Code.SYNTAX, "the string is not closed", 'add the closing `"`', (1, 7, 1, 7)),
     ("a = [1, 2\nb = 1\n", Code.SYNTAX, "a list is not closed", "add `]`, or `,` between the items", (2, 1, 2, 2)),
     ("a = {b = 1\nc = 2}\n", Code.SYNTAX, "an inline table is not closed",
-     "add `}`, or `,` between the entries; it must be on one line", (1, 11, 1, 11)),
+     "add `}`, or `,` between the entries; an inline table must be on one line", (1, 11, 1, 11)),
     ("a = 1 b = 2\n", Code.SYNTAX, "expected the end of the line", "write one `key = value` per line", (1, 7, 1, 8)),
 ])
 def test_what_is_said(text: str, code: Code, message: str, help: str | None, place: tuple[int, int, int, int]) -> None:

@@ -146,7 +146,7 @@ def test_a_part_folder_that_nobody_names_may_not_be_a_link_out_of_the_workspace(
     (HEAD + 'part = ["parts"]\n', Code.UNKNOWN_KEY, "unknown key `part`", "did you mean `parts`?", (2, 1)),
     (HEAD + 'parts = "parts"\n', Code.WRONG_TYPE, "expected a list, found the string `parts`", "write `[parts]`", (2, 9)),
     (HEAD + "parts = [3]\n", Code.WRONG_TYPE, "expected a string, found the number `3`", 'write `"3"`', (2, 10)),
-    (HEAD + 'parts = ["prts"]\n', Code.WORKSPACE_FOLDER, "there is no folder `prts`", "did you mean `parts`?", (2, 10)),
+    (HEAD + 'parts = ["prts"]\n', Code.WORKSPACE_FOLDER, "the workspace has no folder `prts`", "did you mean `parts`?", (2, 10)),
     (HEAD + 'parts = ["../x"]\n', Code.OUTSIDE_WORKSPACE, "`../x` is outside the workspace", "use a folder below that of `thingc.toml`",
      (2, 10)),
     (HEAD + 'parts = ["/x"]\n', Code.OUTSIDE_WORKSPACE, "`/x` is an absolute path", "write a path relative to `thingc.toml`", (2, 10)),
@@ -170,7 +170,7 @@ def test_a_part_folder_that_nobody_names_may_not_be_a_link_out_of_the_workspace(
     (HEAD + 'mesh = {simulation = {angular = "10 mm"}}\n', Code.WRONG_DIMENSION,
      "expected an angle (such as 30 deg), found a length (`10 mm`)", None, (2, 33)),
     (HEAD + 'mesh = {simulation = {linear = "0 mm"}}\n', Code.BAD_QUANTITY, "expected a value above 0, found `0 mm`", None, (2, 32)),
-    (HEAD + "a b\n", Code.SYNTAX, "expected `=` after the key", "TOML writes `key = value`", (2, 3)),
+    (HEAD + "a b\n", Code.SYNTAX, "expected `=` after the key", "write `key = value`", (2, 3)),
 ])
 def test_what_is_said(tmp_path: Path, text: str, code: Code, message: str, help: str | None, place: tuple[int, int]) -> None:
     (tmp_path / "parts").mkdir()

@@ -336,7 +336,7 @@ def only(report: Report) -> tuple[Code, str, str | None, tuple[int, int, int, in
     ("a: " + "9" * 5000 + "\n", Code.NOT_FINITE, "expected a finite number, found `" + "9" * 57 + "...`", None, (1, 4, 1, 5004)),
     ("a: 1\n---\nb: 2\n", Code.SEVERAL_DOCUMENTS, "a second document starts here; a file must contain only one document",
      "move the second document to a separate file", (2, 1, 2, 4)),
-    ("%YAML 1.1\n---\na: 1\n", Code.SYNTAX, "documents are YAML 1.2, found `%YAML 1.1`", "remove the line", (1, 1, 1, 6)),
+    ("%YAML 1.1\n---\na: 1\n", Code.SYNTAX, "documents are YAML 1.2, found `%YAML 1.1`", "remove the `%YAML` line", (1, 1, 1, 6)),
     ("{length: =min(a, 80 mm)}\n", Code.EXPRESSION_COMMA,
      "the comma ends the expression: quote an expression with a comma inside `{}` and `[]`", 'write `"=min(a, 80 mm)"`',
      (1, 10, 1, 24)),
@@ -418,7 +418,7 @@ def test_expressions_that_are_whole(text: str) -> None:
     ("a: - 1\n", "a list item `-` is not allowed here", "start the list on the line after its key", (1, 4, 1, 5)),
     ("a:\n- 1\n  - 2\nb\n", None, None, None),
     ("a: \"\\q\"\n", "an unknown escape in double quotes", "write `\\\\` for a backslash, or use single quotes", (1, 5, 1, 6)),
-    ("a: | text\n  b\n", "text after `|` or `>` must start on the next line", "write the text below it, indented", (1, 6, 1, 10)),
+    ("a: | text\n  b\n", "text after `|` or `>` must start on the next line", "write the text on the next line, indented", (1, 6, 1, 10)),
 ])
 def test_syntax_errors_in_the_words_of_a_person(text: str, message: str | None, help: str | None, place: Any) -> None:
     node, report = read(text)
@@ -431,7 +431,7 @@ def test_syntax_errors_in_the_words_of_a_person(text: str, message: str | None, 
 
 def test_bounds() -> None:
     _, report = read("a: " + "[" * 101 + "]" * 101 + "\n")
-    assert only(report) == (Code.TOO_LARGE, "more than 100 levels of nesting", None, (1, 103, 1, 104))
+    assert only(report) == (Code.TOO_LARGE, "the document has more than 100 levels of nesting", None, (1, 103, 1, 104))
     node, report = read("[" * 100 + "]" * 100 + "\n")
     assert node is not None
     assert not report.diagnostics
@@ -446,7 +446,7 @@ def test_bounds() -> None:
     many = "".join(f"a: {n}\n" for n in range(500))
     assert [d.code for d in read(many)[1].diagnostics] == [Code.DUPLICATE_KEY] * 201 + [Code.TOO_LARGE]
     deep = "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}]\n" for n in range(1, 120))
-    assert only(read(deep)[1])[:2] == (Code.TOO_LARGE, "more than 100 levels of nesting")
+    assert only(read(deep)[1])[:2] == (Code.TOO_LARGE, "the document has more than 100 levels of nesting")
 
 
 @pytest.mark.parametrize(("data", "code", "message", "place"), [

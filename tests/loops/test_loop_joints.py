@@ -294,7 +294,7 @@ def test_a_joint_that_is_worth_nothing_in_the_tree_is_cut(tmp_path: Path, more: 
         if cut != "bore":
             assert equality_residual(at_key(found.model("run"), frame.name)) < 1e-9
     losses = [(loss.path, loss.what, loss.how) for loss in found.losses("run")]
-    lost = ("bore", "the loop through it: MuJoCo has no equality for slides", "omitted")
+    lost = ("bore", "the loop through this joint: MuJoCo has no equality for slides", "omitted")
     assert losses == ([lost] if cut == "bore" else [])
 
 

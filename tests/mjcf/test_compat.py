@@ -163,19 +163,21 @@ def test_mjx_has_no_adhesion(store: Store) -> None:
     request, models = magnet(store, "free")
     (said,) = request.report.diagnostics
     assert (said.code, said.severity.value) == (Code.COMPAT, "warning")
-    assert said.message == "MJX cannot load mode `bench`: it has no adhesion, but the adhesion at `arm/sole` carries the robot"
+    assert said.message == "MJX cannot load mode `bench`: it does not support adhesion, but the adhesion at `arm/sole` carries the robot"
     assert said.span is not None and said.span.line == at(50)[0].line
     assert said.help is not None and said.help.startswith("exclude the mode with `--mode`, or use another root; ")
     assert compiled(request, models).nu == 3
 
 
 @pytest.mark.parametrize(("compat", "path", "value", "message"), [
-    ("mjx", "option solver", "PGS", "MJX cannot load mode `bench`: it has no `solver` `PGS`"),
-    ("warp", "option solver", "PGS", "MuJoCo Warp cannot load mode `bench`: it has no `solver` `PGS`"),
-    ("mjx", "option flag energy", "enable", "MJX cannot load mode `bench`: it has no `energy` that is enabled"),
-    ("warp", "option flag midphase", "disable", "MuJoCo Warp cannot load mode `bench`: it has no `midphase` that is disabled"),
-    ("mjx", "geom arm/part_2:collision margin", "0.001", "MJX cannot load mode `bench`: it has no `margin` for contacts of meshes"),
-    ("mjx", "geom arm/part_2:collision type", "ellipsoid", "MJX cannot load mode `bench`: it has no contacts between ellipsoid and mesh"),
+    ("mjx", "option solver", "PGS", "MJX cannot load mode `bench`: it does not support `solver` `PGS`"),
+    ("warp", "option solver", "PGS", "MuJoCo Warp cannot load mode `bench`: it does not support `solver` `PGS`"),
+    ("mjx", "option flag energy", "enable", "MJX cannot load mode `bench`: it does not support the enabled flag `energy`"),
+    ("warp", "option flag midphase", "disable", "MuJoCo Warp cannot load mode `bench`: it does not support `midphase` that is disabled"),
+    ("mjx", "geom arm/part_2:collision margin", "0.001",
+     "MJX cannot load mode `bench`: it does not support `margin` for contacts of meshes"),
+    ("mjx", "geom arm/part_2:collision type", "ellipsoid",
+     "MJX cannot load mode `bench`: it does not support contacts between ellipsoid and mesh"),
 ])
 def test_what_is_refused_is_said_where_raw_attributes_say_it(store: Store, compat: str, path: str, value: str, message: str) -> None:
     made = robot(store, "hull", "box", "box", raw=(raw(5, path, value), raw(6, "option viscosity", "0")))
@@ -191,13 +193,15 @@ def test_mjx_takes_no_fluid_with_implicitfast_nor_the_integrator_implicit(store:
     request, models = emitted(made, store, ["mjx"])
     assert ("bench", "the integrator `implicit`, which MJX lacks: `implicitfast` is used", "approximated") in lost(models)
     assert compiled(request, models).opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    assert [one.message for one in request.report.diagnostics] == ["MJX cannot load mode `bench`: it has no `density` with `implicitfast`"]
+    assert [one.message for one in request.report.diagnostics] == [
+        "MJX cannot load mode `bench`: it does not support `density` with `implicitfast`",
+    ]
 
 
 def test_mjx_takes_elliptic_cones_beside_contacts_only(store: Store) -> None:
     """Where nothing can touch the cones are left out, which changes nothing; where only the floor of the scene is touched, it is said that
     the model alone is refused."""
-    why = "without the floor of the scene it has no contacts, but it supports elliptic cones only with contacts"
+    why = "without the floor of the scene it does not support contacts, but it supports elliptic cones only with contacts"
     refused = f"MJX cannot load mode `bench`: {why}"
     for shapes, base, said, elliptic in (
         (("none", "none"), "fixed", [], False), (("box", "box"), "fixed", [], True), (("box", "box"), "free", [refused], True),

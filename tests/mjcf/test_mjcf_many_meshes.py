@@ -76,7 +76,8 @@ def test_what_is_said_is_the_same(heap: Path, capsys: pytest.CaptureFixture[str]
     """Depths among it, of which MuJoCo works out the hulls anew."""
     at_once = Said(heap, capsys, monkeypatch)
     assert len(at_once.given) == 1 and at_once.code == 0
-    assert "warning[TC611]: mode `bench` starts with the collision shape of `base` 10.2 mm deep in that of `hand`" in at_once.text
+    said = "warning[TC611]: at the start of mode `bench`, the collision shape of `base` is 10.2 mm deep inside that of `hand`"
+    assert said in at_once.text
     monkeypatch.setattr(verify, "MANY", 0)
     apart = Said(heap, capsys, monkeypatch)
     assert apart.text == at_once.text and apart.code == 0

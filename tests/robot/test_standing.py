@@ -302,6 +302,6 @@ def test_nothing_is_said_of_the_floor_while_a_part_is_unknown(compiled: Compiled
 def test_something_has_to_touch(compiled: Compiled) -> None:
     found = said(compiled(LAMP.replace("KIND", "none")))
     assert found == [
-        ("TC607", f"mode `{mode}` is `on: floor`, but no part of `robot` can touch it",
+        ("TC607", f"mode `{mode}` is `on: floor`, but no part of `robot` can touch the floor",
          "set `collision` of a part to a value other than `none`, or write `at: {xyz: ...}`") for mode in ("flat", "askew", "hung")
     ]

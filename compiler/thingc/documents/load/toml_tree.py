@@ -353,7 +353,7 @@ def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
 def _in_words(words: str) -> tuple[str, str | None]:
     """Convert an error message of tomllib to the wording of thingc, with a hint."""
     if words.startswith("Expected '=' after a key"):
-        return "expected `=` after the key", "TOML writes `key = value`"
+        return "expected `=` after the key", "write `key = value`"
     if words == "Invalid value":
         return "expected a value", "strings and quantities need quotes"
     if words.startswith("Expected newline or end of document"):
@@ -365,7 +365,7 @@ def _in_words(words: str) -> tuple[str, str | None]:
     if "Unclosed array" in words:
         return "a list is not closed", "add `]`, or `,` between the items"
     if "Unclosed inline table" in words:
-        return "an inline table is not closed", "add `}`, or `,` between the entries; it must be on one line"
+        return "an inline table is not closed", "add `}`, or `,` between the entries; an inline table must be on one line"
     if "integer string conversion" in words:
         return "a whole number with too many digits", None
     return f"not well-formed TOML: {words[:1].lower()}{words[1:]}", None

@@ -41,7 +41,7 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
         if source.line_at(start) < source.line_at(end) == source.line_at(at):
             return SyntaxFault(
                 message="the quote opened here is not closed on its line", start=start, end=start + 1,
-                help=f"add `{text[start]}` at the end of the string", note=(f"the next `{text[start]}` closes it here", end),
+                help=f"add `{text[start]}` at the end of the string", note=(f"the next `{text[start]}` closes the string here", end),
             )
     if "quoted scalar" in context and ("end of stream" in problem or "document indicator" in problem or "separator" in problem):
         quote = text[began : began + 1]
@@ -136,7 +136,7 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
         )
     if "block scalar" in context:
         return SyntaxFault(
-            message="text after `|` or `>` must start on the next line", start=at, end=end, help="write the text below it, indented",
+            message="text after `|` or `>` must start on the next line", start=at, end=end, help="write the text on the next line",
         )
     return SyntaxFault(message=f"not well-formed YAML: {problem}", start=at, end=end)
 
@@ -204,7 +204,7 @@ def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
     if at >= len(source.text.rstrip()) or source.line_at(at) != source.line_at(began) or rest in "}]":
         return SyntaxFault(
             message=f"the `{opened}` opened here is not closed with `{closing}`", start=began, end=began + 1,
-            help=f"add `{closing}`", note=("found this instead", min(at, max(0, len(source.text) - 1))),
+            help=f"add `{closing}`", note=("found this text instead", min(at, max(0, len(source.text) - 1))),
         )
     before = source.text[max(began, at - _LONGEST_KEY) : at]
     key = re.search(r"[{\[,]\s*([\w.$*-]+) +$", before) if rest in "{[" else None

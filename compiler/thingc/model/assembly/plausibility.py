@@ -200,7 +200,7 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Li
                 findings.warn(
                     Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin + instance.origin,
                     path=instance.within(material.name),
-                    notes=noted(f"no part of `{definition.name}` uses it for its mass", definition.origin),
+                    notes=noted(f"no part of `{definition.name}` uses this material for its mass", definition.origin),
                     help=doubted(density_cure(doubt)),
                 )
 

@@ -287,21 +287,22 @@ def _say_inside(start: InitialState, others: Sequence[str], report: Report) -> N
     origins = {part.path: part.origin for part in robot.assembly.occurrences}
     notes = [Note(message=f"`{path}` is defined here", span=origins[path][0]) for path in (first.one, first.other) if origins.get(path)]
     notes += [
-        Note(message=f"also `{one.one}` in `{one.other}`, {Quantity(float(f'{one.depth:.3g}'), LENGTH)} deep")
+        Note(message=f"`{one.one}` is also inside `{one.other}`, {Quantity(float(f'{one.depth:.3g}'), LENGTH)} deep")
         for one in start.inside[1 : SHOWN + 1]
     ]
     if len(start.inside) > SHOWN + 1:
         notes.append(Note(message=f"and {counted(len(start.inside) - SHOWN - 1, 'more pair')}"))
     if others:
-        notes.append(Note(message=f"also in mode{'' if len(others) == 1 else 's'} " + ", ".join(f"`{name}`" for name in others)))
+        notes.append(Note(message=f"the same in mode{'' if len(others) == 1 else 's'} " + ", ".join(f"`{name}`" for name in others)))
     pose = f" (pose `{robot.mode.pose}`)" if robot.mode.pose is not None else ""
     pair = ", ".join(path.replace("/", ".") for path in (first.one, first.other))
     depth = Quantity(float(f"{first.depth:.3g}"), LENGTH)
     report.warn(
         Code.START_CONTACT,
-        f"mode `{robot.mode.name}` starts{pose} with the collision shape of `{first.one}` {depth} deep in that of `{first.other}`",
+        f"at the start of mode `{robot.mode.name}`{pose}, the collision shape of `{first.one}` is {depth} deep inside that of "
+        f"`{first.other}`",
         robot.mode.origin, path=robot.mode.name, notes=notes,
-        help=f"change the pose, choose another `collision` for one of them, or write `contacts: {{exclude: [[{pair}]]}}`; "
+        help=f"change the pose, choose another `collision` for one of the two, or write `contacts: {{exclude: [[{pair}]]}}`; "
         + allow_hint(Code.START_CONTACT),
     )
 
@@ -316,7 +317,8 @@ def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[st
     if others:
         notes.append(Note(message=f"{quoted(others, SHOWN)} have the same drive"))
     report.warn(
-        Code.CHATTER, f"{what}: it moves {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`) with a time step of {1e3 * gains.dt:g} ms",
+        Code.CHATTER,
+        f"{what}: its inertia is {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`), and the time step is {1e3 * gains.dt:g} ms",
         where, path=joint.path, notes=notes,
         help=f"{cure}; or set `armature: {_up(needed)} {weight}`, or a smaller `timestep`; {allow_hint(Code.CHATTER)}",
     )
@@ -325,7 +327,7 @@ def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[st
 def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
     """Return the fault of a velocity gain that is too large, a remedy, and the armature [kg m^2 or kg] that would remove the fault."""
     rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
-    does = "makes it oscillate with growing amplitude" if gains.too_stiff else "reverses its velocity in one step"
+    does = "makes the joint oscillate with growing amplitude" if gains.too_stiff else "reverses the velocity of the joint in one step"
     cure = f"use at most {_down(gains.calmest / 2.0)} {rate}"
     if replace(gains, integrator="implicitfast").calm:
         cure += "; with `integrator: implicitfast`, this value is stable, too"
@@ -338,7 +340,7 @@ def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
     turn, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
     kp = gains.stiffness - spring
     key, value, beside = ("kp", kp, spring) if kp > 0.0 else ("stiffness", spring, 0.0)
-    does = "makes it oscillate with growing amplitude" if gains.too_stiff else "makes its force jump between its limits"
+    does = "makes the joint oscillate with growing amplitude" if gains.too_stiff else "makes the force of the drive jump between its limits"
     fine = min(gains.stiffest / 2.0, gains.inertia / dt**2 if gains.jumps else gains.stiffest) - beside
     cure = f"use at most {_down(fine)} {turn}"
     if fine <= 0.0:

@@ -54,10 +54,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     add = parser.add_argument
     add("what", type=console.one_of(WHAT), metavar="{" + ",".join(WHAT) + "}", help="kind of the new element")
-    add("name", metavar="NAME", help="its name; for a part its class or MODULE:CLASS, for an assembly its document, existing or new")
+    add("name", metavar="NAME", help="name of the element; for a part: class or MODULE:CLASS; for an assembly: a document, existing or new")
     add("--to", metavar="DOC", help="the document to change (optional for parts and assemblies)")
     add("--on", metavar="MOUNT", help="for parts and assemblies: the mount to attach it to")
-    add("--by", metavar="MOUNT", help="for parts and assemblies: its own mount that is attached to the mount of --on")
+    add("--by", metavar="MOUNT", help="for parts and assemblies: the mount of the new component that is attached to the mount of --on")
     add("--at", metavar="MOUNT", help="for parts and assemblies: the frame in which it is placed, instead of --on")
     add("--name", metavar="NAME", dest="component", help="for parts and assemblies: name of the component (default: from the part)")
     add(

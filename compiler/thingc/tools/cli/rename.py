@@ -32,7 +32,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("document", metavar="DOC", help="an assembly or materials document (YAML or TOML)")
     parser.add_argument("path", metavar="PATH", help="path of the element: components.hand, joints.yaw, components.hand.mounts.tip")
-    parser.add_argument("name", metavar="NAME", help="its new name")
+    parser.add_argument("name", metavar="NAME", help="the new name of the element")
     parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
 
 

@@ -74,5 +74,8 @@ def _refusals(element: Element, lacking: Mapping[str, Mapping[str, str]]) -> Ite
         value = element.get(name, "")
         if value in values:
             raw = element.raw.get(name)
-            what = f"it has no `{name}` `{value}`" if element.tag == "option" else f"it has no `{name}` that is {values[value]}"
-            yield Refusal(what=what, origin=raw.attribute.origin if raw else element.origin, path=name, hint=f"remove `{name}`")
+            option = f"`{name}` `{value}`" if element.tag == "option" else f"the {values[value]} flag `{name}`"
+            yield Refusal(
+                what=f"it does not support {option}", origin=raw.attribute.origin if raw else element.origin, path=name,
+                hint=f"remove `{name}`",
+            )

@@ -49,7 +49,8 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
     if needed:
         names = " and ".join(f"`{path}`" for path in needed)
         yield Refusal(
-            what=f"it has no adhesion, but the adhesion at {names} carries the robot", origin=robot.mode.origin, path=robot.mode.name,
+            what=f"it does not support adhesion, but the adhesion at {names} carries the robot", origin=robot.mode.origin,
+            path=robot.mode.name,
             hint="exclude the mode with `--mode`, or use another root",
         )
     yield from LACKS.refusals(root)
@@ -58,13 +59,14 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
         for name in FLUID:
             if any(float(value) for value in option.get(name, "0").split()):
                 raw = option.raw[name].attribute
-                yield Refusal(what=f"it has no `{name}` with `implicitfast`", origin=raw.origin, path=name, hint=f"remove `{name}`")
+                what = f"it does not support `{name}` with `implicitfast`"
+                yield Refusal(what=what, origin=raw.origin, path=name, hint=f"remove `{name}`")
     touching = list(pairs(root))
     elliptic = option is not None and option.get("cone") == "elliptic"
     if option is not None and elliptic and not needed and all(one.element is None for one, _ in touching):
         said = option.raw.get("cone")
         yield Refusal(
-            what="without the floor of the scene it has no contacts, but it supports elliptic cones only with contacts",
+            what="without the floor of the scene it does not support contacts, but it supports elliptic cones only with contacts",
             origin=robot.mode.origin if said is None else said.attribute.origin, path="cone",
             hint=f"load `scene_{robot.mode.name}.xml`, or write `cone: pyramidal` under `simulation`",
         )
@@ -83,11 +85,11 @@ def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterat
     """Yield the reasons why MJX rejects a pair of geoms, each with the attribute that causes the rejection."""
     kinds = sorted((one.type, other.type))
     if frozenset(kinds) in LACKING:
-        yield f"it has no contacts between {kinds[0]} and {kinds[1]}", "type"
+        yield f"it does not support contacts between {kinds[0]} and {kinds[1]}", "type"
     if "mesh" in kinds and one.margin + other.margin:
-        yield "it has no `margin` for contacts of meshes", "margin"
+        yield "it does not support `margin` for contacts of meshes", "margin"
     if elliptic and _condim(one, other) == 1:
-        yield "it has no frictionless contacts with elliptic cones", "condim"
+        yield "it does not support frictionless contacts with elliptic cones", "condim"
 
 
 def _condim(one: ContactPairs, other: ContactPairs) -> int:
