@@ -296,8 +296,8 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(("words", "said"), [
     ("mode x", "a mode requires a document\n  help: write for example `thingc add mode x --to robot.yaml`"),
     ("mode x --to D --kind mass", "--kind applies to a test, not to a mode"),
-    ("part X --on base.top", "--on requires --to\n  help: write --to as well"),
-    ("part X --to D --by bottom", "--by requires --on\n  help: write --on as well"),
+    ("part X --on base.top", "--on requires --to\n  help: add --to with the document"),
+    ("part X --to D --by bottom", "--by requires --on\n  help: add --on with the mount"),
     ("part X --to D --on base.top --at base.top", "--on cannot be combined with --at\n  help: use only one of the two options"),
     ("mode x --to D --name y", "--name applies to a part or an assembly, not to a mode"),
     ("part old:Old", "`old:Old` already exists; to place it, add a document\n  help: write --to robot.yaml"),

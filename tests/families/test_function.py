@@ -222,7 +222,7 @@ def test_at_a_kink_there_is_no_derivative(kinked: thingc.RobotFamily) -> None:
         function.jacobian([0.2, 0.2])
     assert str(caught.value) == (
         "`inertia.yy` is not differentiable at left = 0.2 m, right = 0.2 m: a value that it depends on is the greatest of equal values: "
-        "choose other settings, or leave out `inertia.yy`"
+        "choose other settings, or remove `inertia.yy`"
     )
     assert kinked.function(["left", "right"], ["site:hand"]).jacobian([0.2, 0.2]).tolist() == [[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]
 
@@ -321,7 +321,7 @@ def test_a_wrong_plan_is_dropped(workspace: Path, monkeypatch: pytest.MonkeyPatc
 
 BAD: list[tuple[dict[str, Any], str]] = [
     ({"names": ["lod"]}, "the document has no number `lod`: did you mean `load`?"),
-    ({"names": ["heavy"]}, "`heavy` is not a number, but `false`: leave it out, or give its value as another setting"),
+    ({"names": ["heavy"]}, "`heavy` is not a number, but `false`: remove `heavy`, or set its value separately"),
     ({"names": ["joints.*.offset"]}, "expected the name of one number, found `joints.*.offset`: write the names one by one"),
     ({"names": ["joints.lift.velocty"]}, "the document has no number at `joints.lift.velocty`: correct the path, or write a value there"),
     ({"names": ["load"], "at": [1]}, "expected `at` to be a mapping from names to values, found `[1]`"),

@@ -213,9 +213,9 @@ def test_other_formats_have_primitives_or_say_what_they_lose(crane: Crane) -> No
     urdf = ET.fromstring(crane.file("urdf", "urdf/crane_standing.urdf"))
     assert len(urdf.findall(".//collision/geometry/sphere")) == 3, "a sphere, and the ends of a capsule"
     lost = {(loss.path, loss.what) for loss in crane.made["urdf"].losses}
-    assert ("boom", "its collision ellipsoid: not supported by URDF") in lost
-    assert ("boom", "its visual ellipsoid: not supported by URDF") in lost
-    assert ("foot", "its collision plane: not supported by URDF") in lost
+    assert ("boom", "the collision ellipsoid: not supported by URDF") in lost
+    assert ("boom", "the visual ellipsoid: not supported by URDF") in lost
+    assert ("foot", "the collision plane: not supported by URDF") in lost
     sdf = ET.fromstring(crane.file("sdf", "sdf/crane_standing/model.sdf"))
     assert [one.text for one in sdf.findall(".//collision/geometry/ellipsoid/radii")] == ["0.05 0.03 0.02"]
     assert len(sdf.findall(".//collision/geometry/capsule")) == 1

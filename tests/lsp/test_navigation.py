@@ -188,9 +188,9 @@ REFUSED = {
     ("walker.yaml", "  w|ag:\n", "leg_knee"):  # the pattern `*knee` would fit it
         "`wag` cannot be renamed to `leg_knee`: the text at walker.yaml:59 would change its meaning",
     ("walker.yaml", '"str|*"', "x"): "`stretch` only matches the pattern here: rename it where it is defined",
-    ("walker.yaml", "assembly: hea|d.toml", "x"): "`head.toml` is a file: rename it in place",
+    ("walker.yaml", "assembly: hea|d.toml", "x"): "`thingc rename` does not rename files, such as `head.toml`",
     ("walker.yaml", "  wag: {t|ype: joint}", "x"): "there is no name here",
-    ("user.yaml", "brackets:W|ide", "x"): "`Wide` is a class: rename it in place",
+    ("user.yaml", "brackets:W|ide", "x"): "`thingc rename` does not rename classes, such as `Wide`",
     ("user.yaml", "two.ri|m", "x"): "cannot find the definition of the mount of a part `rim` of `brackets:Wide` without running its code",
     ("user.yaml", "one.se|at", "rest"): "`Bracket` already has a `rest`",
     ("user.yaml", "one.se|at", "for"): "`for` is a Python keyword and cannot be the name of a mount of a part",
@@ -207,7 +207,7 @@ def test_what_cannot_be_is_refused_in_words(editor: Editor, user: Path) -> None:
 
 def test_another_part_that_may_have_the_mount_is_named(editor: Editor, user: Path) -> None:
     (user / "parts/others.py").write_text("from brackets import Bracket\n\n\ndef seat_of(bracket):\n    return bracket.seat\n")
-    refused = "`seat` at parts/others.py:5 may or may not be this mount of a part of `Bracket`: rename it in Python"
+    refused = "`seat` at parts/others.py:5 is possibly this mount of a part of `Bracket`: rename it in Python"
     with pytest.raises(JsonRpcException, match=refused):
         ask(editor, "rename", user / "user.yaml", "one.se|at", newName="perch")
     (user / "parts/others.py").write_text("from brackets import Bracket\n\n\ndef perch_of(other):\n    return other.perch\n")
@@ -230,7 +230,7 @@ def test_broken_text_is_read_as_it_was_where_it_is_still_the_same(editor: Editor
     assert ask(editor, "definition", path, "ta|il: {frame: [") == []
     assert ask(editor, "semanticTokens/full", path).data
     assert "tail" not in [one.name for one in ask(editor, "documentSymbol", path)[4].children]
-    with pytest.raises(JsonRpcException, match="`walker.yaml` contains `leg` but cannot be parsed: fix it first"):
+    with pytest.raises(JsonRpcException, match="`walker.yaml` contains `leg` but cannot be parsed: fix the file first"):
         ask(editor, "rename", path, "child: l|eg_$n", newName="limb")
     editor.open(folder / "leg.yaml")
     with pytest.raises(JsonRpcException, match="`walker.yaml` contains `socket` but cannot be parsed"):

@@ -527,7 +527,7 @@ def test_flat_and_open_meshes_are_surfaces(store: Store) -> None:
     assert "decal" in names and "decal:collision" not in names
     found = [(loss.path, loss.how, loss.what) for loss in artifacts.losses if loss.path == "decal"]
     assert found == [
-        ("decal", "omitted", "the contacts: its collision mesh is flat, but MuJoCo needs a solid")
+        ("decal", "omitted", "the contacts: the collision mesh is flat, but MuJoCo needs a solid")
     ]
 
 

@@ -232,10 +232,11 @@ def test_one_warning_names_the_modes_that_start_under_the_plane(z: float, base: 
         ("START_BELOW", 200, f"mode `m` starts with `b` at least {depth} below the plane z = 0 of its scene") for _ in [depth] if depth
     ]
     if depth:
-        more = ["", "also in mode `n`", "also in modes `n`, `o`"][others]
+        more = ["", "the same in mode `n`", "the same in modes `n`, `o`"][others]
         assert notes(report) == [("`b` is defined here", FILE, 10), *((text, None, None) for text in [more] if text)]
         [help] = [one.help or "" for one in report.diagnostics]
-        assert help.startswith("check the sign of the height in `at`: it is -70 mm" if z < 0 else "write for example `at: {xyz: 0 0 50 mm}`")
+        wanted = "check the sign of the height in `at`: it is -70 mm" if z < 0 else "write for example `at: {xyz: 0 0 50 mm}`"
+        assert help.startswith(wanted)
 
 
 def test_meshes_of_a_link_stand_where_the_link_has_them() -> None:

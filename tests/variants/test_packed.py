@@ -232,7 +232,8 @@ def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, t
     whole, file = sealed(out), out / "chunks" / name
     for damage in (b"", b"no table", file.read_bytes()[:-9]):
         file.write_bytes(damage)
-        with pytest.raises(OSError, match=f"`.*{name}` is damaged: delete it, and continue with --resume, which builds its variants again"):
+        damaged = f"`.*{name}` is damaged: delete the file, and continue with --resume, which builds its variants again"
+        with pytest.raises(OSError, match=damaged):
             load(out, mode="flying")
         with pytest.raises(BatchFault, match="is damaged") as caught:
             run(str(document), options=Options(store=shared_store), resume=True)

@@ -371,7 +371,7 @@ class FamilyFunction:
             raise FamilyError(f"the document has no number `{name}`", did_you_mean(name, known, what="parameters"))
         if kind is not None:
             words = str(kind).lower() if isinstance(kind, bool) else str(kind)
-            raise FamilyError(f"`{name}` is not a number, but `{words}`", f"remove `{name}`, or pass its value in `at`")
+            raise FamilyError(f"`{name}` is not a number, but `{words}`", f"remove `{name}`, or set its value separately")
         raise FamilyError(f"the document has no value for `{name}`", "give it one in the document")
 
     def _expanded(self, outputs: Sequence[str]) -> tuple[str, ...]:
