@@ -20,7 +20,7 @@ from thingc.base.suggestions import Hint, Suggestion, text_of
 
 
 class Severity(str, Enum):
-    """Severity of a diagnostic. Only errors stop a build. With `--strict`, warnings also stop a build."""
+    """The severity of a diagnostic. Only errors stop a build. With `--strict`, warnings also stop a build."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -353,7 +353,7 @@ class Report:
         self, code: DiagnosticCode, message: Hint, where: Span | Origin | None, *, help: Hint | None = None, path: str | None = None,
         notes: Iterable[Note] = (), severity: Severity = Severity.ERROR, detail: str | None = None,
     ) -> bool:
-        """Add a diagnostic. Its location is `where`; for an `Origin`, it is the innermost span, and the other spans become notes.
+        """Add a diagnostic at the location `where`. For an `Origin`, the location is the innermost span, and the other spans become notes.
 
         If the message or the help is an unambiguous `Suggestion`, the diagnostic gets a fix. Return False if the warning is suppressed.
         """
@@ -392,7 +392,7 @@ class Report:
         self, code: DiagnosticCode, message: Hint, where: Span | Origin | None, *, help: Hint | None = None, path: str | None = None,
         notes: Iterable[Note] = (),
     ) -> bool:
-        """Add a warning (see `add`)."""
+        """Add a warning. The arguments are the same as those of `add`."""
         return self.add(code, message, where, help=help, path=path, notes=notes, severity=Severity.WARNING)
 
     def continued(self) -> Report:

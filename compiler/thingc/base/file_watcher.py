@@ -1,4 +1,4 @@
-"""Detect changed files by polling.
+"""Detect changes of files by polling their status.
 
 Polling of times and sizes works on every system and file system, even without change notifications (network drives, folders shared with
 containers). A poll takes 0.2 ms for a hundred files. A file with a new time and the same content has not changed.
@@ -56,11 +56,11 @@ class FileWatcher:
 
     @property
     def paths(self) -> frozenset[str]:
-        """All watched paths."""
+        """The paths of all files and folders that are watched."""
         return frozenset(self._seen)
 
     def note(self, paths: Iterable[str]) -> None:
-        """Watch additional paths."""
+        """Add paths to the files and folders that are watched."""
         for path in paths:
             if path not in self._seen:
                 self._seen[path] = self._state(path, stat_of(path))

@@ -56,7 +56,7 @@ class JsonLinesProcess:
 
     @property
     def pid(self) -> int:
-        """Process id."""
+        """The process id of the child process."""
         return self._process.pid
 
     def ask(self, value: Any) -> None:

@@ -17,7 +17,7 @@ PrimitiveShape = Literal["box", "cylinder", "capsule", "sphere", "ellipsoid", "p
 
 
 class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
-    """A geometric primitive.
+    """A geometric primitive, such as a box or a cylinder.
 
     `size` [m] is as in MuJoCo. Box: half sizes; cylinder and capsule: radius, half length (of the straight part) along z; sphere: radius;
     ellipsoid: half axes; plane: half sizes along x and y, 0 if infinite. `pose` is in the part's frame. The z axis of a plane points away
@@ -30,7 +30,7 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
     @property
     def volume(self) -> float:
-        """Volume [m^3]."""
+        """The volume of the primitive [m^3]."""
         if self.shape == "plane":
             return 0.0
         if self.shape == "box":

@@ -65,7 +65,7 @@ class SensorKind(FrozenStruct):
 
 
 class Measurement(OneLineRepr, FrozenStruct):
-    """Settings of a sensor.
+    """The settings of a sensor, which depend on its kind.
 
     `volume` is the sensitive volume of a touch sensor, in the frame of its mount. `fovy` [rad] is the vertical field of view of a camera.
     `noise` and `cutoff` [SI] are keyed by the name of the reading.

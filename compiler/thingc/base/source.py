@@ -81,7 +81,7 @@ class ScalarNode(FrozenStruct):
     damaged: bool = False
 
     def plain(self) -> Plain:
-        """Return the value."""
+        """Return the value of the scalar."""
         return self.value
 
 

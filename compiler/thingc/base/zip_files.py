@@ -66,6 +66,6 @@ def inflate(entry: ZipEntry) -> bytes:
 
 
 def deflate(data: bytes) -> ZipEntry:
-    """Compress content to an entry."""
+    """Compress the content of a file to an entry of a zip file."""
     compressor = zlib.compressobj(4, zlib.DEFLATED, -zlib.MAX_WBITS)
     return ZipEntry(data=compressor.compress(data) + compressor.flush(), crc=zlib.crc32(data), size=len(data))

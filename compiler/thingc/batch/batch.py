@@ -129,7 +129,7 @@ class _Chunk:
 
 
 class _Stopped(Exception):
-    """Raised after a signal. No further variants are submitted."""
+    """Raised after an interrupt. No further variants are submitted."""
 
 
 class _Batch:

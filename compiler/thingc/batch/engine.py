@@ -128,7 +128,7 @@ class Runners:
             runner.close()
 
     def raise_if_cancelled(self) -> None:
-        """Raise `Cancelled` after `cancel`."""
+        """Raise `Cancelled` if `cancel` has been called."""
         with self._lock:
             if self._closed:
                 raise Cancelled

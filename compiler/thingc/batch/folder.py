@@ -73,7 +73,7 @@ def locked(folder: str) -> Iterator[None]:
 
 
 def read_batch(folder: str) -> dict[str, Any] | None:
-    """Read `batch.json`. Return None if thingc did not write the file."""
+    """Read the file `batch.json` of a batch. Return None if thingc did not write the file."""
     try:
         with open(os.path.join(folder, folder_layout.BATCH), encoding="utf-8") as stream:
             described = json.load(stream)
@@ -100,7 +100,7 @@ def whole(folder: str, described: Mapping[str, Any]) -> None:
 
 
 def write_batch(folder: str, batch: Mapping[str, Any]) -> None:
-    """Write `batch.json` atomically."""
+    """Write the file `batch.json` of a batch atomically."""
     text = json.dumps({"thingc": KIND, **batch}, indent=2, sort_keys=True, ensure_ascii=False)
     _write(os.path.join(folder, folder_layout.BATCH), json_text(text))
 
@@ -190,7 +190,9 @@ def lay_out(folder: str, layout: str) -> None:
 
 
 def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
-    """Set a finished batch aside. After an interruption, the batch is treated as unfinished and can be resumed."""
+    """Rename the files of a finished batch, so that they can be deleted later. After an interruption, the batch is treated as unfinished
+    and can be resumed.
+    """
     write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
     for name in (folder_layout.JOURNAL, folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE):
         with contextlib.suppress(FileNotFoundError):

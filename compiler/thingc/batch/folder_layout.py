@@ -122,7 +122,7 @@ class SharedAssets:
         self.folder = folder
 
     def read(self, sha256: str) -> bytes:
-        """Read a file. Raises `OSError`."""
+        """Read a shared file. Raises `OSError`."""
         with open(asset_path(self.folder, sha256), "rb") as stream:
             return stream.read()
 
@@ -199,7 +199,7 @@ Line = dict[str, Any]
 
 
 class Journal:
-    """An open journal. On exit, this context manager closes the file.
+    """The open journal of a batch. On exit, this context manager closes the file.
 
     Each line is written with a single system call. An incomplete last line is removed when the journal is opened and after a failed write,
     which raises `OSError`.

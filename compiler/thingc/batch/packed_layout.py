@@ -388,7 +388,7 @@ def _opened(path: str) -> ParquetFile | None:
 
 
 class Chunks:
-    """All chunks of a batch. Chunks are opened on demand, and the least recently used chunks are closed.
+    """The chunks of a packed batch. Chunks are opened on demand, and the least recently used chunks are closed.
 
     This class is thread-safe. A copy in another process opens its own files.
     """
@@ -404,7 +404,7 @@ class Chunks:
 
     @contextlib.contextmanager
     def of(self, number: int) -> Iterator[Chunk]:
-        """Provide a chunk by number. Only one thread at a time can use a chunk."""
+        """Open a chunk by its number while the context is active. Only one thread at a time can use a chunk."""
         with self._lock:
             if number not in self._open:
                 self._open[number] = Chunk(self.folder, number)
@@ -414,7 +414,7 @@ class Chunks:
             yield self._open[number]
 
     def holding(self, index: int) -> contextlib.AbstractContextManager[Chunk]:
-        """Provide the chunk of the variant at an index in the plan."""
+        """Open the chunk that contains the variant at an index in the plan."""
         return self.of(index // self._variants)
 
 

@@ -81,7 +81,7 @@ class PlanError(Exception):
 
 
 class Variant(OneLineRepr, FrozenStruct):
-    """A variant. `index` is its index in the plan, and `id` consists of 12 hexadecimal digits of the SHA-256 of its settings.
+    """A variant of a plan. `index` is its index in the plan, and `id` consists of 12 hexadecimal digits of the SHA-256 of its settings.
 
     `parameters` and `choices` are the settings as for `thingc build -p` and `--set`, in the units of the documents. Settings that are equal
     to the values in the documents are omitted. `values` are all parameters of the assembly and values set by path [SI]. `failed` is the

@@ -43,7 +43,7 @@ class Progress(OneLineRepr, FrozenStruct):
 
 
 class Summary(OneLineRepr, FrozenStruct):
-    """The result of a batch.
+    """The summary of a batch that has finished.
 
     `statuses` are the numbers of variants by status, and `before` is the number of variants from earlier runs. `modelled` is the number of
     parts built in this run, which took `seconds` [s]. `duplicates` is the number of additional equal variants. `lossy` is the number of

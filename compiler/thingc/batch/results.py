@@ -76,7 +76,7 @@ Where = Callable[["BuiltVariant"], bool] | Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
 class BuiltVariant(OneLineRepr):
-    """A built variant. Variants with the same folder are equal.
+    """A built variant of a batch. Variants with the same folder are equal.
 
     `index` is the index of the variant in the plan. `settings` are its parameters (SI) and choices by name. `results` is its row of the
     table, without empty cells. `folder` is its build folder. For a packed batch, the folder exists only after `unpack`.
@@ -324,7 +324,7 @@ class BatchResults(Sequence[BuiltVariant]):
 
 
 class _Rows(Sequence[Mapping[str, Any]]):
-    """The rows of a table. Rows are created on demand."""
+    """The rows of a results table, which are created on demand."""
 
     def __init__(self, records: BuildRecords) -> None:
         self._records = records

@@ -133,7 +133,7 @@ class Runner:
         return row(task, "built", results=shown, losses=losses, **parts)
 
     def _written(self, folder: str, task: Variant, files: Mapping[str, Content]) -> dict[str, Any]:
-        """Write a variant. For a packed batch, write only shared files, and return the contents of the other files."""
+        """Write the files of a variant. For a packed batch, write only shared files, and return the contents of the other files."""
         store = self.session.environment.store
         if not self.job.packed:
             write_variant(folder, task.id, files, store)

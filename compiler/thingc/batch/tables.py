@@ -34,7 +34,7 @@ RUN = ("parts_modelled", "parts_reused", "seconds")
 
 
 class Column(FrozenStruct):
-    """A column of the table.
+    """A column of the results table.
 
     `kind` is `integer`, `number`, `text` or `flag`. `unit` is the SI unit, or empty without unit. `written` is the unit in documents, in
     which the page displays the values; an empty string means the SI unit.
@@ -52,7 +52,8 @@ def setting(name: str) -> str:
 
 
 def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Sequence[str]) -> tuple[Column, ...]:
-    """Return all columns, in order. `parameters` have their own names, and `lengths` are the results `length.JOINT`."""
+    """Return all columns of the results table, in order. `parameters` have their own names, and `lengths` are the results `length.JOINT`.
+    """
     return (
         *(Column(name=name, kind="integer" if name == "index" else "text") for name in HEAD),
         *(replace(one, name=setting(one.name)) for one in parameters),

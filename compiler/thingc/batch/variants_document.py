@@ -375,7 +375,7 @@ class _Planner:
                     yield {other: self.named(other, text, root)}
 
     def listed(self, reader: AxisParser, fixed: Setting, root: str) -> tuple[Setting, ...]:
-        """Return the explicit variants."""
+        """Return the variants that the document lists explicitly."""
         met: dict[str, int] = {}
         made: list[Setting] = []
         for index, entry in enumerate(self.spec.list_):

@@ -48,7 +48,7 @@ class CompiledMode(OneLineRepr, FrozenStruct):
         return {path.removeprefix(prefix): data for path, data in self.files.items() if path.startswith(prefix)}
 
     def model(self) -> Any:
-        """Return the compiled `mujoco.MjModel`."""
+        """Compile the MuJoCo model of the mode, and return the `mujoco.MjModel`."""
         import mujoco
 
         return mujoco.MjModel.from_xml_string(self.mjcf(), self.assets())
@@ -72,7 +72,8 @@ class Shown(OneLineRepr, FrozenStruct):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Compiled(OneLineRepr):
-    """A compiled robot. `modes` is in document order. `diagnostics` are the warnings. `modelled` and `reused` are texts of definitions."""
+    """A compiled robot, with its modes in document order. `diagnostics` are the warnings. `modelled` and `reused` are texts of definitions.
+    """
 
     name: str
     assembly: Assembly

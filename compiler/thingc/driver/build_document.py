@@ -21,7 +21,7 @@ from thingc.targets.artifact import Content, Loss
 
 
 class BuildRequest(FrozenStruct):
-    """The options of a build.
+    """The options of a build, as on the command line.
 
     `modes` are the modes to build (default: all), `output` is the parent of the build folder (default: the workspace's build folder).
     `strict` treats warnings as errors, `deny_loss` treats export losses as errors. `force` overwrites unexpected files in the folder.
@@ -38,7 +38,7 @@ class BuildRequest(FrozenStruct):
 
 
 class BuildResult(FrozenStruct):
-    """The result of a build.
+    """The result of a build: the compilation, the files and the diagnostics.
 
     `files` are the files to write, by path in the folder, or None if there are errors. `place` is the parent folder (an absolute path) and
     the name of the build folder. `twice` is the number of parts that were built a second time for a comparison.

@@ -95,7 +95,7 @@ def opened(document: str, options: Options, memo: Memo) -> Documents | None:
 def checked(
     document: str, options: Options, *, strict: bool = False, memo: Memo | None = None,
 ) -> tuple[Documents | None, list[Diagnostic]]:
-    """Check a document. Return the document with all referenced documents (None if it cannot be read), and the diagnostics.
+    """Load and check a document. Return the document with all referenced documents (None if it cannot be read), and the diagnostics.
 
     `memo` caches the parsed documents.
     """

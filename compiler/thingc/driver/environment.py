@@ -35,7 +35,7 @@ Answer = TypeVar("Answer")
 
 
 class Options(FrozenStruct):
-    """Options of a compilation.
+    """The options of a compilation, as on the command line.
 
     `parameters` are strings as on the command line (`{"reach": "120 mm"}`), `choices` are strings by dotted path in the document
     (`{"components.foot.part": "feet:Wide"}`). `store` is a folder or a URL (default: the user's cache), `jobs` the number of parts to build

@@ -1,4 +1,4 @@
-"""Write build folders atomically. `thingc new` also uses this module for the folder of a new workspace.
+"""Write build folders, and the folders of new workspaces, atomically.
 
 A build is written into a hidden folder beside its destination. Then both folders are exchanged in a single system call
 (`renameat2(RENAME_EXCHANGE)`; if this call is not available, by two renames, which the next run repairs). If the process is killed at any

@@ -90,7 +90,7 @@ class Workers:
 
     @property
     def running(self) -> bool:
-        """Whether a worker is running."""
+        """Whether a worker process is running."""
         return bool(self._processes)
 
     def warm(self) -> None:
@@ -109,7 +109,7 @@ class Workers:
             self._begun, self._early = {}, {}
 
     def ensure(self) -> None:
-        """Start the missing workers. Raises `WorkerBroken`."""
+        """Start worker processes that are not running yet. Raises `WorkerBroken`."""
         self._leave_others()
         wanted = 1 if self.forking else self.jobs
         while len(self._processes) < wanted:
@@ -312,7 +312,7 @@ class EndingWorkers(Workers):
     ended = False
 
     def ensure(self) -> None:
-        """Start the missing workers. Raises `WorkerBroken`, also after `end`."""
+        """Start worker processes that are not running yet. Raises `WorkerBroken`, also after `end`."""
         if self.ended:
             raise WorkerBroken("the workers have been shut down")
         super().ensure()

@@ -41,7 +41,7 @@ def damaged(suffix: str, fault: Exception) -> BadMesh:
 
 
 def read_bounded(path: str, suffix: str, most: int = MOST) -> bytes:
-    """Read a mesh file. Raises `OSError`, and `BadMesh` as `bounded` does."""
+    """Read the bytes of a mesh file, and check its size. Raises `OSError` and `BadMesh`."""
     with open(path, "rb") as stream:
         data = stream.read(LARGEST + 1)
     bounded(suffix, data, most)

@@ -162,12 +162,16 @@ LABEL_DIGITS = 6
 
 
 def definition_text(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -> str:
-    """Format a definition: `arm:RotorBrace(length=0.1)`. Sorted parameters that differ from their defaults are in SI units, as `repr`."""
+    """Format a part definition as its text, such as `arm:RotorBrace(length=0.1)`. Sorted parameters that differ from their defaults are in
+    SI units, as `repr`.
+    """
     return _printed(reference, {name: repr(parameters[name]) for name in _differing(parameters, defaults)})
 
 
 def definition_label(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value], words: Mapping[str, str]) -> str:
-    """Return the label `arm:RotorBrace(length=100 mm)`. `words` contains the values as in documents. Strings are quoted."""
+    """Format a part definition as its label, such as `arm:RotorBrace(length=100 mm)`. `words` contains the values as in documents. Strings
+    are quoted.
+    """
     return _printed(reference, {
         name: repr(value) if isinstance(value := parameters[name], str) else words[name] for name in _differing(parameters, defaults)
     })
@@ -199,7 +203,8 @@ class MountRecord(OneLineRepr, FrozenStruct):
 
 
 class MountExpectation(OneLineRepr, FrozenStruct, array_like=True):
-    """An expected part. The geometry at `mount` was cut for the part with the definition text `text`, mated at its `child_mount`.
+    """A part that is expected at a mount. The geometry at `mount` was cut for the part with the definition text `text`, mated at its
+    `child_mount`.
 
     `label` is the display form of `text`.
     """

@@ -318,7 +318,7 @@ class GeometryService:
         return {text: answers[text] for text in unique}
 
     def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[_Task]:
-        """Return the tasks. Parts that will be sliced come first, because they take longest."""
+        """Return the requests to workers, in order. Parts that will be sliced come first, because they take longest."""
         self._requests.suppose([definition for definition, _ in parts], likely)
         tasks = [
             _Task(

@@ -87,7 +87,7 @@ class Mimic(OneLineRepr):
     higher: tuple[float, ...] = ()
 
     def rate(self, x: float) -> float:
-        """Return dq/dx at `x`."""
+        """Return the derivative dq/dx at `x`."""
         return self.multiplier + sum_of(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
 
 
@@ -163,7 +163,7 @@ class Cut(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Mode(OneLineRepr):
-    """A mode of a robot.
+    """A mode of a robot: its tree of links and joints, its base, and its holds.
 
     Attributes:
         root: The path of the root mount, which is a site of the model.

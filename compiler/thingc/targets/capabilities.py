@@ -63,7 +63,7 @@ class Omitted(FrozenStruct, kw_only=False):
 
     @property
     def how(self) -> Literal["omitted"]:
-        """The kind of the `Loss`."""
+        """How the loss is reported: `omitted`."""
         return "omitted"
 
 

@@ -84,7 +84,9 @@ class Shapes(FrozenStruct):
 
 
 class Geometry(FrozenStruct):
-    """The geometry of an assembly. `shapes[i]` contains the shapes of occurrence i. Mesh assets are in order of first use."""
+    """The visual and collision geometry of an assembly. `shapes[i]` contains the shapes of occurrence i. Mesh assets are in order of first
+    use.
+    """
 
     shapes: tuple[Shapes, ...]
     meshes: tuple[MeshAsset, ...]

@@ -1,4 +1,4 @@
-"""The table of targets. Each target declares itself, and its emitter is imported on demand.
+"""The table of all targets. Each target declares itself, and its emitter is imported when it is needed.
 
 A folder beside this module is a target if its `__init__.py` has a `TARGET`. Other packages can add targets through the entry-point group
 `thingc.emitters`, with the same function signature.

@@ -1,4 +1,4 @@
-"""The input of every emitter."""
+"""The input of the emitters of all targets."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ class Element:
         return f"{self.tag} `{self.get('name')}`" if "name" in self.attributes else f"`{self.tag}`"
 
     def lay(self, name: str, attribute: RawAttribute) -> None:
-        """Set a raw attribute. `lift` undoes the change."""
+        """Set a raw attribute of the element. The method `lift` undoes the change."""
         before = self.raw[name].before if name in self.raw else self.attributes.get(name)
         self.raw[name] = RawValue(attribute=attribute, before=before)
         self.attributes[name] = attribute.value

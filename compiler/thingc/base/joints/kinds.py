@@ -21,7 +21,7 @@ Limits = Literal["required", "optional", "none", "cone"]
 
 
 class JointKind(FrozenStruct):
-    """A kind of joint.
+    """A kind of joint, such as `revolute`: the twists of its coordinates, and the keys that it accepts.
 
     `twists` contains the motions of its coordinates, in order. Each twist is in the parent mount's frame, which the preceding twists have
     moved: the child's side is at `exp(twist_0 q_0) exp(twist_1 q_1) ...` relative to the parent's side. A joint without twists does not

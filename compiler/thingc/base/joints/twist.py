@@ -87,7 +87,7 @@ class Twist(FrozenStruct, kw_only=False):
 
     @property
     def coordinate(self) -> Dimension:
-        """Physical dimension of q."""
+        """The physical dimension of the coordinate q."""
         return ANGLE if self.turns else LENGTH
 
     @property

@@ -150,7 +150,7 @@ class DaskCluster(FileTransferExecutor):
             ) from None
 
     def unship(self, name: str) -> None:
-        """Remove a shipment. Unreachable workers remove the shipment when they end."""
+        """Remove a shipped workspace from the workers. Unreachable workers remove it when they end."""
         self._unregister(self._plugin(name))
 
     def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:

@@ -31,5 +31,5 @@ class UnpackedWorkspace(WorkerPlugin):
         self.transfer = replace(self.transfer, data=b"")  # the scheduler keeps the data for later workers
 
     async def teardown(self, worker: Any) -> None:
-        """Remove the workspace. Idle runners are ended first, which can take a moment."""
+        """Remove the unpacked workspace. Idle runners are ended first, which can take a moment."""
         await asyncio.to_thread(leave, self.shipment)

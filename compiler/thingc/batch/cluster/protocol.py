@@ -22,7 +22,7 @@ class WorkerLost(Exception):
 
 
 class Cluster(Executor):
-    """An executor on other machines.
+    """An executor that runs calls on other machines.
 
     At most `ahead` chunks run at the same time. The first chunks contain `first` variants. Later chunks occupy a runner for about
     `chunk_seconds` [s] and contain at most `chunk_most` variants.

@@ -89,7 +89,7 @@ def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> N
 
 
 def leave(name: str) -> None:
-    """Remove a shipment. Builds in progress fail; their results are no longer needed."""
+    """Remove a shipped workspace from a worker. Builds in progress fail, because their results are no longer needed."""
     place = _PLACES.pop(name, None)
     _REFUSED.pop(name, None)
     if place is None:
@@ -132,7 +132,7 @@ class Answer(FrozenStruct):
 
 
 def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float) -> Answer:
-    """Run `engine.evaluate` on a worker.
+    """Build a chunk of variants on a worker with `engine.evaluate`.
 
     `job` was encoded by `RemoteExecutor`, with paths relative to the workspace. Raises `WorkerLost` and `RunnersBroken`.
     """
@@ -306,7 +306,9 @@ class RemoteExecutor(Cluster):
         return rows
 
     def _keep(self, row: Row, blobs: _Blobs) -> None:
-        """Write a variant. For a packed batch, write only its shared files. Raises the same errors as `write_variant`."""
+        """Write a built variant on this machine. For a packed batch, write only its shared files. Raises the same errors as
+        `write_variant`.
+        """
         files = blobs.files(row["id"])
         if SHARED not in row:
             write_variant(self.folder, row["id"], files, blobs)

@@ -38,7 +38,7 @@ MODIFIED = 946_684_800
 
 
 class WorkspaceArchive(FrozenStruct):
-    """A packed workspace.
+    """A workspace that is packed into an archive.
 
     `root` is the absolute path of the workspace on this machine. `data` is a tar archive compressed with zlib, `sha256` (hex) is the hash
     of the uncompressed archive, and `names` is the number of entries.

@@ -79,7 +79,7 @@ class RobotFamily:
         self, document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None,
         verify: int | None = None, compat: Iterable[str] | str | None = None, options: Options | None = None,
     ) -> None:
-        """Read a document. `options` replace `store`, `jobs` and `compat`.
+        """Open a document as a family. `options` replace `store`, `jobs` and `compat`.
 
         Raises `CompileError` for a document with errors, `UnknownChoice` for an unknown mode or program, and `FamilyError` if `jobs` or
         `verify` is not an integer of at least 0.

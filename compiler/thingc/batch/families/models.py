@@ -64,7 +64,7 @@ class ModelsOfMode:
         self._kept: OrderedDict[tuple[ParsedSettings, bool], mujoco.MjModel] = OrderedDict()
 
     def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
-        """Yield the models in order. A shared model is valid until the next model is requested."""
+        """Yield the models of settings in order. A shared model is valid until the next model is requested."""
         waiting: list[tuple[Item, NumericPlan[Any], tuple[float, ...]]] = []
         for item in many:
             planned = None if self._is_kept(item[1], share) else self.forms.planned(item[1], self.plan)
@@ -251,7 +251,8 @@ class ModelsOfMode:
         return known if share else copy.copy(known)
 
     def _keep(self, read: ParsedSettings, share: bool, model: mujoco.MjModel) -> None:
-        """Cache a model. Models that are lent, and may therefore be changed, are cached separately from models that are copied."""
+        """Add a model to the cache. Models that are lent, and may therefore be changed, are cached separately from models that are copied.
+        """
         self._kept[read, share] = model
         self._kept.move_to_end((read, share))
         if len(self._kept) > KEPT:

@@ -29,7 +29,7 @@ class Evaluated(OneLineRepr, FrozenStruct):
 
     @property
     def sound(self) -> bool:
-        """Whether there are no errors."""
+        """Whether the settings are valid, so that the results have no errors."""
         return not any(one.severity is Severity.ERROR for one in self.problems)
 
     @property
@@ -58,7 +58,7 @@ class NoModel(OneLineRepr, FrozenStruct):
 
     @property
     def reason(self) -> str:
-        """The messages of the errors."""
+        """The messages of the errors because of which the settings have no model."""
         return "; ".join(dict.fromkeys(one.message for one in self.problems if one.severity is Severity.ERROR))
 
     def __repr__(self) -> str:

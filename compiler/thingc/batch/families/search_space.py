@@ -59,7 +59,7 @@ class SearchSpace(Sequence[SpaceDimension]):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the dimensions."""
+        """The names of the dimensions of the search space."""
         return tuple(dimension.name for dimension in self)
 
     def _drawn(self) -> Iterator[SpaceDimension]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from thingc.modes import Modes
 
 def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
-    """Return the options of `reset`. Raises `FamilyError` for unknown options."""
+    """Check the options of `reset`, and return them. Raises `FamilyError` for unknown options."""
     if options is not None and not isinstance(options, Mapping):
         raise FamilyError(f"expected `options` to be a mapping from names to values, found `{options}`")
     options = dict(options or {})

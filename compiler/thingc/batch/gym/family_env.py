@@ -251,7 +251,9 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
             list(self._pool.map(_run, [episodes[k:: self._threads] for k in range(self._threads)]))
 
     def _begin(self, worlds: Sequence[int], infos: dict[str, Any], wanted: Any) -> None:
-        """Start episodes. Refused settings are redrawn. Raises `FamilyError` if `wanted` or too many other settings are refused."""
+        """Start episodes in some worlds. Refused settings are replaced by newly drawn settings. Raises `FamilyError` if `wanted` or too
+        many other settings are refused.
+        """
         refused: NoModel | None = None
         for _ in range(DRAWS if wanted is None else 1):
             drawn = [self._morphologies.drawn(self._source(k), wanted) for k in worlds]
@@ -398,7 +400,7 @@ def _first(infos: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def make_env(family: RobotFamily | str | os.PathLike[str], **options: Unpack[EnvOptions]) -> FamilyEnv:
-    """Create a single environment. The first world of `make_vec_env` has the same episodes. `EnvOptions` describes the options."""
+    """Create a single environment, whose episodes equal those of the first world of `make_vec_env`. `EnvOptions` describes the options."""
     return FamilyEnv(make_vec_env(family, 1, threads=1, autoreset_mode=AutoresetMode.DISABLED, **options))
 
 

@@ -159,7 +159,7 @@ class Morphologies:
 
 
 def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None) -> MorphologyDistribution:
-    """Return the distribution of settings.
+    """Return the distribution from which the settings of episodes are drawn.
 
     By default, these are the valid variants of the document that satisfy its rules, or the settings of an assembly itself.
     """

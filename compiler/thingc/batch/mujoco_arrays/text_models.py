@@ -42,7 +42,7 @@ class ModelText(FrozenStruct, eq=False):
 
 
 class TextModels:
-    """Creates models from XML.
+    """Creates MuJoCo models from XML strings.
 
     Some models that were created without compilation (the first, second, fourth, eighth ... of each kind) are compared with the compiled
     model. After a difference, models of this kind are always compiled. Not thread-safe.
@@ -53,7 +53,7 @@ class TextModels:
         self._shapes: dict[str, str | int] = {}
 
     def each(self, many: Iterable[ModelText], *, share: bool) -> Iterator[mujoco.MjModel]:
-        """Yield the models, in order. At most 128 inputs are read ahead.
+        """Yield the models for XML strings, in order. At most 128 inputs are read ahead.
 
         With `share`, the same model object is lent each time. It is valid until the next model is requested.
         """

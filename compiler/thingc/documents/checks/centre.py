@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Interval = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
 
 class CentreCode(DiagnosticCode):
-    """Diagnostic codes of `centre` tests."""
+    """The diagnostic codes that `centre` tests can report."""
 
     TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move heavy parts, or enlarge the box.")
 
@@ -72,7 +72,7 @@ class CentreCheck(OneLineRepr, FrozenStruct):
 
 
 def read_centre(written: CentreTest, reader: Reader) -> CentreCheck:
-    """Read a `centre` test."""
+    """Parse the keys of a `centre` test."""
     box: dict[str, tuple[float, float]] = {}
     for axis in ("x", "y", "z"):
         bounds = getattr(written.within, axis)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class ClearanceCode(DiagnosticCode):
-    """Diagnostic codes of `ground_clearance` tests."""
+    """The diagnostic codes that `ground_clearance` tests can report."""
 
     TEST_CLEARANCE = ("TC662", "too near to the ground", "Change a part or a pose, or list parts that may touch the ground under `except`.")
 

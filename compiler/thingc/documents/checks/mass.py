@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class MassCode(DiagnosticCode):
-    """Diagnostic codes of `mass` tests."""
+    """The diagnostic codes that `mass` tests can report."""
 
     TEST_MASS = ("TC651", "mass outside its bounds", "Change parts that are too heavy or too light, or change the bound.")
 
@@ -53,7 +53,7 @@ class MassCheck(OneLineRepr, FrozenStruct):
 
 
 def read_mass(written: MassTest, reader: Reader) -> MassCheck:
-    """Read a `mass` test."""
+    """Parse the keys of a `mass` test."""
     low, high = reader.bounds(written.min, written.max, MASS, "the mass")
     return MassCheck(of=reader.components(written.of, "of"), minimum=low, maximum=high)
 

@@ -28,7 +28,7 @@ MOST_SAMPLES = 10_000
 
 
 class CollisionCode(DiagnosticCode):
-    """Diagnostic codes of `no_collision` tests."""
+    """The diagnostic codes that `no_collision` tests can report."""
 
     TEST_COLLISION = ("TC655", "parts that collide", "Change a part, a pose or a range, or allow the pair with a reason.")
 

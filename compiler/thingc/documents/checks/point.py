@@ -26,7 +26,7 @@ ANGLE_OFF = radians(1.0)
 
 
 class PointCode(DiagnosticCode):
-    """Diagnostic codes of `point` tests."""
+    """The diagnostic codes that `point` tests can report."""
 
     TEST_POINT = ("TC654", "point out of reach", "Move the point, change parts or the limits of joints, or allow a greater distance.")
 
@@ -74,7 +74,7 @@ class PointCheck(OneLineRepr, FrozenStruct):
 
 
 def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
-    """Read a `point` test. If the test is invalid, report the error and return None."""
+    """Parse the keys of a `point` test. If the test is invalid, report the error and return None."""
     mount, frame = reader.mount(written.mount, "mount"), reader.mount(written.in_, "in")
     at = reader.vector(written.at, "at", LENGTH)
     within = reader.number(written.within, "within", LENGTH, above=0.0)

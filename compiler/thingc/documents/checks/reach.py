@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class ReachCode(DiagnosticCode):
-    """Diagnostic codes of `reach` tests."""
+    """The diagnostic codes that `reach` tests can report."""
 
     TEST_REACH = ("TC653", "reach outside its bounds", "Change the lengths of parts, the limits of joints, or the bound.")
 
@@ -57,7 +57,7 @@ class ReachCheck(OneLineRepr, FrozenStruct):
 
 
 def read_reach(written: ReachTest, reader: Reader) -> ReachCheck | None:
-    """Read a `reach` test. If the test is invalid, report the error and return None."""
+    """Parse the keys of a `reach` test. If the test is invalid, report the error and return None."""
     of, base = reader.mount(written.of, "of"), reader.mount(written.from_, "from")
     low, high = reader.bounds(written.min, written.max, LENGTH, "the reach")
     return ReachCheck(of=of, base=base, minimum=low, maximum=high) if of is not None and base is not None else None

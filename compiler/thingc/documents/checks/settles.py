@@ -27,7 +27,7 @@ GIVES = 5e-3
 
 
 class SettleCode(DiagnosticCode):
-    """Diagnostic codes of `settles` tests."""
+    """The diagnostic codes that `settles` tests can report."""
 
     TEST_SETTLES = ("TC657", "robot that does not come to rest", "Change the pose, the drives or the bounds, or inspect the MuJoCo model.")
 
@@ -69,7 +69,7 @@ class SettleCheck(OneLineRepr, FrozenStruct):
 
 
 def read_settles(written: SettlesTest, reader: Reader) -> SettleCheck:
-    """Read a `settles` test."""
+    """Parse the keys of a `settles` test."""
     within = reader.number(written.within, "within", TIME, above=0.0, most=LONGEST)
     drift = reader.number(written.drift, "drift", LENGTH, above=0.0)
     hold = reader.number(written.for_, "for", TIME, above=0.0, most=LONGEST, default=HOLD)

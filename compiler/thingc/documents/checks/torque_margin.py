@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class TorqueCode(DiagnosticCode):
-    """Diagnostic codes of `torque_margin` tests."""
+    """The diagnostic codes that `torque_margin` tests can report."""
 
     TEST_TORQUE = ("TC656", "insufficient torque of a drive", "Use a stronger drive, lighter parts or another pose, or reduce the margin.")
     TEST_FALLS = ("TC660", "robot that falls over", "Move the feet or heavy parts, or add feet to `standing_on`.")
@@ -54,7 +54,7 @@ class TorqueCheck(OneLineRepr, FrozenStruct):
 
 
 def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
-    """Read a `torque_margin` test. Report modes in which the document does not specify what supports the robot."""
+    """Parse the keys of a `torque_margin` test. Report modes in which the document does not specify what supports the robot."""
     minimum = reader.number(written.min, "min", NUMBER, above=0.0)
     joints = reader.drives(written.drive, "drive")
     floating = [name for name in reader.chosen_modes if not _carried(reader.modes[name])]

@@ -288,7 +288,7 @@ def yaml_layout(text: str, shape: FieldType | None) -> str:
 
 
 class _Printer:
-    """Formats blocks. Every method returns indented lines."""
+    """Formats the block mappings and lists of a YAML document. Each method returns indented lines."""
 
     def __init__(self, text: str) -> None:
         self.text = text

@@ -168,7 +168,7 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
 
 
 class _Reader:
-    """Reads every file once. `by_path` is in the order of first reference."""
+    """Reads a document and all documents that it references, each file once. `by_path` is in the order of first reference."""
 
     def __init__(self, workspace: Workspace, report: Report, texts: Mapping[str, bytes] | None = None, memo: Memo | None = None) -> None:
         self.workspace = workspace

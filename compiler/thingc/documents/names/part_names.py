@@ -277,7 +277,7 @@ class PartNames:
 
 @lru_cache(maxsize=512)
 def _module_of(file: str, dotted: str, text: str) -> _Module | None:
-    """Parse a module. Return None if the source is not valid Python."""
+    """Parse a Python module. Return None if the source is not valid Python."""
     try:
         return _Module(file, dotted, text)
     except (SyntaxError, ValueError, RecursionError):

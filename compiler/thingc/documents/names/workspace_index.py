@@ -95,7 +95,7 @@ def _seen(
 
 @lru_cache(maxsize=512)
 def read_document(path: str, relative: str, text: str) -> DocumentNames | None:
-    """Parse a document. Return None if the document is not well-formed."""
+    """Parse the text of a document. Return None if the text is not well-formed."""
     report = Report()
     data = text.encode("utf-8", errors="surrogatepass")
     tree = read_tree(path, data, report) if len(data) <= MAX_TEXT else None

@@ -44,7 +44,7 @@ class FieldType(FrozenStruct):
 
     @property
     def words(self) -> str:
-        """Description of the expected value."""
+        """A description of the values that are valid, for messages."""
         if self.kind == "model":
             assert self.model is not None
             keys = model_keys(self.model)

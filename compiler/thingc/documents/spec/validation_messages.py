@@ -48,7 +48,7 @@ class FaultReporter(FrozenStruct, eq=False):
     damaged: frozenset[Path]
 
     def say(self, faults: list[Fault]) -> None:
-        """Report all errors in order."""
+        """Report all validation errors, in the order of the document."""
         unknown = {fault.path: UnknownKey(self.document, self.root, fault) for fault in faults if fault.kind == "extra_forbidden"}
         meant = {(*path[:-1], one.instead) for path, one in unknown.items() if one.instead is not None}
         parents = {path[:-1] for path in self.empty}

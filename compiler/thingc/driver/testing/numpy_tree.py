@@ -22,7 +22,7 @@ ROUND = np.pi
 
 
 class NumpyTree:
-    """The tree of a robot. Its coordinates are the joints that do not mimic other joints.
+    """The kinematic tree of a robot in numpy arrays. Its coordinates are the joints that do not mimic other joints.
 
     `paths` are the n paths of the coordinates, `lower` and `upper` their limits [rad or m]. `q(x)` returns the values of all joints. A
     floating base does not move.

@@ -53,7 +53,9 @@ def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[
 
 
 def _starts(chain: NumpyTree, origin: Origin) -> list[Array]:
-    """Return positions within the limits. For a robot with loops, return poses of the document and other poses, all with closed loops."""
+    """Return joint positions within the limits at which the search starts. For a robot with loops, return poses of the document and other
+    poses, all with closed loops.
+    """
     assembly = chain.robot.assembly
     if not chain.robot.closures:
         return [chain.lower + part * (chain.upper - chain.lower) for part in quasi_random(SAMPLES, len(chain.paths))]

@@ -83,7 +83,7 @@ def simulated(
 
 
 def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjModel:
-    """Compile the scene. Without `floor`, the floor has no contacts."""
+    """Compile the MuJoCo scene of a mode. Without `floor`, the floor has no contacts."""
     beside = {path.rpartition("/")[2]: data for path, data in files.items()}
     model = mujoco.MjModel.from_xml_string(files[scene].decode(), beside)
     if not floor:

@@ -118,7 +118,7 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
 
 
 def read_lock_file(path: str, report: Report) -> Lock | None:
-    """Read one lock file. Report an unreadable or invalid file and return None."""
+    """Read a lock file at a path. If the file is unreadable or invalid, report the error and return None."""
     try:
         with open(path, "rb") as stream:
             data = stream.read(MAX_BYTES + 1)
@@ -148,7 +148,7 @@ def report_bad(path: str, fault: BadLock, report: Report, *, severity: Severity 
 
 
 def parse_lock(path: str, data: bytes) -> Lock:
-    """Parse the lock in `data`. Raises `BadLock`."""
+    """Parse the content of a lock file. Raises `BadLock`."""
     if len(data) > MAX_BYTES:
         raise BadLock("", f"it has more than {MAX_BYTES} bytes")
     try:

@@ -262,7 +262,9 @@ class LockOnlyGeometry:
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return the records. A record whose slices are not in the lock becomes inexact, and its label is added to `unknown`."""
+        """Return part records with slices from the lock file. A record whose slices are missing becomes inexact, and its label is added to
+        `unknown`.
+        """
         sliced = dict(records)
         labels = {definition.text: definition.label for definition in definitions}
         for text in lacking(records, wanted):

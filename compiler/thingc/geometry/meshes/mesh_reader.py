@@ -204,7 +204,7 @@ def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArra
 
 
 def _kept(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassProperties | None, bool]:
-    """Store triangles as one mesh.
+    """Write triangles to the store as one mesh.
 
     Return the mesh, its mass properties (None for an open or flat mesh), and whether its faces were flipped because they pointed inwards.
     """

@@ -35,7 +35,7 @@ class BuildLocks:
         self._idle = fcntl is None
 
     def take(self, key: str) -> bool:
-        """Lock a build key (hexadecimal). Return False if another process has locked the key, and True if locks do not work."""
+        """Lock the build key of a part (hexadecimal). Return False if another process has locked the key, and True if locks do not work."""
         descriptor = self._file()
         if descriptor is None or fcntl is None:
             return True
@@ -58,14 +58,14 @@ class BuildLocks:
         return True
 
     def give_back(self, key: str) -> None:
-        """Release a lock. Do nothing if the lock was not taken."""
+        """Release the lock of a build key, if this process holds it."""
         if self._descriptor is not None and fcntl is not None:
             with contextlib.suppress(OSError):
                 fcntl.lockf(self._descriptor, fcntl.LOCK_UN, 1, _lock_offset(key))
 
     @contextlib.contextmanager
     def given_back(self) -> Iterator[None]:
-        """Release all locks on exit."""
+        """Release all locks when the context ends."""
         try:
             yield
         finally:

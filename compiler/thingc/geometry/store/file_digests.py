@@ -1,4 +1,4 @@
-"""Digests of files. A digest is cached until the file system reports a change of the file."""
+"""Compute the digests of files. A digest is cached until the file system reports a change of the file."""
 
 from __future__ import annotations
 

@@ -154,7 +154,7 @@ def install(look: Callable[[Callable[..., Any]], None]) -> None:
 
 
 def signature_of(function: Callable[..., Any], owner: str, *, method: bool, strict: bool, docs: Sequence[str | None] = ()) -> Signature:
-    """Return the parameters of `function`. If `method` is set, the first argument is skipped.
+    """Read the parameters of a function from its signature. For a method, the first argument is skipped.
 
     If `strict` (for a Thing), the function raises `SignatureError` unless every argument can be a parameter. Otherwise (for a build123d
     class or a plain function), the result omits `*args`, `**kwargs`, and arguments with a default that cannot be parameters. `docs`

@@ -227,7 +227,7 @@ def die_with_parent(parent: int) -> None:
 
 
 def live_without_parent() -> None:
-    """Undo `die_with_parent`."""
+    """Let this process continue after its parent has ended, which undoes `die_with_parent`."""
     if sys.platform == "linux":
         prctl(_PARENT_DEATH_SIGNAL, 0)
 

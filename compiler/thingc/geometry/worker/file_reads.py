@@ -53,13 +53,13 @@ class FileReadRecorder:
         self._on = False
 
     def start(self) -> None:
-        """Begin recording."""
+        """Begin to record which files are read."""
         _install_hook()
         _listening.append(self)
         self._on = True
 
     def stop(self) -> None:
-        """End recording."""
+        """Stop recording."""
         self._on = False
         with contextlib.suppress(ValueError):
             _listening.remove(self)

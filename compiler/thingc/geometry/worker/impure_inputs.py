@@ -47,12 +47,12 @@ class ImpureInputRecorder:
         return tuple(self._found)
 
     def start(self) -> None:
-        """Begin recording."""
+        """Begin to record impure inputs."""
         global _current
         _current = self
 
     def stop(self) -> None:
-        """End recording."""
+        """Stop recording."""
         global _current
         if _current is self:
             _current = None
@@ -67,7 +67,7 @@ class ImpureInputRecorder:
             self.start()
 
     def note(self, what: ImpureInputs, message: str, frame: FrameType | None) -> bool:
-        """Record an input of `frame`. Return False if the part did not cause the input."""
+        """Record an impure input that was used in the frame `frame`. Return False if the part did not cause the input."""
         while frame is not None:
             file = frame.f_code.co_filename
             if self._own(file):

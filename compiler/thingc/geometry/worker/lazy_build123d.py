@@ -57,7 +57,7 @@ class LazyObject:
         return getattr(real(self), name)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        """Call the real object."""
+        """Import and call the real object."""
         return real(self)(*args, **kwargs)
 
     def __mro_entries__(self, bases: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -99,7 +99,7 @@ class PartSession:
         os.close(self._before)
 
     def stop(self) -> None:
-        """End the recording. The part does not cause later reads, inputs and changes."""
+        """Stop recording. Later reads, inputs and changes are not caused by the part."""
         sandbox.end()
         self._printing.close()
         self.recorder.stop()

@@ -366,7 +366,7 @@ class _Server:
             self.end(child, over)
 
     def end(self, child: Child, over: str | None) -> dict[str, Any]:
-        """End a child. Return its answer or its failure."""
+        """End a child process, and return its answer or its failure."""
         if child.answered:  # ending a child takes as long as a fork, so another core starts the next request
             self.begin_waiting(child)
         self.selector.unregister(child.pipe)

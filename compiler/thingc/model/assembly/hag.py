@@ -17,7 +17,7 @@ DefinitionKind = Literal["assembly", "part", "file", "link", "frame"]
 
 
 class Definition(OneLineRepr, FrozenStruct):
-    """A node of the HAG.
+    """A node of the hierarchical assembly graph: a definition of a part, a link or an assembly.
 
     `text` is the exact representation. Together with `reference` (`module:Class`, a file, or the path of a document in the workspace), it
     identifies the node. `label` is the display name. For a mirror image, `mirror` is the axis and `plain` is the original definition.
@@ -70,7 +70,7 @@ class Hag(OneLineRepr, FrozenStruct):
 
     @property
     def label(self) -> str:
-        """Display name of the robot."""
+        """The name of the robot for display."""
         return self.definitions[0].label
 
 

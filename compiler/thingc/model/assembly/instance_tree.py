@@ -22,7 +22,7 @@ from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, R
 
 @dataclass(slots=True, eq=False)
 class Instance:
-    """A node of the tree. `path` is a path such as `hand/cap` (empty for the top).
+    """An instance of a definition in the robot, at a path such as `hand/cap` (empty for the top document).
 
     `origin` is the chain of spans in documents that created the instance.
 

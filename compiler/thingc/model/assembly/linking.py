@@ -53,7 +53,7 @@ def link(
     model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure], report: Report, memo: Memo | None = None,
     meshes: Meshes | None = None, *, unmodelled: bool = False,
 ) -> Assembly | None:
-    """Link the model. Return None if there are errors (in `report`).
+    """Link a resolved model with its part records. Return None if there are errors, which are added to `report`.
 
     `records` contains the result for every part definition of `model`, by text. With `unmodelled`, parts are not built: `link` reports only
     errors of the documents and returns None. `meshes` are the known records of mesh files of links. Elements that depend on invalid

@@ -41,7 +41,7 @@ class _Naming(FrozenStruct, kw_only=False):
 
 
 def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo) -> tuple[Link, ...]:
-    """Return the links in order.
+    """Return the links of the robot, in document order.
 
     `links:` specifies names and frames; the outermost document takes precedence. By default, a link has the name and the frame of its first
     occurrence.

@@ -38,7 +38,7 @@ class MassResult(FrozenStruct):
 
 
 def merged(over: Process | None, under: Process | None) -> Process | None:
-    """Merge two processes. Keys of `over` take precedence."""
+    """Merge two manufacturing processes. Keys of `over` take precedence."""
     if over is None or under is None:
         return over if over is not None else under
     stated = {name: value for name in Process.__struct_fields__ if (value := getattr(over, name)) is not None}

@@ -1,4 +1,4 @@
-"""Instances of parts and frames. Each instance is computed once per component."""
+"""Create the instances of parts and frames, once for each component of a definition."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ _SHOWN_PLACES = 8
 
 
 class PartInstances:
-    """Cached part instances by component. If a definition is used twice, its components are computed once.
+    """A cache of part instances by component. If a definition is used twice, its components are computed once.
 
     `unknown` is set if the properties of a part are not known exactly (see `PartRecord.exact`). The caller reports such parts.
     """

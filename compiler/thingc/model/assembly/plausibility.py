@@ -1,4 +1,4 @@
-"""Warnings about suspicious values. Each warning shows the value and its likely cause.
+"""Warn of suspicious values in documents. Each warning shows the value and its likely cause.
 
 These checks need only numbers, so the command `check` runs them. Checks of the geometry are part of `build`.
 """

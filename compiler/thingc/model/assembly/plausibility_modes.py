@@ -1,4 +1,4 @@
-"""Warnings about suspicious modes."""
+"""Warn of suspicious settings in modes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Warnings about suspicious values in a `process`, such as wrong units or digits."""
+"""Warn of suspicious values in a manufacturing process, such as wrong units or digits."""
 
 from __future__ import annotations
 

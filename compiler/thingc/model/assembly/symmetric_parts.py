@@ -21,7 +21,9 @@ def with_own_images(model: AssemblyDefinition, records: Mapping[str, PartRecord 
 
 
 class _Substituted:
-    """Replaces the parts. Results are cached, so that equal definitions remain one object and unchanged definitions are not copied."""
+    """Replaces mirror images of symmetric parts in a model. Results are cached, so that equal definitions remain one object and unchanged
+    definitions are not copied.
+    """
 
     def __init__(self, records: Mapping[str, PartRecord | PartFailure]) -> None:
         self._records = records

@@ -260,7 +260,7 @@ class Adhesion(LinkedMount):
 
 
 class LinkedHold(OneLineRepr, FrozenStruct):
-    """A hold of a mode. `mount` is mated to the frame `pose` in the world.
+    """A hold of a mode, which mates a mount to the frame `pose` in the world.
 
     If `pose` is None, the hold is at the place of the mount in the mode's own pose.
 

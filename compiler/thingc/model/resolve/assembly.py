@@ -136,7 +136,7 @@ def _definition(
 
 
 def _check_names(scope: Scope, spec: AssemblySpec) -> None:
-    """Check all names outside `repeat`."""
+    """Check the names of all elements that are not created by a `repeat`."""
     for name in spec.parameters:
         if name in CONSTANTS or name in FUNCTIONS:
             scope.error(

@@ -45,7 +45,7 @@ class LinkShape(OneLineRepr):
 
     @property
     def word(self) -> str:
-        """Display name of the shape."""
+        """The name of the shape for display."""
         return self.solid.path if isinstance(self.solid, MeshFile) else self.solid.shape
 
     @property

@@ -28,7 +28,9 @@ BRIDGE_FLOWS = (0.1, 2.0)
 
 
 def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str, Material | None]:
-    """Return all materials by name. The value is None for materials of invalid documents, which must not be reported as unknown."""
+    """Return all materials that a document can use, by name. The value is None for materials of invalid documents, which must not be
+    reported as unknown.
+    """
     if isinstance(spec.materials, Mapping):
         return _resolve_materials(scope, spec.materials)
     materials: dict[str, Material | None] = {}

@@ -22,7 +22,7 @@ from thingc.model.resolve.types import Joint
 
 
 def mimics(table: DocumentScope, items: Iterable[Unrolled[JointSpec]]) -> None:
-    """Add mimics to `table.joints`. Report and omit invalid mimics."""
+    """Resolve the mimics of joints and add them to `table.joints`. Report and omit invalid mimics."""
     items = list(items)
     for item in items:
         own = [joint for joint in table.joints.values() if joint is not None and joint.name.joint == item.name]
@@ -76,7 +76,7 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
 def _polynomial(
     item: Unrolled[JointSpec], followed: _Followed, coordinate: Dimension, written: Sequence[Any], path: Path, notes: list[Note],
 ) -> Mimic | None:
-    """Return the mimic. Coefficient k applies to q(joint)^k, in units of q / q(joint)^k."""
+    """Resolve the polynomial of a mimic. Coefficient k applies to q(joint)^k, in units of q / q(joint)^k."""
     scope, place = item.scope, (*path, "polynomial")
     values: list[float] = []
     dimension = coordinate

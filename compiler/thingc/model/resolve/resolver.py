@@ -20,7 +20,7 @@ from thingc.model.resolve.types import AssemblyDefinition
 
 
 class Settings(FrozenStruct):
-    """Settings of one compilation.
+    """The settings of a compilation: parameters, choices, and values at paths.
 
     `parameters` maps names to strings as for `-p` (`{"reach": "120 mm"}`). `choices` maps dotted paths in the root document to strings
     (`{"components.foot.part": "feet:Wide"}`). `quantities` replaces some of these strings by values.

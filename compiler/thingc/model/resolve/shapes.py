@@ -69,7 +69,7 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> Mes
 
 
 def _file(scale: Vector, digest: Callable[[str], str], absolute: str, path: str, _state: tuple[int, ...]) -> MeshFile:
-    """Return the mesh file. The unused argument is its state, which the memo compares."""
+    """Return a mesh file of a link. The unused argument is the state of the file, which the memo compares."""
     return mesh_file(absolute, path, scale, digest)
 
 

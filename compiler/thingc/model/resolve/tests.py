@@ -42,7 +42,7 @@ def tests(context: ResolveRun, table: DocumentScope, scope: Scope, modes: Sequen
 
 
 def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: str, written: TestSpec) -> Test | None:
-    """Return a test. Report an invalid test and return None."""
+    """Resolve a document test. Report an invalid test and return None."""
     path: Path = ("tests", name, written.kind)
     reader = Reader(table, scope, modes, path)
     reader.choose(written.stated)

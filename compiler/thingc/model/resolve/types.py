@@ -45,7 +45,7 @@ class Reference(OneLineRepr, FrozenStruct):
 
 
 class Process(OneLineRepr, FrozenStruct):
-    """Manufacturing process of a part. `kind` is for example `fdm`. Widths and layer heights are in [m].
+    """The manufacturing process of a part. `kind` is for example `fdm`. Widths and layer heights are in [m].
 
     Infill and overlap are between 0 and 1.
 
@@ -68,7 +68,7 @@ class Process(OneLineRepr, FrozenStruct):
 
 
 class Material(OneLineRepr, FrozenStruct):
-    """A material in scope.
+    """A material that components of a document can use.
 
     `density` is in [kg/m^3], `color` is `#rrggbb` or `#rrggbbaa`, and `slide` is the sliding friction. There are also fields for torsional
     and rolling friction. `process_origin` is the place of the material's `process` in the document (empty for a material without a
@@ -155,7 +155,7 @@ class At(OneLineRepr, FrozenStruct):
 
 
 class Component(OneLineRepr, FrozenStruct):
-    """A component of an assembly.
+    """A component of a resolved assembly: a part, a file, a link, a frame or a nested assembly.
 
     Either `definition` is a part, a link or a nested assembly, or `frame` is True. A component with neither is invalid and has been
     reported. Later passes skip such components. `placement` is None for the base and for components that a joint places. `material` is the
@@ -244,7 +244,7 @@ class PathStep(Wrap):
 
 
 class Tendon(OneLineRepr, FrozenStruct):
-    """A tendon. Its length is a sum of coordinates or the length of a path. Limit, dynamics and drive act along it.
+    """A tendon, whose length is a sum of joint coordinates or the length of a path. Limit, dynamics and drive act along it.
 
     `moves` contains the factor of each coordinate [per unit of q]. If the tendon `turns`, its length is an angle [rad], otherwise a length
     [m]. MuJoCo draws a tendon along a `path` with the `width` [m].
@@ -299,7 +299,7 @@ class NamedPose(OneLineRepr, FrozenStruct):
 
 
 class Sensor(Measurement):
-    """A sensor `at` a mount. Some sensors measure relative to another mount (`seen_from`).
+    """A sensor at a mount. Some sensors measure relative to another mount (`seen_from`).
 
     `joint` is the path of the measured or driven joint (`leg/knee`), `tendon` the name of the measured or driven tendon. `touching`
     contains the component whose contacts the sensor measures and, if specified, the other component of the contact.
@@ -402,7 +402,7 @@ class RawAttribute(OneLineRepr, FrozenStruct):
 
     @property
     def dotted(self) -> str:
-        """The path with dots: `raw.mjcf.joint.yaw.solreflimit`."""
+        """The path of the attribute with dots, such as `raw.mjcf.joint.yaw.solreflimit`."""
         return ".".join(("raw", self.target, *self.path))
 
     def at_key(self, index: int) -> Origin:
@@ -421,7 +421,7 @@ class RawElement(OneLineRepr, FrozenStruct):
 
     @property
     def dotted(self) -> str:
-        """The path with dots: `raw.mjcf.add.tendon.grip`. An element without a name has its tag instead."""
+        """The path of the element with dots, such as `raw.mjcf.add.tendon.grip`. An element without a name has its tag instead."""
         return ".".join(("raw.mjcf.add", self.section, self.attributes.get("name", self.tag)))
 
     @property
@@ -440,7 +440,8 @@ class JointRange(OneLineRepr, FrozenStruct):
 
 
 class Test(OneLineRepr, FrozenStruct):
-    """A test of a document. The test runs in each of its `modes` and `poses`. `modes` is empty for a test that does not depend on the mode.
+    """A resolved document test, which runs in each of its `modes` and `poses`. `modes` is empty for a test that does not depend on the
+    mode.
 
     `kind` is the key in the document. In `poses`, None is the initial pose of the mode. `every_pose` requests all keyframes of the mode;
     `poses` is then empty, as for tests that do not depend on the pose. `check` is the specification, a frozen struct in SI. Other passes

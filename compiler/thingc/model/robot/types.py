@@ -146,7 +146,8 @@ class Unclosed(OneLineRepr, FrozenStruct):
 
 
 class Robot(OneLineRepr, FrozenStruct):
-    """The robot of one mode. `bodies` are in depth-first order, with parents before children and children in document order.
+    """A robot in one mode, as a kinematic tree. `bodies` are in depth-first order, with parents before children and children in document
+    order.
 
     `base` is `fixed | held | free | planar | ball`; `moves` contains the coordinates of a planar or ball base (0 in every pose). `excluded`
     are pairs of body indices without collisions: neighbours through a joint, which are the same links in every mode, and the mode's own

@@ -144,7 +144,7 @@ def _warn(assembly: Assembly, pair: PartPair, shared: float, report: Report) -> 
 
 
 def _cubic(volume: float) -> str:
-    """Format a volume [m^3]."""
+    """Format a volume [m^3] for messages."""
     scale, unit = (1e6, "cm^3") if volume >= 1e-6 else (1e9, "mm^3")
     return f"{float(f'{scale * volume:.3g}'):g} {unit}"  # 1000 mm^3, not 1e+03
 

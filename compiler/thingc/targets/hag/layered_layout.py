@@ -57,7 +57,7 @@ class Rectangle(FrozenStruct):
 
 
 class Route(FrozenStruct):
-    """The path of a line.
+    """The drawn path of a line between two boxes.
 
     `stretches` are horizontal segments `(x0, x1, y)` from left to right. Curves connect the segments. `label` is on one of the segments.
     """

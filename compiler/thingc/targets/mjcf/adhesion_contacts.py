@@ -1,4 +1,5 @@
-"""Contact parameters for adhesion. With MuJoCo's defaults, a robot held by magnets creeps down a wall by millimetres per second.
+"""Set contact parameters for links with adhesion. With MuJoCo's defaults, a robot held by magnets creeps down a wall by millimetres per
+second.
 
 `solimp` and `solref` determine how far a contact yields and how fast it creeps under friction; `impratio` reduces the creep. The values
 come from simulations of MInchW on a wall and under a ceiling, and of feet of 0.1 to 0.5 kg that carry up to five times their weight, with

@@ -1,4 +1,5 @@
-"""Loops in MJCF. A held mount is welded to an anchor or connected to the anchor at a point. A joint outside the tree becomes an equality.
+"""Write loops and holds as equalities of MJCF. A held mount is welded to an anchor or connected to the anchor at a point. A joint outside
+the tree becomes an equality.
 
 An anchor is a mocap body. Its pose is part of `MjData`. A change of mode can therefore move the anchor without changing the model, and
 `mj_resetDataKeyframe` resets the anchor.

@@ -51,6 +51,6 @@ def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> d
 
 
 def both_ways(bound: float) -> tuple[float, float]:
-    """Return a range around 0. A bound of 0 becomes a tiny bound, because MuJoCo interprets `0 0` as no limit."""
+    """Return a symmetric range around 0. A bound of 0 becomes a tiny bound, because MuJoCo interprets `0 0` as no limit."""
     wide = numeric.maximum(bound, NOTHING)
     return (-wide, wide)

@@ -94,7 +94,7 @@ class _Builder:
         self.follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in self.axes)
 
     def build(self) -> Element:
-        """Return the element. It contains links, then joints, then frames, then the Gazebo systems that drive joints."""
+        """Build the `<sdf>` element. Its model contains links, then joints, then frames, then the Gazebo systems that drive joints."""
         robot, names = self.robot, self.links
         self.robots.take(WORLD, (), "the world")
         name = self.robots.take(self.assembly.name, self.assembly.definition.origin, "the robot")
@@ -145,7 +145,7 @@ class _Builder:
             sensors_of_joint(self.robot, connection.child, last.at, element, self.parts)
 
     def _joint(self, model: Element, step: SdfJoint, parent: str, child: str, origin: Origin) -> Element:
-        """Add a joint. A joint that mimics a mimic joint follows the independent joint, as in URDF."""
+        """Add a joint of SDF. A joint that mimics a mimic joint follows the independent joint, as in URDF."""
         element = model.add("joint", {"name": self.joints[step.path], "type": step.type}, origin)
         _set_pose(element, shifted(*step.at))
         element.say("parent", parent)

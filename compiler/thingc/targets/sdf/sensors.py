@@ -1,4 +1,6 @@
-"""Sensors that SDF supports. Sensors belong to links, except `force`, which becomes a `force_torque` sensor on the joint of its link."""
+"""Write the sensors that SDF supports. Sensors belong to links, except `force`, which becomes a `force_torque` sensor on the joint of its
+link.
+"""
 
 from __future__ import annotations
 

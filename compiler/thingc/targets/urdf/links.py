@@ -57,7 +57,7 @@ def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES
 
 
 def mujoco_extension(robot: Robot) -> Element:
-    """Return the options for MuJoCo. Without these options, MuJoCo drops fixed links and visual shapes."""
+    """Return the `<mujoco>` element with options for MuJoCo. Without these options, MuJoCo drops fixed links and visual shapes."""
     section = Element(tag="mujoco", attributes={}, origin=robot.mode.origin)
     section.add("compiler", {"fusestatic": "false", "discardvisual": "false", "strippath": "false", "meshdir": ""})
     section.add("option", {"gravity": robot.gravity}, robot.mode.origin)
@@ -82,7 +82,8 @@ class _Builder:
         self.followed = {leader for path, (leader, _, _) in self.follows.items() if leader != path}
 
     def build(self) -> Element:
-        """Return the element. It contains materials, links and joints from the root on, then mimic joints, frames, and transmissions.
+        """Build the `<robot>` element. It contains materials, links and joints from the root on, then mimic joints, frames, and
+        transmissions.
 
         Frames come last, because some readers, such as ikpy, only use the first child of a link.
         """
@@ -125,7 +126,7 @@ class _Builder:
             parent = end
 
     def _moving(self, move: Move, parent: str, child: str) -> None:
-        """Add a moving joint.
+        """Add a URDF joint that moves.
 
         If the leader of a mimic joint is also a mimic joint, the independent joint is written as the leader, because not every reader
         supports chains.

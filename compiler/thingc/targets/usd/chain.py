@@ -106,7 +106,7 @@ def _single(path: str, joint: TreeJoint | JointEdge, twist: Twist) -> UsdJoint:
 
 
 def _generic(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> Iterator[UsdJoint]:
-    """Yield a generic joint. If a slide comes after a rotation about another axis, yield several joints."""
+    """Yield a generic USD joint. If a slide comes after a rotation about another axis, yield several joints."""
     groups: list[list[int]] = [[]]
     for k, twist in enumerate(twists):
         if not twist.turns and any(twists[other].turns and not _parallel(twists[other].axis, twist.axis) for other in groups[-1]):

@@ -50,7 +50,7 @@ OPTIONS = {
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `add`."""
+    """Add the options of `thingc add` to the parser."""
     parser.epilog = EPILOG
     add = parser.add_argument
     add("what", type=console.one_of(WHAT), metavar="{" + ",".join(WHAT) + "}", help="kind of the new element")
@@ -86,7 +86,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `add`. Return the exit code, which is 0 if the element was added."""
+    """Run `thingc add`, and return the exit code, which is 0 if the element was added."""
     try:
         return _add(arguments, console.options_of(arguments))
     except console.WrongCommandLine as fault:

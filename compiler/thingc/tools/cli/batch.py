@@ -53,7 +53,7 @@ STATUSES = {"built": "built", "kept_out": "kept out", "refused": "refused", "fai
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `batch`."""
+    """Add the options of `thingc batch` to the parser."""
     parser.epilog = EPILOG
     add = parser.add_argument
     add("document", metavar="DOC", help="a variants document (YAML or TOML)")
@@ -86,7 +86,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `batch`. Return the exit code, which is 0 if every variant was built or excluded by a rule."""
+    """Run `thingc batch`, and return the exit code, which is 0 if every variant was built or excluded by a rule."""
     try:
         console.require_document(arguments.document)
         options = replace(console.options_of(arguments), progress=None)
@@ -168,7 +168,7 @@ class _Show:
         self.said = time.monotonic()
 
     def __call__(self, progress: Progress) -> None:
-        """Show the progress."""
+        """Show the progress of the batch."""
         counts = ", ".join(f"{count} {STATUSES[status]}" for status, count in sorted(progress.counts.items())) or "none yet"
         left = progress.left
         estimate = f", {_time(left)} left" if left is not None else ""

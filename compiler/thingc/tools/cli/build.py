@@ -39,7 +39,7 @@ EPILOG = """\
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `build`."""
+    """Add the options of `thingc build` to the parser."""
     about = f"Writes build/NAME/ (or DIR/NAME/). If the build fails, the folder stays unchanged. {in_words()}"
     parser.epilog = EPILOG.format(about=textwrap.fill(about, 120))
     console.add_document(parser)
@@ -50,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `build`. Return the exit code, which is 0 if the folder was written or is up to date."""
+    """Run `thingc build`, and return the exit code, which is 0 if the folder was written or is up to date."""
     try:
         console.require_document(arguments.document)
         options = console.options_of(arguments)

@@ -33,7 +33,7 @@ Run `thingc explain CODE` for an explanation of a code.
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `check`."""
+    """Add the options of `thingc check` to the parser."""
     parser.epilog = EPILOG
     add = parser.add_argument
     add(
@@ -50,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `check`. Return the exit code, which is 0 if no document has errors."""
+    """Run `thingc check`, and return the exit code, which is 0 if no document has errors."""
     diagnostics: list[Diagnostic] = []
     try:
         options = console.options_of(arguments)

@@ -139,7 +139,7 @@ def positive(text: str) -> int:
 
 
 def parameters(words: Sequence[str]) -> Mapping[str, str]:
-    """Parse `NAME=VALUE` arguments. Raises `WrongCommandLine`."""
+    """Parse the values of `-p NAME=VALUE`. Raises `WrongCommandLine`."""
     values: dict[str, str] = {}
     for word in words:
         name, equals, value = word.partition("=")
@@ -157,7 +157,7 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
 
 
 def paths(words: Sequence[str], form: str, example: str, twice: str, name: Callable[[str], str] = str) -> dict[str, str]:
-    """Parse `PATH=TEXT` arguments. Raises `WrongCommandLine`.
+    """Parse the values of `--set PATH=TEXT`. Raises `WrongCommandLine`.
 
     Errors about invalid arguments contain `form` and `example`. The error about two paths with the same `name` contains `twice`.
     """

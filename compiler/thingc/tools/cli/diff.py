@@ -42,7 +42,7 @@ FORMS = ("text", "json", "markdown")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `diff`."""
+    """Add the options of `thingc diff` to the parser."""
     parser.epilog = EPILOG
     parser.set_defaults(behind=[])
     add = parser.add_argument
@@ -65,7 +65,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `diff`. Return the exit code: 1 if a kind of `--fail-on` has changed or one side does not compile, else 0."""
+    """Run `thingc diff`, and return the exit code: 1 if a kind of `--fail-on` has changed or one side does not compile, else 0."""
     try:
         watched = fail_on(arguments.fail_on)
         options = console.options_of(arguments)

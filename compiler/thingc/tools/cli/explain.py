@@ -16,14 +16,14 @@ Without CODE, all codes are listed.
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `explain`."""
+    """Add the options of `thingc explain` to the parser."""
     parser.epilog = EPILOG
     parser.add_argument("code", metavar="CODE", nargs="?", help="a code such as TC302 or 302 (default: list all codes)")
     console.add_format(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `explain`. Return the exit code, which is 0 if the code exists, else 2."""
+    """Run `thingc explain`, and return the exit code, which is 0 if the code exists, else 2."""
     if arguments.code is None:
         _list(arguments.format)
         return 0

@@ -29,7 +29,7 @@ STANDARD_INPUT = "-"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `fmt`."""
+    """Add the options of `thingc fmt` to the parser."""
     parser.epilog = EPILOG
     add = parser.add_argument
     add("document", metavar="DOC", nargs="+", help="a document, a folder of documents, or - for standard input")
@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `fmt`. Return the exit code: 1 if a document is not well-formed or, with `--check`, would change, else 0."""
+    """Run `thingc fmt`, and return the exit code: 1 if a document is not well-formed or, with `--check`, would change, else 0."""
     if arguments.document == [STANDARD_INPUT]:
         return _standard_input(arguments)
     report = Report()

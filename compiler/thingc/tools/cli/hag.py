@@ -21,7 +21,7 @@ Nodes are definitions: a part or a document with its parameters. A definition th
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `hag`."""
+    """Add the options of `thingc hag` to the parser."""
     parser.epilog = EPILOG
     console.add_document(parser)
     console.add_format(parser, ("text", "dot", "mermaid", "svg", "graphml", "json"))
@@ -29,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `hag`. The graph is printed to standard output, and diagnostics are printed to standard error."""
+    """Run `thingc hag`. The graph is printed to standard output, and diagnostics are printed to standard error."""
     try:
         console.require_document(arguments.document)
         options = console.options_of(arguments)

@@ -35,7 +35,7 @@ with lines of the source.
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `import`."""
+    """Add the options of `thingc import` to the parser."""
     parser.epilog = EPILOG
     add = parser.add_argument
     add("file", metavar="FILE", help="the robot: .urdf, .xacro, .sdf or .xml (MJCF)")
@@ -60,7 +60,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `import`. Return the exit code: 0 if the document was written, 1 for errors in the file, 2 for an invalid command line."""
+    """Run `thingc import`, and return the exit code: 0 if the document was written, 1 for errors in the file, 2 for an invalid command
+    line.
+    """
     report = Report()
     packages = dict(_package(word) for word in arguments.package)
     given = dict(_argument(word) for word in arguments.arg)
@@ -150,7 +152,7 @@ def _repair(text: str) -> str:
 
 
 def _package(word: str) -> tuple[str, str]:
-    """Parse `NAME=DIR`. Raises `WrongCommandLine`."""
+    """Parse a value of `--package NAME=DIR`. Raises `WrongCommandLine`."""
     name, _, folder = word.partition("=")
     if not name or not os.path.isdir(folder):
         message = f"--package: expected NAME=DIR with a folder, found `{word}`"
@@ -166,7 +168,7 @@ def _folder(word: str) -> str:
 
 
 def _argument(word: str) -> tuple[str, str]:
-    """Parse `NAME=VALUE`. Raises `WrongCommandLine`."""
+    """Parse a value of `--arg NAME=VALUE`. Raises `WrongCommandLine`."""
     name, equals, value = word.partition("=")
     if not name or not equals:
         raise console.WrongCommandLine(f"--arg: expected NAME=VALUE, found `{word}`", "write --arg prefix=left_")

@@ -28,7 +28,7 @@ Masses are exact integrals of the geometry times density, or values of the docum
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `info`."""
+    """Add the options of `thingc info` to the parser."""
     parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument("--mates", action="store_true", help="also show mated mounts: which child axis lies along which parent axis")
@@ -37,7 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `info`. With text output, diagnostics are printed to standard error."""
+    """Run `thingc info`. With text output, diagnostics are printed to standard error."""
     console.require_document(arguments.document)
     compilation = attempted(arguments.document, console.options_of(arguments), compile)
     diagnostics = console.final(compilation.report, strict=arguments.strict)

@@ -38,7 +38,7 @@ runs the code of parts in a worker process; `thingc check --no-code` then needs 
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `lock`."""
+    """Add the options of `thingc lock` to the parser."""
     parser.epilog = EPILOG
     parser.add_argument("folder", metavar="FOLDER", nargs="?", default=".", help="a folder of the workspace (default: the working folder)")
     parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if the file is not up to date")
@@ -47,7 +47,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `lock`. Return the exit code, which is 0 if the file was written or, with --check, is up to date."""
+    """Run `thingc lock`, and return the exit code, which is 0 if the file was written or, with --check, is up to date."""
     report = Report()
     written = None
     try:

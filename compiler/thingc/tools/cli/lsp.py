@@ -21,14 +21,16 @@ as with `thingc check --no-code`.
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `lsp`."""
+    """Add the options of `thingc lsp` to the parser."""
     parser.epilog = EPILOG
     parser.add_argument("--stdio", action="store_true", help="use standard input and output (the default; some editors pass this option)")
     console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `lsp`. Return the exit code: 0 after shutdown, 1 if the editor disconnects without it, 2 if the extra is not installed."""
+    """Run `thingc lsp`, and return the exit code: 0 after shutdown, 1 if the editor disconnects without it, 2 if the extra is not
+    installed.
+    """
     from importlib.util import find_spec
 
     if find_spec("pygls") is None:

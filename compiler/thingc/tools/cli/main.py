@@ -62,7 +62,7 @@ class Parser(argparse.ArgumentParser):
     """A parser that raises `WrongUsage` instead of exiting. `main` converts the exception to a diagnostic."""
 
     def error(self, message: str) -> NoReturn:
-        """Raise `WrongUsage` with argparse's message."""
+        """Raise `WrongUsage` with the message of argparse."""
         message = re.sub(r"^argument (\{.*?\}: )?", "", message).replace("the following arguments are required: ", "missing: ")
         raise WrongUsage(message, f"run `{self.prog} --help` for usage")
 

@@ -30,7 +30,7 @@ RESERVED = {"world", "root", "origin", "scene"}
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `new`."""
+    """Add the options of `thingc new` to the parser."""
     parser.epilog = EPILOG
     parser.add_argument("place", metavar="NAME", help="the folder to create; its last component is the name of the robot")
     parser.add_argument(
@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `new`. Return the exit code, which is 0 if the workspace was created."""
+    """Run `thingc new`, and return the exit code, which is 0 if the workspace was created."""
     report = Report()
     try:
         name = robot_name(arguments.place)

@@ -35,7 +35,7 @@ reference geometry. You can name everything that a document can use, including s
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `parts`."""
+    """Add the options of `thingc parts` to the parser."""
     parser.epilog = EPILOG
     parser.add_argument("part", metavar="PART", nargs="*", help="list only these: module:Class, module or package")
     parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="a folder of the workspace (default: the working folder)")
@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `parts`. Report parts that cannot be described as errors, and list all other parts."""
+    """Run `thingc parts`. Report parts that cannot be described as errors, and list all other parts."""
     report = Report()
     listed: list[tuple[PartSchema, PartRecord | None]] = []
     try:

@@ -28,7 +28,7 @@ nothing is written.
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `rename`."""
+    """Add the options of `thingc rename` to the parser."""
     parser.epilog = EPILOG
     parser.add_argument("document", metavar="DOC", help="an assembly or materials document (YAML or TOML)")
     parser.add_argument("path", metavar="PATH", help="path of the element: components.hand, joints.yaw, components.hand.mounts.tip")
@@ -37,7 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `rename`. Return the exit code, which is 0 if the element was renamed (with `--diff`: could be renamed)."""
+    """Run `thingc rename`, and return the exit code, which is 0 if the element was renamed (with `--diff`: could be renamed)."""
     report = Report()
     try:
         console.require_document(arguments.document)

@@ -42,7 +42,7 @@ LARGEST = 8192
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `render`."""
+    """Add the options of `thingc render` to the parser."""
     parser.epilog = EPILOG
     console.add_document(parser)
     add = parser.add_argument
@@ -63,7 +63,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `render`. Return the exit code, which is 0 if the picture was written. Diagnostics go to standard error."""
+    """Run `thingc render`, and return the exit code, which is 0 if the picture was written. Diagnostics go to standard error."""
     console.require_document(arguments.document)
     options = replace(console.options_of(arguments), compat=())  # pictures need only the model for MuJoCo
     _check_output(arguments.output)

@@ -32,7 +32,7 @@ REMOVED = "use `thingc lsp`, or run `thingc schema` after every save and write t
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `schema`."""
+    """Add the options of `thingc schema` to the parser."""
     parser.epilog = EPILOG
     parser.add_argument(
         "place", metavar="FOLDER|DOC", nargs="*", default=["."],
@@ -45,7 +45,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `schema`. If a document has errors, its schema contains the names in the valid part."""
+    """Run `thingc schema`. If a document has errors, its schema contains the names in the valid part."""
     for option in arguments.removed or ():
         raise console.WrongCommandLine(f"`{option}` was removed", REMOVED)
     report = Report()

@@ -37,7 +37,7 @@ NONE = 1e-12
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `sensitivity`."""
+    """Add the options of `thingc sensitivity` to the parser."""
     parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument(
@@ -58,7 +58,7 @@ def _listed(text: str) -> list[str]:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `sensitivity`. In text format, diagnostics go to standard error."""
+    """Run `thingc sensitivity`. In text format, diagnostics go to standard error."""
     from thingc.batch.families import RobotFamily
     from thingc.batch.results import FamilyError
 

@@ -25,7 +25,7 @@ If the document would have errors, nothing is written.
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `set`."""
+    """Add the options of `thingc set` to the parser."""
     parser.epilog = EPILOG
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
     parser.add_argument("value", metavar="PATH=VALUE", nargs="+", help="a path or the name of a parameter, and its new value")
@@ -36,7 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `set`. Return the exit code, which is 0 if the values were written (with `--diff`: can be written)."""
+    """Run `thingc set`, and return the exit code, which is 0 if the values were written (with `--diff`: can be written)."""
     try:
         console.require_document(arguments.document)
         options = console.options_of(arguments)
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def settings(words: Sequence[str]) -> dict[str, str]:
-    """Parse `PATH=VALUE` arguments. Raises `WrongCommandLine`."""
+    """Parse the arguments `PATH=VALUE`. Raises `WrongCommandLine`."""
     return console.paths(words, "PATH=VALUE", "'joints.elbow.limit.upper=90 deg'", "`{}` is set twice", named)
 
 

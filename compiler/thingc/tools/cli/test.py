@@ -33,7 +33,7 @@ contradicts. The exit code is 0 if all tests pass.
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `test`."""
+    """Add the options of `thingc test` to the parser."""
     parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument(
@@ -48,7 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `test`. Return the exit code, which is 0 if all selected tests pass."""
+    """Run `thingc test`, and return the exit code, which is 0 if all selected tests pass."""
     results: list[Result] = []
     name = "thingc"
     try:

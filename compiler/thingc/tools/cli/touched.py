@@ -21,7 +21,7 @@ or part files. Runs no code of the workspace.
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `touched`."""
+    """Add the options of `thingc touched` to the parser."""
     parser.epilog = EPILOG
     parser.add_argument("files", metavar="FILE", nargs="*", help="a changed file (it may be deleted)")
     parser.add_argument("--since", metavar="REVISION", help="also all files that have changed since this branch left REVISION (Git)")
@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `touched`. Return the exit code, which is 0, or 2 if git cannot determine the changes."""
+    """Run `thingc touched`, and return the exit code, which is 0, or 2 if git cannot determine the changes."""
     if arguments.null and arguments.format == "json":
         raise console.WrongCommandLine("-0 cannot be combined with --format json", "use only one of the two options")
     paths = documents(arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store)

@@ -53,7 +53,7 @@ diagnostics of `thingc check`. Nothing is written. An existing build folder with
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `view`."""
+    """Add the options of `thingc view` to the parser."""
     parser.epilog = EPILOG
     console.add_document(parser, what="an assembly document (YAML or TOML), a build folder with html/, or its page", metavar="DOC|BUILD")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="show only this mode (may be repeated; default: all)")
@@ -68,7 +68,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `view`. Return the exit code: 0 after Ctrl-C or after opening an existing build, 2 if there is nothing to show."""
+    """Run `thingc view`, and return the exit code: 0 after Ctrl-C or after opening an existing build, 2 if there is nothing to show."""
     if os.path.isdir(arguments.document) or _is_page(arguments.document):
         return _open_build(arguments)
     console.require_document(arguments.document)

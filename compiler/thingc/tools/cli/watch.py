@@ -33,7 +33,7 @@ they are reported and the last successful build stays. The CAD kernel is loaded 
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `watch`."""
+    """Add the options of `thingc watch` to the parser."""
     parser.epilog = EPILOG
     console.add_document(parser)
     add_building(parser)
@@ -42,7 +42,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `watch`. Return the exit code: 0 after Ctrl-C, 2 if there is nothing to watch."""
+    """Run `thingc watch`, and return the exit code: 0 after Ctrl-C, 2 if there is nothing to watch."""
     try:
         live = live_of(arguments)
     except console.WrongCommandLine as fault:

@@ -27,7 +27,7 @@ _NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.])")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `why`."""
+    """Add the options of `thingc why` to the parser."""
     parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument("occurrence", metavar="OCCURRENCE", nargs="?", help="the path of a part, such as hand/cap")
@@ -38,7 +38,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `why`. Return the exit code, which is 2 for an unknown occurrence."""
+    """Run `thingc why`, and return the exit code, which is 2 for an unknown occurrence."""
     if (arguments.occurrence is None) != arguments.losses:
         help = "write for example `thingc why assemblies/arm.yaml hand/cap`"
         raise console.WrongCommandLine("missing: OCCURRENCE, or --losses", help)

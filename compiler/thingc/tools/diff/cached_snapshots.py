@@ -55,7 +55,7 @@ class Subject:
 
     @property
     def store(self) -> Store:
-        """The store of the environment."""
+        """The store of parts and of cached test results."""
         return self._environment.store
 
     def tested(self) -> Snapshot:

@@ -43,7 +43,9 @@ class Checkout(OneLineRepr, FrozenStruct):
 
 
 class DocumentPair(OneLineRepr, FrozenStruct):
-    """A document on both sides. `name` is its path on the command line. If a side does not contain the document, it is None."""
+    """A document that exists on both sides of a comparison. `name` is its path on the command line. If a side does not contain the
+    document, it is None.
+    """
 
     name: str
     old: Checkout | None

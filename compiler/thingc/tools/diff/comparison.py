@@ -325,7 +325,7 @@ class _Following:
         )
 
     def _outcomes(self) -> None:
-        """Compare the results of tests."""
+        """Compare the results of document tests."""
         if self.old.outcomes is None or self.new.outcomes is None:
             return
         news = {(outcome.test, outcome.where): outcome for outcome in self.new.outcomes}

@@ -32,7 +32,7 @@ class DiffResult(OneLineRepr, FrozenStruct):
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """All changes. An added or removed document is a change of a file."""
+        """All changes of the compared documents. An added or removed document is a change of a file."""
         alone = [Change(what="file", change="added", path=name) for name in self.come]
         alone += [Change(what="file", change="removed", path=name) for name in self.gone]
         return (*alone, *(change for _, comparison in self.documents for change in comparison.changes))

@@ -115,7 +115,7 @@ class Revision:
             ]
 
     def everything(self) -> bool:
-        """Write all files. Return False if all files had been written before."""
+        """Write all files of the revision. Return False if all files had been written before."""
         return bool(self._bring(self._files))
 
     def _bring(self, paths: Iterable[str]) -> dict[str, bytes]:

@@ -85,7 +85,7 @@ def import_robot(
     arguments: Mapping[str, str] | None = None, meshes: bool = True, earlier: Callable[[str], PreviousImport | None] = lambda _: None,
     update: bool = False, mesh_roots: Sequence[str] = (),
 ) -> Imported | None:
-    """Import the file at `path`. Return None after errors, which are added to `report`.
+    """Import the robot in a file. Return None after errors, which are added to `report`.
 
     Each link in `roots` gets a mode. `repair` is the method for invalid inertias. `packages` maps package names to folders, `arguments` are
     for xacro, and `mesh_roots` are further folders of meshes. Without `meshes`, import no meshes. `earlier` returns the previous import.

@@ -155,7 +155,7 @@ class _Sdf:
         self.between: list[source_model.SourceLink] = []
 
     def robot(self) -> source_model.SourceRobot | None:
-        """Read the robot. Return None after reporting errors."""
+        """Convert the SDF model to an imported robot. Return None after reporting errors."""
         model = None if self.report.failed else self._model()
         if model is None:
             return None

@@ -47,7 +47,7 @@ class Weight(FrozenStruct):
 
 
 class SourceShape(FrozenStruct):
-    """A visual or collision shape.
+    """A visual or collision shape of an imported link.
 
     Attributes:
         size: The dimensions [m], depending on `kind`: the sides of a box, the radius of a sphere, the radius and the length along z of a
@@ -311,7 +311,7 @@ class SourcePose(SourceThing):
 
 
 class SourceLoss(FrozenStruct):
-    """A loss. `what` describes the part of the source that is not imported, and `why` is the reason."""
+    """An import loss. `what` describes the part of the source that is not imported, and `why` is the reason."""
 
     what: str
     why: str

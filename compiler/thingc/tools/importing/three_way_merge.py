@@ -64,7 +64,7 @@ class MergeConflict(Exception):
 
 
 def read_text(path: str, text: str, report: Report) -> Text | None:
-    """Parse a document. Return None after reporting that it is not a well-formed mapping."""
+    """Parse the text of a document. Return None after reporting that it is not a well-formed mapping."""
     tree = read_tree(path, text.encode(), report)
     return Text(source=Source(path, text), tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
@@ -85,7 +85,7 @@ class Merge:
         self.conflicts: list[Conflict] = []
 
     def merged(self) -> Merged:
-        """Return the merged document. Raises `MergeConflict`."""
+        """Merge the two versions, and return the result. Raises `MergeConflict`."""
         expected = self._whole((), self.base.tree.plain(), self.new.tree.plain(), self.ours.tree.plain())
         text = self.ours.source.text
         parts, at, line_end = list[str](), 0, "\r\n" if "\r\n" in text else "\n"

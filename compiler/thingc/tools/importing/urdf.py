@@ -88,7 +88,7 @@ class _Urdf:
         self.blocks = Blocks(root, self.values, self.losses)
 
     def robot(self) -> source_model.SourceRobot | None:
-        """Read the robot. Return None after reporting errors."""
+        """Convert the URDF to an imported robot. Return None after reporting errors."""
         name = self.root.attributes.get("name", "").strip()
         if not name:
             name = os.path.splitext(os.path.basename(self.root.where.file))[0]
@@ -155,7 +155,7 @@ class _Urdf:
         return None if name is None else source_model.SourceLink(name=name, where=element.place("name"), weight=weight, shapes=shapes)
 
     def _weight(self, inertial: SourceElement) -> source_model.Weight | None:
-        """Read mass properties. Return None for a massless link."""
+        """Read the mass properties of a link. Return None for a massless link."""
         pose, _ = self.values.origin(inertial)
         mass_element, moments = self.values.one(inertial, "mass"), self.values.one(inertial, "inertia")
         if mass_element is None:
@@ -235,7 +235,7 @@ class _Urdf:
         return self.values.word(end, "link")
 
     def _joint(self, element: SourceElement, name: str, kind: str) -> source_model.SourceJoint | None:
-        """Read a joint. Return None for fixed and floating joints."""
+        """Read a URDF joint. Return None for fixed and floating joints."""
         moving: source_model.Kind
         match kind:
             case "revolute" | "continuous" | "prismatic" | "planar":

@@ -40,7 +40,7 @@ FIELD_OF_VIEW, WIDTH, HEIGHT = 1.047, 320.0, 240.0
 
 
 class Blocks:
-    """The blocks of a robot. Unsupported elements are losses, and invalid numbers are reported.
+    """The blocks of a URDF file for other programs. Unsupported elements are losses, and invalid numbers are reported.
 
     Attributes:
         friction: The sliding friction by name of the link.

@@ -73,7 +73,7 @@ class _Expanding:
         self.found: dict[str, str] = {}
 
     def expanded(self, arguments: dict[str, str]) -> dict[str, object]:
-        """Return the answer."""
+        """Expand the xacro file, and return the answer."""
         import xacro
         from xacro import substitution_args
 

@@ -183,7 +183,7 @@ class Losses:
         self._noted = list(before)
 
     def note(self, what: str, why: str, where: Span) -> None:
-        """Record a loss. `what` is the lost content, and `why` is the reason."""
+        """Record an import loss. `what` is the lost content, and `why` is the reason."""
         self._noted.append(SourceLoss(what=what, why=why, where=where))
 
     def all(self) -> tuple[SourceLoss, ...]:

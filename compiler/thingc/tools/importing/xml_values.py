@@ -22,7 +22,7 @@ NOT_FINITE = {"nan", "inf", "infinity"}
 
 
 class Values:
-    """Parses attributes of elements. Reports errors, and treats invalid values as missing."""
+    """Parses the values of XML attributes. Invalid values are reported, and treated as missing."""
 
     def __init__(self, report: Report) -> None:
         self.report = report
@@ -65,7 +65,7 @@ class Values:
         return None if values is None else values[0]
 
     def vector(self, element: SourceElement, attribute: str, default: Vector = (0.0, 0.0, 0.0)) -> Vector:
-        """Read three numbers. Return `default` if they are missing or invalid."""
+        """Read a vector of three numbers. Return `default` if they are missing or invalid."""
         x, y, z = self.numbers(element, attribute, 3, default) or default
         return (x, y, z)
 

@@ -86,7 +86,7 @@ class _Quiet(ThreadingHTTPServer):
             self._idle.pop(connection, None)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Report errors, except lost connections."""
+        """Report errors of connections, except lost connections."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 
@@ -133,7 +133,7 @@ class Server:
 
     @property
     def address(self) -> str:
-        """The address of the page."""
+        """The URL of the page."""
         return f"http://{LOOPBACK}:{self.port}/{self._token}/"
 
     def tell(self, page: Page | None, seconds: float, findings: Sequence[Finding], *, kernel: float = 0.0) -> None:

@@ -58,7 +58,7 @@ class PendingRequests:
         )
 
     def add(self, other: PendingRequests) -> None:
-        """Add the requests of `other`."""
+        """Add the requests of another object to these requests."""
         self.references.update(other.references)
         self.definitions.update(other.definitions)
         self.slices.update(other.slices)
@@ -177,7 +177,7 @@ class _Parts:
         return [] if self._at_hand is None else self._at_hand.service.catalogue()
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """See `AvailableParts`. Pending parts are omitted."""
+        """Return the schemas of parts as `AvailableParts` specifies. Pending parts are omitted."""
         answers = {} if self._at_hand is None else self._at_hand.describe(references)
         known = {name: one for name, one in answers.items() if not isinstance(one, PartFailure) or one.kind != WAITED_FOR}
         if len(known) < len(answers):
@@ -214,7 +214,7 @@ class BackgroundWorkers:
         self._thread: threading.Thread | None = None
 
     def want(self, wanted: PendingRequests) -> None:
-        """Replace the pending requests. Ignore requests that already have results."""
+        """Replace the pending requests, without requests that already have results."""
         with self._changed:
             if self._ended or wanted == self._wanted or wanted.within(self._asked):
                 return
@@ -232,7 +232,7 @@ class BackgroundWorkers:
             self._give_up_soon()
 
     def end(self) -> None:
-        """End the workers."""
+        """End the worker processes."""
         with self._changed:
             self._ended = True
             self._changed.notify_all()

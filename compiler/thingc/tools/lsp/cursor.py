@@ -300,7 +300,7 @@ class YamlScan(Scan):
 
 
 class Cursor(CursorPlace):
-    """The cursor in a text. Positions are offsets in characters.
+    """The position of the cursor in a text. Positions are offsets in characters.
 
     `typed` is the text from `start` to the cursor. A completion replaces the text from `start` to before `end`, on the same line.
     `separated` specifies whether `:` or `=` already follows the key. `toml` specifies whether the language is TOML, not YAML.

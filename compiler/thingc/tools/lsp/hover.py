@@ -1,4 +1,4 @@
-"""Hover texts in Markdown."""
+"""Create the hover texts of documents in Markdown."""
 
 from __future__ import annotations
 

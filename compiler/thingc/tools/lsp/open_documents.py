@@ -80,7 +80,7 @@ class OpenDocuments:
             self._note(path)
 
     def take_away(self, path: str) -> None:
-        """Close a file. Later analyses use its content on disk."""
+        """Remove the text of a closed file. Later analyses use its content on disk."""
         with self._lock:
             self.texts = {one: text for one, text in self.texts.items() if one != path}
             self._note(path)

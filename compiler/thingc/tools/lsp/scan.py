@@ -92,7 +92,7 @@ class Scan(ABC):
         """Return whether the line at `line` cannot be inside an open bracket that belongs to a key in that column."""
 
     def run(self) -> None:
-        """Read the text."""
+        """Scan the whole text."""
         at = 0
         while at <= len(self.text):
             at = self.line(at)
@@ -137,7 +137,7 @@ class Scan(ABC):
         return self.after(_SPACES, at)
 
     def comment(self, at: int) -> int:
-        """Skip the comment at `at`. Return its end."""
+        """Skip a comment, and return its end."""
         end = self.line_end(at)
         self.mute(at, end)
         return end
@@ -233,7 +233,7 @@ class Scan(ABC):
         return path
 
     def value_in(self, at: int, path: Path, column: int) -> int:
-        """Read one value inside brackets. Return its end."""
+        """Read a value inside brackets, and return its end."""
         character = self.text[at]
         if character in "{[":
             return self.brackets(at, path, column) if self.depth < MAX_LEVELS else at + 1
@@ -247,7 +247,7 @@ class Scan(ABC):
         return high
 
     def quoted(self, at: int, path: Path, column: int, *, flow: bool = False) -> int:
-        """Read a quoted value. Return its end."""
+        """Read a quoted value, and return its end."""
         start, end, after = self.quotes(at, column)
         self.scalars[path] = self.text[start:end]
         last = min(end, self.line_end(max(start, min(self.target, end))))

@@ -160,7 +160,7 @@ def _server(version: str) -> LanguageServer:
             return None if method in FEATURES else super().get_result_type(method)
 
         def structure_message(self, data: dict[str, Any]) -> Any:
-            """Convert a message. Answer invalid requests with an error."""
+            """Convert a message of the editor. Invalid requests are answered with an error."""
             try:
                 return super().structure_message(data)
             except JsonRpcException as fault:
@@ -172,7 +172,7 @@ def _server(version: str) -> LanguageServer:
         """A server that does not show internal errors to the user."""
 
         def report_server_error(self, error: Exception, source: Any) -> None:
-            """Log errors of the protocol. The editor receives them as a response."""
+            """Log errors of the protocol, which the editor also receives as responses."""
             logging.getLogger("thingc.tools.lsp").debug("%s: %s", source, error)
 
     return Quiet(

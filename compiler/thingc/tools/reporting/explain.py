@@ -60,7 +60,7 @@ def near(word: str, count: int = 3) -> list[Explanation]:
 
 
 def as_page(explanation: Explanation) -> str:
-    """Format an explanation as text."""
+    """Format the explanation of a code as text."""
     lines = [f"{explanation['code']}: {explanation['title']}", ""]
     if explanation["meaning"]:
         lines += [explanation["meaning"], ""]

@@ -63,7 +63,7 @@ class Parts:
         return self.schemas
 
     def realize(self, definitions: Iterable[PartDefinition]) -> Records:
-        """Return the records of definitions."""
+        """Return the part records of definitions."""
         wanted = {one.text: one for one in definitions if one.text not in self.records}
         if wanted:
             self.records.update(self.service.realize(list(wanted.values())))
@@ -119,7 +119,9 @@ class ParsedDocument(FrozenStruct):
 
 
 def read_document(path: str, workspace: Workspace) -> ParsedDocument | None:
-    """Read a document. Return None if no part of it can be read. `thingc check` reports errors in the document, not this function."""
+    """Read a document with the documents that it references. Return None if nothing can be read. `thingc check` reports errors in the
+    document, not this function.
+    """
     report = Report()
     documents = load(path, workspace, report, kinds=KINDS)
     if documents is None:

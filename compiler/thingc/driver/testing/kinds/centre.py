@@ -1,4 +1,4 @@
-"""The measurement of `centre` tests."""
+"""Measure document tests of the kind `centre`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The measurement of `ground_clearance` tests."""
+"""Measure document tests of the kind `ground_clearance`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The measurement of `mass` tests."""
+"""Measure document tests of the kind `mass`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The measurement of `no_collision` tests."""
+"""Measure document tests of the kind `no_collision`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The measurement of `point` tests."""
+"""Measure document tests of the kind `point`."""
 
 from __future__ import annotations
 

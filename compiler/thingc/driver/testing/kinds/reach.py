@@ -1,4 +1,4 @@
-"""The measurement of `reach` tests."""
+"""Measure document tests of the kind `reach`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The measurement of `settles` tests."""
+"""Measure document tests of the kind `settles`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The measurement of `torque_margin` tests."""
+"""Measure document tests of the kind `torque_margin`."""
 
 from __future__ import annotations
 

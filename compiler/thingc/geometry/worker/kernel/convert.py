@@ -43,7 +43,7 @@ def to_author(kind: str, value: Value) -> Value:
 
 
 def length(value: float) -> float:
-    """Convert [mm] to [m]."""
+    """Convert a length from [mm] to [m]."""
     return float(value) / MM
 
 
@@ -54,12 +54,12 @@ def vector(value: Sequence[float]) -> Vector:
 
 
 def volume(value: float) -> float:
-    """Convert [mm^3] to [m^3]."""
+    """Convert a volume from [mm^3] to [m^3]."""
     return float(value) / 1e9
 
 
 def area(value: float) -> float:
-    """Convert [mm^2] to [m^2]."""
+    """Convert an area from [mm^2] to [m^2]."""
     return float(value) / 1e6
 
 

@@ -140,7 +140,7 @@ _Faces: TypeAlias = "tuple[tuple[TopoDS_Face, bool], ...]"
 
 
 class _Skin(FrozenStruct):
-    """The faces of a solid.
+    """The faces of a solid, and how its integrals are computed on each face.
 
     `flat` contains planes bounded by lines and circles. `extruded` contains extruded curves, on which the kernel's adaptive area is wrong
     (by 0.4 % for an ellipse of 8 by 4; the plain area is wrong by 3e-5). `rest` contains all other faces.

@@ -1,4 +1,4 @@
-"""Parts that are mesh files. trimesh reads STL, OBJ, PLY, OFF and glTF; this module reads 3MF.
+"""Read parts from mesh files. trimesh reads STL, OBJ, PLY, OFF and glTF; this module reads 3MF.
 
 For 3MF, trimesh needs lxml and silently drops referenced objects that are missing.
 """

@@ -67,7 +67,7 @@ def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> 
 
 
 def together(meshes: list[Triangles]) -> Triangles:
-    """Combine several meshes into one."""
+    """Combine several triangle meshes into one."""
     if len(meshes) == 1:
         return meshes[0]
     offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
@@ -116,7 +116,7 @@ def in_single(mesh: Triangles, decimals: int | None = None) -> Triangles:
 
 
 def _once(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Group equal points `(n, 3)`.
+    """Find equal points `(n, 3)`, and number the distinct points.
 
     Return the index of the first point of each group, sorted by x, y, z, and the number of the group of each point `(n,)`.
     """

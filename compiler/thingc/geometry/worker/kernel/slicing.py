@@ -352,7 +352,7 @@ class _Once:
 
 
 def _some(region: Region) -> Region:
-    """Return the region. For an empty region, always return the same object, so that results for the region are cached."""
+    """Return a region unchanged. For an empty region, always return the same object, so that results for the region are cached."""
     return NOTHING if region.is_empty() else region
 
 

@@ -43,7 +43,7 @@ _ROUND_ANGLES = 1e-6
 
 
 def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
-    """Tessellate a shape [mm].
+    """Tessellate a shape [mm] into one watertight mesh.
 
     Triangles deviate by at most `linear` [mm] from the surface, and by at most `angular` [rad] from neighbouring triangles.
 

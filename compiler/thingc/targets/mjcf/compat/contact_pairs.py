@@ -30,7 +30,7 @@ class ContactPairs(FrozenStruct):
 
     @property
     def margin(self) -> float:
-        """The contact margin [m]."""
+        """The contact margin [m] of the geom."""
         return float(self.values.get("margin", "0"))
 
 

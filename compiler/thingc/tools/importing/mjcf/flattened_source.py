@@ -125,7 +125,7 @@ class Flattening:
         return "\n" * start + "\n".join(self.texts[start:])
 
     def _children(self, element: SourceElement) -> Iterator[SourceElement]:
-        """Yield the child elements. The elements of an included file replace its `<include>`."""
+        """Yield the child elements of an element. The elements of an included file replace its `<include>`."""
         for child in element.children:
             if id(child) in self.elements:
                 for one in self.elements[id(child)]:

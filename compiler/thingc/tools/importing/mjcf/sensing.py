@@ -43,7 +43,9 @@ class _Place(FrozenStruct):
 
 
 class _Sensing:
-    """Reads sensors. `kept` are the imported bodies, `driven` are the targets of drives by actuator, and `root` is the root body."""
+    """Reads the sensors of a MuJoCo model. `kept` are the imported bodies, `driven` are the targets of drives by actuator, and `root` is
+    the root body.
+    """
 
     def __init__(self, original: CompiledSource, kept: set[int], added: Added, driven: Mapping[int, SourceTarget], root: int) -> None:
         import mujoco
@@ -54,7 +56,9 @@ class _Sensing:
         self.kinds: dict[int, str] = {int(value): name.removeprefix("mjSENS_").lower() for name, value in types}
 
     def all(self) -> tuple[SourceSensor, ...]:
-        """Return the supported sensors. Combine sensors at the same place. Other sensors and duplicates become added elements or losses."""
+        """Return the sensors that documents support. Sensors at the same place are combined. Other sensors and duplicates become added
+        elements or losses.
+        """
         read: list[tuple[int, _Place, ReadingName]] = []
         placed_before: set[tuple[_Place, ReadingName] | None] = {None}
         for number in range(self.model.nsensor):
