@@ -396,8 +396,7 @@ class RobotFamily:
         return self._evaluations[key]
 
     def _check_tests(self, names: Sequence[str], *, alone: bool) -> None:
-        """Raise `FamilyError` for tests whose result is not differentiable and, unless `alone` is True, for any test.
-        """
+        """Raise `FamilyError` for tests whose result is not differentiable and, unless `alone` is True, for any test."""
         for name in names:
             if name not in self._spec.tests:
                 raise FamilyError(f"there is no test `{name}`", did_you_mean(name, self._spec.tests, what="tests"))

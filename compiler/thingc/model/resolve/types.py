@@ -20,9 +20,7 @@ from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Dynamic
 from thingc.model.resolve.link_definition import LinkDefinition
 
 COUNTED = "the reference is repeated this often"
-"""The text of a note that shows a `repeat` as a possible cause of an error. The location of the note is the count of a `repeat` whose
-indexed reference is invalid.
-"""
+"""The text of a note at the count of a `repeat` whose indexed reference is invalid."""
 
 
 class Reference(OneLineRepr, FrozenStruct):
@@ -440,8 +438,7 @@ class JointRange(OneLineRepr, FrozenStruct):
 
 
 class Test(OneLineRepr, FrozenStruct):
-    """A resolved document test, which runs in each of its `modes` and `poses`. `modes` is empty for a test that does not depend on the
-    mode.
+    """A resolved document test, which runs in each of its `modes` and `poses`. `modes` is empty if the mode does not matter.
 
     `kind` is the key in the document. In `poses`, None is the initial pose of the mode. `every_pose` requests all keyframes of the mode;
     `poses` is then empty, as for tests that do not depend on the pose. `check` is the specification, a frozen struct in SI. Other passes
