@@ -418,7 +418,7 @@ def test_expressions_that_are_whole(text: str) -> None:
     ("a: - 1\n", "a list item `-` is not allowed here", "start the list on the line after its key", (1, 4, 1, 5)),
     ("a:\n- 1\n  - 2\nb\n", None, None, None),
     ("a: \"\\q\"\n", "an unknown escape in double quotes", "write `\\\\` for a backslash, or use single quotes", (1, 5, 1, 6)),
-    ("a: | text\n  b\n", "text after `|` or `>` must start on the next line", "write the text on the next line, indented", (1, 6, 1, 10)),
+    ("a: | text\n  b\n", "text after `|` or `>` must start on the next line", "write the text on the next line", (1, 6, 1, 10)),
 ])
 def test_syntax_errors_in_the_words_of_a_person(text: str, message: str | None, help: str | None, place: Any) -> None:
     node, report = read(text)
