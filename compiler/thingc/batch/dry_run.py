@@ -116,7 +116,7 @@ class Resolving(Session):
 
 
 class Resolution(Evaluation):
-    """Check settings without geometry. `parts` are the part definitions of the settings that are resolved, by text.
+    """Checks settings without building parts. `parts` are the part definitions of the settings that are resolved, by text.
 
     After `MOST` settings have been resolved, only variants with an index in `drawn` are resolved, and others give no results.
     """

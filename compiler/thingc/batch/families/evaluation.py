@@ -148,7 +148,7 @@ class Evaluation:
         return (None if known is None else known[0]), "; ".join(f"`{name}`: {why}" for name, why in form.why.items()) or form.refused or ""
 
     def _plan(self, read: ParsedSettings, form: PlanCache[ResultsShape]) -> NumericPlan[ResultsShape] | None:
-        """Return a plan that gives the same results as compilations, or None with the reason in `form`."""
+        """Create a plan that gives the same results as compilations. If this is impossible, return None and store the reason in `form`."""
         first = self._measured(read)
         if not first[0]:
             return None

@@ -150,7 +150,7 @@ class EnvRules(FrozenStruct):
 
 
 def env_rules(options: EnvOptions) -> EnvRules:
-    """Return the options with defaults. Raises `TypeError` for an unknown option, as Python does for arguments."""
+    """Add default values to the options. Raises `TypeError` for an unknown option, as Python does for arguments."""
     for name in options:
         if name not in EnvRules.__struct_fields__:
             raise TypeError(f"environments have no option `{name}`: {did_you_mean(name, EnvRules.__struct_fields__, what='options')}")

@@ -244,7 +244,7 @@ class Tracing(FrozenStruct):
     assets: Callable[[Any], Mapping[str, StoredArtifact]] | None = None
 
     def plan(self, read: ParsedSettings, finish: Finish[Made], form: PlanCache[Made], *, nearby: bool = True) -> NumericPlan[Made] | None:
-        """Return a plan for these settings; None, with the reason in `form`, if there is none.
+        """Create a plan for these settings. If this is impossible, return None and store the reason in `form`.
 
         `nearby`: trace numbers near these, which may be special.
         """
@@ -292,7 +292,7 @@ class Tracing(FrozenStruct):
         return plan
 
     def samples(self, read: ParsedSettings, form: PlanCache[Any]) -> list[ParsedSettings]:
-        """Return settings for checking a plan: these, then some near them that use the same parts."""
+        """Return settings for checking a plan: the given settings, then settings near them that use the same parts."""
         settings = [read]
         for side in SIDES:
             source = random.Random(0)
@@ -305,7 +305,7 @@ class Tracing(FrozenStruct):
         return list(dict.fromkeys(settings))
 
     def _rehearse(self, read: ParsedSettings, form: PlanCache[Any], *, nearby: bool) -> TraceResult | None:
-        """Trace the numbers that `form` does not exclude; None if `form` was changed, and another attempt is necessary."""
+        """Trace the numbers that `form` does not exclude. Return None if `form` was changed and another attempt is necessary."""
         quantities = self.reader.quantities(read)
         free = {name: quantities[name] for name in read.names if name not in form.why}
         texts = {**{name: text_of(one) for name, one in quantities.items()}, **dict(read.texts)}  # ordered as in `SettingsReader`
@@ -338,7 +338,7 @@ class Tracing(FrozenStruct):
             return None, fault
 
     def _culprits(self, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> list[str]:
-        """Return the numbers that cannot be traced even alone."""
+        """Return the numbers that cannot be traced even if no other number is traced."""
         if len(numbers) == 1:
             return list(numbers)
         alone = {name: {**texts, **{other: text_of(one) for other, one in numbers.items() if other != name}} for name in numbers}

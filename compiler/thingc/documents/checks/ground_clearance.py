@@ -54,7 +54,7 @@ class GroundClearance(OneLineRepr, FrozenStruct):
 
 
 def read_ground_clearance(written: GroundClearanceTest, reader: Reader) -> GroundClearance:
-    """Read a `ground_clearance` test."""
+    """Parse the keys of a `ground_clearance` test."""
     plane = reader.number(written.plane, "plane", LENGTH, default=0.0)
     least = reader.number(written.at_least, "at_least", LENGTH, least=0.0)
     spared = [reference for index, text in enumerate(written.except_) for reference in reader.components(text, ("except", index))]

@@ -100,7 +100,7 @@ class CollisionCheck(OneLineRepr, FrozenStruct):
 
 
 def read_no_collision(written: NoCollisionTest, reader: Reader) -> CollisionCheck:
-    """Read a `no_collision` test."""
+    """Parse the keys of a `no_collision` test."""
     samples = reader.number(written.samples, "samples", NUMBER, least=1.0, most=float(MOST_SAMPLES), default=float(SAMPLES))
     if samples % 1.0 > 0.0:
         reader.error(Code.VALUE_KIND, f"`samples` must be a whole number, found {samples:g}", "samples")
