@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-MODULES = ("families/jax_functions.py", "families/mjx_models.py", "modes/jax_switches.py")
+MODULES = ("families/jax_functions.py", "families/mjx_models.py", "families/mjx_env.py", "modes/jax_switches.py")
 
 
 def test_jax(tmp_path: Path) -> None:

@@ -15,14 +15,20 @@ if TYPE_CHECKING:
 
 
 class Addresses:
-    """The addresses of all coordinates of a mode's tree. `joints` are the first addresses in `qpos` and `qvel` of joints of the model."""
+    """The addresses of all coordinates of a mode's tree. `joints` are the first addresses in `qpos` and `qvel` of joints of the model.
+
+    Attributes:
+        to_read: The index in `Mode.coordinates`, and the addresses in `qpos` and `qvel`, of each coordinate that is not of a ball (3, k).
+        to_write: The same for each joint of the model, which can be a mimic (3, m).
+        ratio: The value of each joint of `to_write` by that of its coordinate (m,).
+    """
 
     def __init__(self, mode: Mode, joints: Mapping[str, Sequence[int]]) -> None:
         rows = kinematics(mode).rows.tolist()
         plain = [(row, joint) for row, joint in zip(rows, mode.joints, strict=True) if joint.ball is None]
-        self._read = _indices([(row, *joints[joint.in_data]) for row, joint in plain])
-        self._write = _indices([(row, *joints[name]) for row, joint in plain for name in joint.in_model])
-        self._ratio = np.array([ratio for _, joint in plain for ratio in joint.in_model.values()])
+        self.to_read = _indices([(row, *joints[joint.in_data]) for row, joint in plain])
+        self.to_write = _indices([(row, *joints[name]) for row, joint in plain for name in joint.in_model])
+        self.ratio = np.array([ratio for _, joint in plain for ratio in joint.in_model.values()])
         self._balls: list[tuple[Ball, list[int], slice, slice]] = []
         for joint in mode.joints:
             if joint.ball is not None and joint.first:
@@ -33,7 +39,7 @@ class Addresses:
     def read(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
         """Read the positions and velocities of all coordinates. Coordinates that are not in the tree are 0."""
         q, v = np.zeros(self._count), np.zeros(self._count)
-        rows, positions, speeds = self._read
+        rows, positions, speeds = self.to_read
         q[rows], v[rows] = qpos[positions], qvel[speeds]
         for ball, own, at, moving in self._balls:
             q[own], v[own] = ball.read(qpos[at], qvel[moving])
@@ -41,8 +47,8 @@ class Addresses:
 
     def write(self, q: Array, v: Array, qpos: Any, qvel: Any) -> None:
         """Write the positions and velocities of coordinates to `qpos` and `qvel`."""
-        rows, positions, speeds = self._write
-        qpos[positions], qvel[speeds] = self._ratio * q[rows], self._ratio * v[rows]
+        rows, positions, speeds = self.to_write
+        qpos[positions], qvel[speeds] = self.ratio * q[rows], self.ratio * v[rows]
         for ball, own, at, moving in self._balls:
             qpos[at], qvel[moving] = ball.qpos(q[own]), ball.qvel(q[own], v[own])
 

@@ -32,18 +32,19 @@ def inverse(X: Array, xp: Any = np) -> Array:
     return pose(back, -back @ X[:3, 3], xp)
 
 
-def rotation_of(quaternion: ArrayLike) -> Array:
+def rotation_of(quaternion: ArrayLike, xp: Any = np) -> Array:
     """Return the rotation matrix (3, 3) of a quaternion after normalizing the quaternion, as MuJoCo does for `qpos`.
 
     Several quaternions (n, 4) give several matrices (n, 3, 3).
     """
-    given = np.asarray(quaternion, dtype=float)
-    w, x, y, z = (given / np.linalg.norm(given, axis=-1, keepdims=True)).T
-    return np.array([
+    given = xp.asarray(quaternion)
+    w, x, y, z = (given / xp.linalg.norm(given, axis=-1, keepdims=True)).T
+    matrix: Array = xp.asarray([
         [w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)],
         [2.0 * (x * y - w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z + w * x)],
         [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), w * w - x * x - y * y + z * z],
     ]).T
+    return matrix
 
 
 def quaternion_of(rotation: Array, xp: Any = np) -> Array:

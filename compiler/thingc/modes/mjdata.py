@@ -239,20 +239,29 @@ def bolted(mode: Mode, data: Any) -> Array:
 
 def inertias(mode: Mode, data: Any) -> Inertias:
     """Return the current inertias in the model of `data`, which can belong to any mode, in the order of `mode`'s tree."""
-    model = data.model
-    bodies, own, dofs = _cached(_weights, mode, model)
-    R = rotation_of(model.body_iquat[bodies])
+    return inertias_in(data.model, inertia_rows(mode, data.model), np)
+
+
+def inertias_in(arrays: Any, rows: tuple[Any, Any, Any], xp: Any) -> Inertias:
+    """Return the inertias in the arrays of a model, of MuJoCo or MJX, at `inertia_rows`."""
+    bodies, own, dofs = rows
+    R = rotation_of(arrays.body_iquat[bodies], xp)
     return Inertias(
-        mass=model.body_mass[bodies] * own,
-        centre=model.body_ipos[bodies] * own[:, None],
-        inertia=(R * model.body_inertia[bodies][:, None]) @ R.swapaxes(1, 2) * own[:, None, None],
-        armature=model.dof_armature[dofs],
+        mass=arrays.body_mass[bodies] * own,
+        centre=arrays.body_ipos[bodies] * own[:, None],
+        inertia=(R * arrays.body_inertia[bodies][:, None]) @ R.swapaxes(1, 2) * own[:, None, None],
+        armature=arrays.dof_armature[dofs],
     )
 
 
-def _weights(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
+def inertia_rows(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
     """Return the body of each link, whether it has the link's name (a massless intermediate link has no body), and the DOF of each
     joint."""
+    found: tuple[Any, Any, Any] = _cached(_weights, mode, model)
+    return found
+
+
+def _weights(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
     body_of = _bodies(mode, model)
     bodies = [body_of[link.name] for link in mode.links]
     own = [model.body(body).name == link.name for body, link in zip(bodies, mode.links, strict=True)]

@@ -44,8 +44,8 @@ FRICTION = ("dof_frictionloss", "tendon_frictionloss")
 class FamilyMjx:
     """A function that maps values of `names` to models of MJX, in one mode and with all other settings fixed.
 
-    `base` is the model for `start`, the values of the document, `(n,)`. `varied` are the names of the fields in which models differ.
-    Other fields, such as keyframes, are those of `base`.
+    `base` is the model for `start`, the values of the document, `(n,)`, and `mj_model` the `MjModel` from which it is converted. `varied`
+    are the names of the fields in which models differ. Other fields, such as keyframes, are those of `base`.
     """
 
     def __init__(self, models: ModelsOfMode, function: FamilyFunction, dtype: str) -> None:
@@ -59,10 +59,10 @@ class FamilyMjx:
         self.names, self.start, self.units, self.bounds = function.names, function.start, function.units, function.bounds
         by = [plan.free.index(read.names.index(name)) for name in self.names]
         self._run = jax_function(plan.program, by, [read.values[at] for at in plan.free], dtype, "models")
-        self._model: mujoco.MjModel = next(iter(models.each([(settings, read)], share=False)))
+        self.mj_model: mujoco.MjModel = next(iter(models.each([(settings, read)], share=False)))
         self._read_template(plan.made)
         self.base = self._put_base(models.mode)
-        self._data = mjx.make_data(self._model)
+        self._data = mjx.make_data(self.mj_model)
         self._many = jax.jit(jax.vmap(self._fields))
         for name in self._writes:
             if not isinstance(attrgetter(name)(self.base), jax.Array) or (name.startswith("opt.") and name not in OPTIONS):
@@ -104,8 +104,8 @@ class FamilyMjx:
 
         MJX moves a mocap body without its children. Therefore the pose of a held base is also written to the model.
         """
-        data = state if isinstance(state, mjx.Data) else mjx.put_data(self._model, state)
-        held = np.flatnonzero(self._model.body_mocapid >= 0)
+        data = state if isinstance(state, mjx.Data) else mjx.put_data(self.mj_model, state)
+        held = np.flatnonzero(self.mj_model.body_mocapid >= 0)
         if not len(held):
             return model, data
         return model.tree_replace({
@@ -117,7 +117,7 @@ class FamilyMjx:
 
     def _read_template(self, template: ModelTemplate) -> None:
         """Find the entries of model fields that contain the numbers of the XML."""
-        model, root = self._model, ElementTree.fromstring(template.slotted)
+        model, root = self.mj_model, ElementTree.fromstring(template.slotted)
         named = {model.geom(geom).name for geom in range(model.ngeom)}
         for above in root.iter():
             for geom in [geom for geom in above.findall("geom") if geom.get("class") == "visual" and geom.get("name") not in named]:
@@ -137,12 +137,12 @@ class FamilyMjx:
         count = len(template.outputs)
         self._inertials = np.array([template.places.get(word, count + k) for k, word in enumerate(words)], dtype=int).reshape(-1, 10)
         self._relaxed = [model.tendon(one.get("name", "")).id for one in root.iterfind("tendon/*") if "springlength" not in one.attrib]
-        self._ratios = [
+        self.ratios = [
             (model.actuator(one.get("name", "")).id, template.places.get(ratio), ratio)
             for one in root.iterfind("actuator/*") if (ratio := one.get("dampratio")) is not None
         ]
         written = self._writes.keys() | set(INERTIAL if inertials else ())
-        self._recomputes = bool(self._ratios) or not written <= (INERT - TENSED if model.ntendon else INERT)
+        self._recomputes = bool(self.ratios) or not written <= (INERT - TENSED if model.ntendon else INERT)
         self._sized = self._rows("geom_size")
         moved = sorted({*self._rows("geom_pos"), *self._rows("geom_quat")})
         self._meshes = np.array([geom for geom in moved if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH], dtype=int)
@@ -150,14 +150,14 @@ class FamilyMjx:
     def _rows(self, name: str) -> list[int]:
         """Return the rows of a field that have entries for numbers."""
         write = self._writes.get(name)
-        return [] if write is None else sorted(set((write.at // getattr(self._model, name).shape[1]).tolist()))
+        return [] if write is None else sorted(set((write.at // getattr(self.mj_model, name).shape[1]).tolist()))
 
     def _fixed(self, why: str) -> FamilyError:
         return FamilyError(f"{why}, and it depends on {', '.join(self.names)}", "fix them with `at`, or use `models`")
 
     def _put_base(self, mode: str) -> mjx.Model:
         """Convert the model for `start`, so that it can have the fields of the other models."""
-        model = copy.copy(self._model)
+        model = copy.copy(self.mj_model)
         for name in FRICTION:
             if name in self._writes:  # MJX has constraints only for joints with friction in the model that it converts
                 getattr(model, name)[self._writes[name].at] = 1.0
@@ -180,7 +180,7 @@ class FamilyMjx:
                 f"MJX does not support a feature of mode `{mode}`: {fault}",
                 "open the family with `compat=\"mjx\"`, or choose another mode"
             ) from None
-        return base.tree_replace({name: jnp.asarray(getattr(self._model, name)) for name in FRICTION if name in self._writes})
+        return base.tree_replace({name: jnp.asarray(getattr(self.mj_model, name)) for name in FRICTION if name in self._writes})
 
     def _raw(self, name: str) -> Any:
         """Return a field of `base`. For geoms with meshes, return the poses in the XML, before the compiler of MuJoCo adds the poses of the
@@ -195,8 +195,8 @@ class FamilyMjx:
         return value.at[self._meshes].set(turned if name == "geom_quat" else shifted)
 
     def _mesh_poses(self) -> tuple[Any, Any]:
-        meshes = self._model.geom_dataid[self._meshes]
-        return jnp.asarray(self._model.mesh_pos[meshes]), jnp.asarray(self._model.mesh_quat[meshes])
+        meshes = self.mj_model.geom_dataid[self._meshes]
+        return jnp.asarray(self.mj_model.mesh_pos[meshes]), jnp.asarray(self.mj_model.mesh_quat[meshes])
 
     def _fields(self, p: Any) -> tuple[Fields, Any]:
         """Return the fields that differ from `base`, and whether the values are valid."""
@@ -213,7 +213,7 @@ class FamilyMjx:
         self._shape(fields)
         model = self.base.tree_replace(fields)
         if self._recomputes:
-            ratios = [(actuator, float(word) if column is None else numbers[column]) for actuator, column, word in self._ratios]
+            ratios = [(actuator, float(word) if column is None else numbers[column]) for actuator, column, word in self.ratios]
             fields |= with_constants(model, self._data, ratios, self._relaxed)
         return fields, ok & self._wraps_alike(model)
 
@@ -222,7 +222,7 @@ class FamilyMjx:
         if self._sized:
             radii, boxes = self.base.geom_rbound, self.base.geom_aabb
             for geom in self._sized:
-                radius, half = bounds(int(self._model.geom_type[geom]), fields["geom_size"][geom])
+                radius, half = bounds(int(self.mj_model.geom_type[geom]), fields["geom_size"][geom])
                 radii, boxes = radii.at[geom].set(radius), boxes.at[geom, 3:].set(half)
             fields["geom_rbound"], fields["geom_aabb"] = radii, boxes
         if len(self._meshes):
@@ -234,8 +234,8 @@ class FamilyMjx:
 
     def _wraps_alike(self, model: mjx.Model) -> Any:
         """Return whether tendons wrap around the same sides of geoms as in `base`, which MJX fixes when it converts a model."""
-        wraps = np.flatnonzero(np.isin(self._model.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER)))
-        geoms, sides = self._model.wrap_objid[wraps], np.round(self._model.wrap_prm[wraps]).astype(int)
+        wraps = np.flatnonzero(np.isin(self.mj_model.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER)))
+        geoms, sides = self.mj_model.wrap_objid[wraps], np.round(self.mj_model.wrap_prm[wraps]).astype(int)
         squares = jnp.sum((model.site_pos[sides] - model.geom_pos[geoms]) ** 2, axis=1)
         inside = (squares < model.geom_size[geoms, 0] ** 2) & (sides >= 0)
         return jnp.all(inside == self.base._impl.is_wrap_inside[: len(wraps)])

@@ -1,0 +1,308 @@
+"""Environments of a family in MJX: pure functions over many robots, whose actions can switch modes (`pip install thingc[jax]`).
+
+    from thingc.batch.gym.mjx_env import MjxEnv
+
+    env = MjxEnv(family, ["load"], ["front_foot", "rear_foot"], reward=lambda step: step.velocity[0])
+    models, axes, ok = env.batch(rows)
+    states = jax.vmap(env.reset, in_axes=(axes, 0))(models, jax.random.split(jax.random.key(7), len(rows)))
+    states = jax.jit(jax.vmap(env.step, in_axes=(axes, 0, 0, 0)))(models, states, actions, modes)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from thingc.batch.families.results import NoModel
+from thingc.batch.gym.episode import spans_of
+from thingc.batch.results import FamilyError
+from thingc.batch.run_options import as_names, at_least
+from thingc.modes.frames import pose, quaternion_of, rotation_of
+from thingc.modes.mjdata import inertia_rows, inertias_in, map_model
+from thingc.modes.state import State
+
+try:
+    import jax
+    import jax.numpy as jnp
+    from mujoco import mjx
+    from mujoco.mjx._src.forward import _integrate_pos
+except ImportError as fault:  # pragma: no cover - reported with a help text
+    raise ImportError("environments in JAX need MJX: `pip install thingc[jax]`") from fault
+
+from thingc.modes.jax import switch
+
+if TYPE_CHECKING:
+    from thingc.batch.families.family import RobotFamily
+    from thingc.batch.families.mjx_family import FamilyMjx
+    from thingc.modes import Mode
+
+MOVING = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "site_quat", "qpos0")
+"""Fields that move links, joints and mounts, which are constants of mode switches."""
+
+
+class MjxState(NamedTuple):
+    """The state of a robot.
+
+    Attributes:
+        data: The simulation in each mode. Only that of the current `mode` is up to date.
+        mode: The index of the current mode.
+        steps: Number of actions since the start of the episode.
+        observation: The observation.
+        reward: The reward of the last action.
+        terminated: Whether `terminated` returned true or the simulation is unstable (reward 0).
+        truncated: Whether the episode has `max_steps` actions.
+        refused: Whether the switch of the last action was refused.
+    """
+
+    data: tuple[mjx.Data, ...]
+    mode: jax.Array
+    steps: jax.Array
+    observation: jax.Array
+    reward: jax.Array
+    terminated: jax.Array
+    truncated: jax.Array
+    refused: jax.Array
+
+
+class MjxStep(NamedTuple):
+    """The arguments of rewards, observations and `terminated`.
+
+    Attributes:
+        data: The simulation after the step.
+        robot: The same state in arrays of the same shapes in every mode.
+        mode: The index of the mode, a constant.
+        action: The action in [-1, 1].
+        velocity: The mean velocity (3,) of the centre of mass during the step [m/s].
+        gravity: The direction (3,) of gravity in the axes of the root link of the first mode.
+    """
+
+    data: mjx.Data
+    robot: State
+    mode: int
+    action: jax.Array
+    velocity: jax.Array
+    gravity: jax.Array
+
+
+class MjxEnv:
+    """Episodes of robots of a family, with the values of `names` as arguments.
+
+    `reset` and `step` are pure functions of one robot, fit for `jit`, `vmap` and `grad`. `batch` returns the models for many robots.
+
+    Args:
+        family: The family.
+        names: The numbers in which robots differ. With several modes, they cannot move links, joints or mounts.
+        modes: The modes between which actions switch. Episodes start in the first, in its first keyframe.
+        reward: A function of an `MjxStep`.
+        terminated: A function of an `MjxStep` that ends an episode.
+        observation: A function of an `MjxStep` (default: `default_observation`).
+        frame_skip: Number of simulation steps per action.
+        max_steps: Number of actions per episode.
+        noise: Maximum change of each degree of freedom at the start [rad or m].
+        on_motion: What happens to the motion of a link that the new mode holds, see `thingc.modes.jax.switch`.
+        at: Other settings.
+        floor: Whether models have the floor of the scene.
+        dtype: `"float32"` if JAX has no 64-bit numbers.
+
+    Raises `FamilyError` for what neither MJX nor switches in JAX support, and `UnknownChoice` for an unknown mode.
+    """
+
+    def __init__(
+        self, family: RobotFamily, names: Sequence[str] | str, modes: Sequence[str] | str, *, reward: Callable[[MjxStep], Any],
+        terminated: Callable[[MjxStep], Any] | None = None, observation: Callable[[MjxStep], Any] | None = None, frame_skip: int = 5,
+        max_steps: int = 1000, noise: float = 0.0, on_motion: Literal["drop", "impact"] = "impact", at: Mapping[str, Any] | None = None,
+        floor: bool = True, dtype: str = "float64",
+    ) -> None:
+        at_least(1, frame_skip=frame_skip, max_steps=max_steps)
+        self.modes = as_names(modes=modes)
+        robot = family.modes(at or {})
+        if isinstance(robot, NoModel):
+            raise FamilyError(robot.reason)
+        self._worlds = tuple(
+            _World(robot[mode], family.mjx(names, mode=mode, at=at, floor=floor, dtype=dtype)) for mode in self.modes
+        )
+        if len(self.modes) > 1:
+            for world in self._worlds:
+                world.check_switches()
+        self.actuators = tuple(dict.fromkeys(name for world in self._worlds for name in world.map.actuators))
+        self._reward, self._terminated = reward, terminated
+        self._observation = default_observation(len(self.modes)) if observation is None else observation
+        self._frame_skip, self._max_steps, self._noise, self._on_motion = frame_skip, max_steps, noise, on_motion
+        self._controls = [np.array([self.actuators.index(name) for name in world.map.actuators], dtype=int) for world in self._worlds]
+
+    @property
+    def action_size(self) -> int:
+        """The number of controls in an action: one for each of `actuators`, the actuators of all modes."""
+        return len(self.actuators)
+
+    def models(self, p: Any) -> tuple[tuple[mjx.Model, ...], Any]:
+        """Return the models of a robot in all modes for values `(n,)` of the numbers, and whether they are valid: a pure function."""
+        models, ok = zip(*(world.family.model(p) for world in self._worlds), strict=True)
+        return models, jnp.all(jnp.stack(ok))
+
+    def batch(self, p: npt.ArrayLike) -> tuple[Any, Any, jax.Array]:
+        """Return the models for rows `(k, n)` of the numbers, their axes for `in_axes` of `jax.vmap`, and which rows are valid, `(k,)`."""
+        models, axes, ok = zip(*(world.family.batch(p) for world in self._worlds), strict=True)
+        return models, axes, jnp.all(jnp.stack(ok), axis=0)
+
+    def reset(self, models: Sequence[mjx.Model], key: jax.Array) -> MjxState:
+        """Return the start of an episode of a robot with these `models`, one for each mode."""
+        data = [mjx.make_data(model) for model in models]
+        first, model = self._worlds[0].family.mj_model, models[0]
+        qpos, mocap = (first.key_qpos[0], (first.key_mpos[0], first.key_mquat[0])) if first.nkey else (first.qpos0, None)
+        away = jax.random.uniform(key, (first.nv,), minval=-self._noise, maxval=self._noise)
+        start = data[0].replace(qpos=_integrate_pos(model.jnt_type, jnp.asarray(qpos, away.dtype), away, jnp.asarray(1.0)))
+        if mocap is not None and first.nmocap:
+            start = start.replace(mocap_pos=jnp.asarray(mocap[0]).reshape(-1, 3), mocap_quat=jnp.asarray(mocap[1]).reshape(-1, 4))
+        data[0] = mjx.forward(*self._worlds[0].family.put(model, start))
+        nothing, none = jnp.zeros(()), jnp.zeros((), dtype=bool)
+        seen = self._step_info(0, models[0], data[0], jnp.zeros(self.action_size), data[0].subtree_com[0])
+        zero = jnp.zeros((), dtype=int)
+        return MjxState(tuple(data), zero, zero, jnp.asarray(self._observation(seen)), nothing, none, none, none)
+
+    def step(self, models: Sequence[mjx.Model], state: MjxState, action: jax.Array, mode: Any = 0) -> MjxState:
+        """Return the state after an action: a switch to `mode`, an index in `modes`, and controls `(action_size,)`.
+
+        The interval [-1, 1] is mapped to the range of each control. A switch is refused if the robot is not where the new mode holds it.
+        The episode does not restart at its end: choose between `state` and a new `reset` with `jnp.where(state.terminated, ...)`.
+        """
+        action = jnp.clip(action, -1.0, 1.0)
+        before = jnp.stack([data.subtree_com[0] for data in state.data])[state.mode]
+        data, current, refused = self._switched(models, state, jnp.asarray(mode))
+        stepped, results = zip(*(
+            self._stepped(number, model, own, action, before) for number, (model, own) in enumerate(zip(models, data, strict=True))
+        ), strict=True)
+        observation, reward, ended = (jnp.stack(values)[current] for values in zip(*results, strict=True))
+        steps = state.steps + 1
+        return MjxState(
+            tuple(_chosen(current == number, new, old) for number, (new, old) in enumerate(zip(stepped, data, strict=True))),
+            current, steps, observation, reward, ended, steps >= self._max_steps, refused,
+        )
+
+    # --- implementation -------------------------------------------------------------------------------------------------
+
+    def _switched(self, models: Sequence[mjx.Model], state: MjxState, wanted: Any) -> tuple[list[mjx.Data], Any, Any]:
+        """Return the simulations after a switch to mode `wanted`, the current mode, and whether the switch was refused."""
+        if len(self.modes) == 1:
+            return list(state.data), state.mode, jnp.zeros((), dtype=bool)
+        robots = [world.read(model, data) for world, model, data in zip(self._worlds, models, state.data, strict=True)]
+        entered, found = [], []
+        for number, (new, model, data) in enumerate(zip(self._worlds, models, state.data, strict=True)):
+            arrived = [
+                robot if old is new else switch(robot, old.mode, new.mode, self._on_motion, inertias=new.inertias(model))[0]
+                for old, robot in zip(self._worlds, robots, strict=True)
+            ]
+            robot = jax.tree_util.tree_map(lambda *values: jnp.stack(values)[state.mode], *arrived)
+            valid = jnp.isfinite(robot.base).all()
+            started = [old.accelerations(one.qacc_warmstart, new) for old, one in zip(self._worlds, state.data, strict=True)]
+            times = jnp.stack([one.time for one in state.data])
+            moved = new.write(robot, data).replace(time=times[state.mode], qacc_warmstart=jnp.stack(started)[state.mode])
+            entered.append(_chosen((wanted == number) & (state.mode != number) & valid, moved, data))
+            found.append(valid)
+        refused = ~jnp.stack(found)[wanted]
+        return entered, jnp.where(refused, state.mode, wanted), refused
+
+    def _stepped(
+        self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, before: jax.Array,
+    ) -> tuple[mjx.Data, tuple[jax.Array, jax.Array, jax.Array]]:
+        """Return the simulation in a mode after an action, and the observation, reward and end of the episode."""
+        world = self._worlds[number]
+        low, high = world.spans
+        model, data = world.family.put(model, data.replace(ctrl=low + (action[self._controls[number]] + 1.0) / 2.0 * (high - low)))
+        data = jax.lax.scan(lambda own, _: (mjx.step(model, own), None), data, length=self._frame_skip)[0]
+        data = mjx.forward(model, data)
+        info = self._step_info(number, model, data, action, before)
+        unstable = ~jnp.isfinite(data.qpos).all()
+        ended = unstable if self._terminated is None else unstable | self._terminated(info)
+        return data, (jnp.asarray(self._observation(info)), jnp.where(unstable, 0.0, self._reward(info)), ended)
+
+    def _step_info(self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, before: jax.Array) -> MjxStep:
+        world, seconds = self._worlds[number], model.opt.timestep * self._frame_skip
+        down = data.xmat[world.first_root(self._worlds[0])].T @ model.opt.gravity
+        size = jnp.linalg.norm(model.opt.gravity)
+        velocity = (data.subtree_com[0] - before) / seconds
+        return MjxStep(data, world.read(model, data), number, action, velocity, down / jnp.where(size == 0.0, 1.0, size))
+
+
+def default_observation(modes: int) -> Callable[[MjxStep], jax.Array]:
+    """Return the default observation: q and v of all joints, the direction of gravity, and one number per mode, of which one is 1."""
+    return lambda step: jnp.concatenate([step.robot.q, step.robot.v, step.gravity, jnp.eye(modes)[step.mode]])
+
+
+class _World:
+    """A mode of the robot, and its models in MJX."""
+
+    def __init__(self, mode: Mode, family: FamilyMjx) -> None:
+        self.mode = mode
+        self.family = family
+        self.map = map_model(mode, family.mj_model)
+        self.spans = spans_of(family.mj_model)
+        self._inertias = inertia_rows(mode, family.mj_model)
+        self._root = family.mj_model.body(mode.root_link).id
+
+    def check_switches(self) -> None:
+        """Raise `FamilyError` for what switches in MJX do not support."""
+        mode, moving = self.mode, [name for name in MOVING if name in self.family.varied]
+        if moving:
+            raise FamilyError(
+                f"switches between modes use the poses of the document, and `{moving[0]}` depends on {', '.join(self.family.names)}",
+                "fix the numbers that move links, joints or mounts with `at`",
+            )
+        lacks = "a planar or ball base" if mode.part is not None else "holds besides its root" if mode.holds else (
+            "ball joints" if any(joint.ball is not None for joint in mode.joints) else
+            "actuators with activations" if self.family.mj_model.na else "")
+        if lacks:
+            raise FamilyError(f"mode `{mode.name}` has {lacks}, which switches in MJX do not support", "use `make_vec_env`")
+
+    def first_root(self, first: _World) -> int:
+        """Return the body of the root link of the first mode."""
+        body: int = self.family.mj_model.body(first.mode.root_link).id
+        return body
+
+    def read(self, model: mjx.Model, data: mjx.Data) -> State:
+        """Return the state of the robot."""
+        twist: Any = jnp.zeros(6)
+        if self.mode.base == "free":
+            at, moving = self.map.base
+            position, quaternion, twist = data.qpos[at[:3]], data.qpos[at[3:]], data.qvel[moving]
+        elif self.mode.base == "held":
+            position, quaternion = data.mocap_pos[self.map.mocap], data.mocap_quat[self.map.mocap]
+        else:
+            position, quaternion = model.body_pos[self._root], model.body_quat[self._root]
+        rows, positions, speeds = self.map.addresses.to_read
+        q, v = (jnp.zeros(len(self.mode.coordinates)).at[rows].set(own) for own in (data.qpos[positions], data.qvel[speeds]))
+        return State(pose(rotation_of(quaternion, jnp), position, jnp), twist, q, v)  # type: ignore[arg-type]
+
+    def write(self, robot: State, data: mjx.Data) -> mjx.Data:
+        """Return the simulation with a state of the robot."""
+        addresses = self.map.addresses
+        rows, positions, speeds = addresses.to_write
+        qpos, qvel = data.qpos.at[positions].set(addresses.ratio * robot.q[rows]), data.qvel.at[speeds].set(addresses.ratio * robot.v[rows])
+        position, quaternion = robot.base[:3, 3], quaternion_of(robot.base[:3, :3], jnp)
+        if self.mode.base == "free":
+            at, moving = self.map.base
+            qpos, qvel = qpos.at[at].set(jnp.concatenate([position, quaternion])), qvel.at[moving].set(robot.twist)
+        elif self.mode.base == "held":
+            data = data.replace(
+                mocap_pos=data.mocap_pos.at[self.map.mocap].set(position), mocap_quat=data.mocap_quat.at[self.map.mocap].set(quaternion),
+            )
+        return data.replace(qpos=qpos, qvel=qvel)
+
+    def inertias(self, model: mjx.Model) -> Any:
+        """Return the inertias of a model."""
+        return inertias_in(model, self._inertias, jnp)
+
+    def accelerations(self, values: jax.Array, new: _World) -> jax.Array:
+        """Convert the accelerations of joints for the warm start of the solver to those of another mode; those of its base are 0."""
+        pairs = [(own[1], new.map.joints[name][1]) for name, own in self.map.joints.items() if name in new.map.joints]
+        here, there = np.array(pairs, dtype=int).reshape(-1, 2).T
+        return jnp.zeros(new.family.mj_model.nv, values.dtype).at[there].set(values[here])
+
+
+def _chosen(condition: Any, one: Any, other: Any) -> Any:
+    """Return one of two states."""
+    return jax.tree_util.tree_map(lambda a, b: jnp.where(condition, a, b), one, other)
+

@@ -1,0 +1,102 @@
+"""Environments in MJX have the episodes of environments in MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+
+import thingc
+from families.documents import WORKSPACE
+from thingc.batch.gym.family_env import make_env
+from thingc.batch.gym.mjx_env import MjxEnv
+from thingc.batch.results import FamilyError
+
+pytestmark = pytest.mark.usefixtures("in_double_precision")
+
+TWO_FEET = """\
+thingc: assembly/1
+name: feet
+parameters: {load: {value: 200 g, min: 50 g, max: 1 kg}, length: 200 mm}
+simulation: {timestep: 2 ms, integrator: euler}
+components:
+  front: {frame: true, mass: 0.3 kg, inertia: {ixx: 0.0002 kg*m^2, iyy: 0.0003 kg*m^2, izz: 0.0004 kg*m^2}}
+  rear:
+    frame: true
+    mass: =load
+    com: [100 mm, 0, 10 mm]
+    inertia: {ixx: 0.0012 kg*m^2, iyy: 0.002 kg*m^2, izz: 0.003 kg*m^2}
+    mounts: {hip: {xyz: [=-length, 0, 0]}}
+joints:
+  hip:
+    type: continuous
+    parent: front.origin
+    child: rear.hip
+    axis: [0, -1, 0]
+    dynamics: {damping: 0.05 N*m*s/rad}
+    drive: {kind: position, kp: 8 N*m/rad}
+modes:
+  front_foot: {root: front, base: held}
+  adrift: {root: rear, base: free}
+"""
+MODES = ("front_foot", "adrift")
+
+
+@pytest.fixture(scope="module")
+def feet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[thingc.RobotFamily]:
+    folder: Path = tmp_path_factory.mktemp("mjx_env")
+    for name, text in {**WORKSPACE, "feet.yaml": TWO_FEET}.items():
+        (folder / name).write_text(text)
+    with thingc.family(folder / "feet.yaml", verify=0) as family:
+        yield family
+
+
+def velocity(step: Any) -> Any:
+    return step.velocity[0]
+
+
+def test_robots_switch_modes_as_in_mujoco(feet: thingc.RobotFamily) -> None:
+    loads = [0.1, 0.7]
+    env = MjxEnv(
+        feet, ["load"], MODES, reward=velocity, terminated=lambda step: step.robot.q[0] > 0.5, floor=False, max_steps=9, noise=0.1,
+    )
+    models, axes, ok = env.batch(np.array(loads)[:, None])
+    assert ok.all() and env.action_size == 1
+    states = jax.jit(jax.vmap(env.reset, in_axes=(axes, 0)))(models, jax.random.split(jax.random.key(0), len(loads)))
+    step = jax.jit(jax.vmap(env.step, in_axes=(axes, 0, 0, 0)))
+    worlds = [
+        make_env(
+            feet, settings=[{"load": load}], modes=MODES, floor=False, max_steps=9,
+            reward=lambda step: (step.after[0] - step.before[0]) / step.seconds,
+        ) for load in loads
+    ]
+    starts = states.data[0].qpos[:, 0]
+    assert starts[0] != starts[1] and 0.0 < np.abs(starts).max() < 0.1
+    for k, world in enumerate(worlds):
+        seen, _ = world.reset(seed=1)
+        np.testing.assert_allclose(states.observation[k], [starts[k], *seen[1:]], atol=1e-14)
+        world.data.qpos[:] = starts[k]
+        mujoco.mj_forward(world.model, world.data)
+    rng, ends = np.random.default_rng(2), 0
+    for number in range(9):
+        actions, modes = rng.uniform(0.0, 1.0, (len(loads), 1)), np.array([number // 2 % 2, (number + 1) // 3 % 2])
+        states = step(models, states, jnp.asarray(actions), jnp.asarray(modes))
+        for k, world in enumerate(worlds):
+            seen, reward, _, truncated, info = world.step({"mode": modes[k], "joints": actions[k]})
+            np.testing.assert_allclose(states.observation[k], seen, atol=1e-11)
+            np.testing.assert_allclose(states.reward[k], reward, atol=1e-11)
+            assert (states.terminated[k], states.truncated[k], states.refused[k]) == (seen[0] > 0.5, truncated, "refused" in info)
+            ends += states.terminated[k]
+    assert states.truncated.all() and 0 < ends < 18 and np.abs(states.reward).min() > 1e-3
+
+
+def test_numbers_that_move_mounts_are_refused(feet: thingc.RobotFamily) -> None:
+    with pytest.raises(FamilyError, match="use the poses of the document, and `.*` depends on length") as caught:
+        MjxEnv(feet, ["length"], MODES, reward=velocity)
+    assert caught.value.help == "fix the numbers that move links, joints or mounts with `at`"
