@@ -33,7 +33,7 @@ ALONE = ("geometry/things", "tools/templates")
 """Folders that import nothing else of thingc: part authors read the first, the second holds the files of new workspaces."""
 OF_EXTRAS = {
     "batch.gym.family_env", "batch.cluster.dask_plugin", "batch.families.jax_function", "batch.families.mjx_constants",
-    "batch.families.mjx_family", "batch.gym.variants_env", "modes.jax",
+    "batch.families.mjx_family", "batch.gym.mjx_env", "batch.gym.variants_env", "modes.jax",
 }
 KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
 KERNEL_MODULES = ("geometry/things/", "geometry/worker/server.py", "geometry/worker/file_reads.py", "geometry/worker/kernel/")
