@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,3 +45,45 @@ def ran(words: Sequence[str], folder: Path, more: Mapping[str, str] | None = Non
         capture_output=True, text=True, check=True, timeout=600,
     )
     return Ran(*json.loads(done.stdout))
+
+
+_FORKS = """\
+import json, os, sys
+from thingc.__main__ import entry
+from thingc.driver.environment import Options
+from thingc.tools.cli.check import without_code
+without_code(sys.argv[1], Options(), strict=False)
+for line in sys.stdin:
+    folder, words, out, err = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        os.chdir(folder)
+        for number, name in enumerate((os.devnull, out, err)):
+            os.dup2(os.open(name, os.O_RDWR), number)
+        sys.argv = ["thingc", *words]
+        entry()
+    _, status, used = os.wait4(child, 0)
+    print(json.dumps([os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime, used.ru_maxrss / 1024]), flush=True)
+"""
+
+
+@contextlib.contextmanager
+def forked(folder: Path) -> Iterator[Callable[[Sequence[str], Path], Ran]]:
+    """Yield a function like `ran` whose processes are forked from one that has imported what `thingc check --no-code` needs."""
+    example, streams = folder / "example.yaml", (folder / "out", folder / "err")
+    (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    example.write_text("thingc: assembly/1\nname: example\ncomponents: {body: {frame: true}}\n")
+    with subprocess.Popen(
+        [sys.executable, "-I", "-c", _FORKS, str(example)], env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as server:
+        assert server.stdin is not None and server.stdout is not None
+
+        def run(words: Sequence[str], where: Path) -> Ran:
+            for stream in streams:
+                stream.write_text("")
+            print(json.dumps([str(where), [*words], *map(str, streams)]), file=server.stdin, flush=True)
+            code, seconds, memory = json.loads(server.stdout.readline())
+            out, err = (stream.read_text(errors="replace") for stream in streams)
+            return Ran(code, out, err, seconds, memory)
+
+        yield run
