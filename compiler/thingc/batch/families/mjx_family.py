@@ -63,7 +63,8 @@ class FamilyMjx:
         self._read_template(plan.made)
         self.base = self._put_base(models.mode)
         self._data = mjx.make_data(self.mj_model)
-        self._many = jax.jit(jax.vmap(self._fields))
+        self._one = jax.jit(self._fields)  # traced once
+        self._many = jax.jit(jax.vmap(self._one))
         for name in self._writes:
             if not isinstance(attrgetter(name)(self.base), jax.Array) or (name.startswith("opt.") and name not in OPTIONS):
                 raise self._fixed(f"MJX fixes `{name}` when it converts a model")
@@ -74,7 +75,7 @@ class FamilyMjx:
     @cached_property
     def varied(self) -> tuple[str, ...]:
         """The names of the fields in which models differ."""
-        return tuple(jax.eval_shape(self._fields, jnp.asarray(self.start))[0])
+        return tuple(self._one.eval_shape(jnp.asarray(self.start))[0])
 
     def model(self, p: Any) -> tuple[mjx.Model, Any]:
         """Return the model for values `(n,)` of the names, and whether the values are valid. This pure function can be used with `jit`,
@@ -83,7 +84,7 @@ class FamilyMjx:
         For values that are refused, or for which thingc makes another decision than for `start`, the boolean is False and the model
         undefined.
         """
-        fields, ok = self._fields(p)
+        fields, ok = self._one(p)
         return self.base.tree_replace(fields), ok
 
     def batch(self, p: npt.ArrayLike) -> tuple[mjx.Model, mjx.Model, Any]:
