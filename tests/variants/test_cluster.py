@@ -73,7 +73,24 @@ class Dask:
         from distributed import Client
 
         with Client(self.address, set_as_default=False) as client:
-            client.wait_for_workers(workers, timeout=90)
+            if workers:
+                client.wait_for_workers(workers, timeout=90)
+            while len(client.nthreads()) > workers:
+                time.sleep(0.05)
+
+    def living(self) -> list[subprocess.Popen[bytes]]:
+        """The workers that have not ended."""
+        return [worker for worker in self.workers if worker.poll() is None]
+
+    def with_workers(self, count: int) -> Dask:
+        """End or start workers until that many live, and the scheduler has noticed."""
+        for worker in self.living()[count:]:
+            worker.kill()
+            worker.wait()
+        for _ in range(count - len(self.living())):
+            self.add()
+        self.wait_for(count)
+        return self
 
     def close(self) -> None:
         for process in (*self.workers, self.scheduler):
@@ -104,6 +121,14 @@ def two(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Iterator
         yield found
 
 
+@pytest.fixture(scope="module")
+def mortal(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Iterator[Dask]:
+    """Workers that tests kill: each asks for as many as it needs."""
+    folder = tmp_path_factory.mktemp("mortal")
+    with dask(folder / "dask", environment(shared_store, with_emitter(folder)), 0) as found:
+        yield found
+
+
 @dataclass(frozen=True)
 class Local:
     """What the local engine makes of `CHEAP`: the folder of the workspace, and what it printed."""
@@ -115,7 +140,7 @@ class Local:
 @pytest.fixture(scope="module")
 def local(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Local:
     here = workspace(tmp_path_factory.mktemp("local"), faults=CHEAP)
-    done = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "2", cwd=here, env=environment(shared_store))
+    done = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", cwd=here, env=environment(shared_store))
     assert done.returncode == 0, done.stderr
     return Local(here, done.stderr)
 
@@ -145,36 +170,59 @@ def test_dask_writes_what_the_local_engine_writes(tmp_path: Path, shared_store: 
 
 
 @pytest.mark.slow
-def test_a_worker_that_dies_during_the_check_is_left_out(tmp_path: Path, shared_store: str) -> None:
+def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, mortal: Dask) -> None:
+    monkeypatch.setattr(dask_executor, "TIMEOUT", 3.0)
+    with pytest.raises(BatchFault, match="has no worker"):
+        cluster.connect(mortal.with_workers(0).address, folder=str(tmp_path / "jobs"))
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_during_the_check_is_left_out(mortal: Dask) -> None:
     """A stopped worker does not answer, and is killed while the driver waits for it; another one is there."""
-    with dask(tmp_path / "dask", environment(shared_store), 2) as two:
-        engine = dask_executor.DaskCluster(two.address)
-        two.workers[0].send_signal(signal.SIGSTOP)
-        killing = threading.Timer(1.0, two.workers[0].kill)
-        killing.start()
-        started = time.monotonic()
-        engine.check({str(two.file): hashlib.sha256(two.file.read_bytes()).hexdigest()})
-        assert time.monotonic() - started > 0.9, "it was alive when the check began"
-        killing.join()
-        with pytest.raises(BatchFault, match="has different content for"):
-            engine.check({str(two.file): "0" * 64})
-        engine.shutdown()
+    victim = mortal.with_workers(2).living()[0]
+    engine = dask_executor.DaskCluster(mortal.address)
+    victim.send_signal(signal.SIGSTOP)
+    killing = threading.Timer(1.0, victim.kill)
+    killing.start()
+    started = time.monotonic()
+    engine.check({str(mortal.file): hashlib.sha256(mortal.file.read_bytes()).hexdigest()})
+    assert time.monotonic() - started > 0.9, "it was alive when the check began"
+    killing.join()
+    with pytest.raises(BatchFault, match="has different content for"):
+        engine.check({str(mortal.file): "0" * 64})
+    engine.shutdown()
+    victim.wait()
 
 
-def test_workers_killed_on_the_way_take_nothing_along(tmp_path: Path, shared_store: str) -> None:
+@pytest.mark.slow
+def test_the_last_worker_is_waited_for_and_then_said_to_be_gone(monkeypatch: pytest.MonkeyPatch, mortal: Dask) -> None:
+    monkeypatch.setattr(dask_executor, "PATIENCE", 1.5)
+    monkeypatch.setattr(dask_executor, "LOOK", 0.1)
+    with dask_executor.DaskCluster(mortal.with_workers(1).address) as found:
+        assert found.fault() is None and found.ahead == 2
+        mortal.with_workers(0)
+        killed = time.monotonic()
+        fault = None
+        while fault is None and time.monotonic() - killed < 30.0:
+            time.sleep(0.1)
+            fault = found.fault()
+        assert fault is not None and "no worker for 1.5 s" in str(fault) and time.monotonic() - killed > 1.4
+
+
+@pytest.mark.slow
+def test_workers_killed_on_the_way_take_nothing_along(tmp_path: Path, shared_store: str, mortal: Dask) -> None:
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(COUNT), "slow"), COUNT))
-    env = environment(shared_store, with_emitter(tmp_path))
-    with dask(tmp_path / "dask", env, 3) as three:
-        process = started(here, env, "--cluster", three.address)
-        wait_for_lines(here, 4, process)
-        runners = [one for worker in three.workers[:2] for one in descendants(worker.pid)]
-        assert runners
-        for worker in three.workers[:2]:
-            worker.kill()
-        assert_gone(runners)
-        wait_for_lines(here, 10, process)
-        three.add()
-        out, err = process.communicate(timeout=120)
+    victim = mortal.with_workers(2).living()[0]
+    process = started(here, environment(shared_store, with_emitter(tmp_path)), "--cluster", mortal.address)
+    wait_for_lines(here, 4, process)
+    runners = descendants(victim.pid)
+    assert runners
+    victim.kill()
+    victim.wait()
+    assert_gone(runners)
+    wait_for_lines(here, 10, process)
+    mortal.add()
+    out, err = process.communicate(timeout=120)
     assert process.returncode == 0 and out == "" and "24 variants: 24 built" in err, err
     assert_whole(here, COUNT)
     assert [row["status"] for row in table(here)] == ["built"] * COUNT
@@ -182,21 +230,21 @@ def test_workers_killed_on_the_way_take_nothing_along(tmp_path: Path, shared_sto
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_goes_is_said_and_the_batch_goes_on_here(tmp_path: Path, shared_store: str) -> None:
-    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(24), "slow")))
+def test_a_scheduler_that_goes_is_said_and_the_batch_goes_on_here(tmp_path: Path, shared_store: str, mortal: Dask) -> None:
+    """The last test of these workers."""
+    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(16), "slow"), 16))
     env = environment(shared_store, with_emitter(tmp_path))
-    with dask(tmp_path / "dask", env, 2) as two:
-        process = started(here, env, "--cluster", two.address)
-        wait_for_lines(here, 4, process)
-        two.scheduler.kill()
-        out, err = process.communicate(timeout=60)
-        assert process.returncode == 1 and out == ""
-        assert f"error[{Code.CLUSTER.code}]" in err and two.address in err and "--resume" in err and "Traceback" not in err
-        done = len(journal(here))
-        assert 4 <= done < 24
+    process = started(here, env, "--cluster", mortal.with_workers(1).address)
+    wait_for_lines(here, 4, process)
+    mortal.scheduler.kill()
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 1 and out == ""
+    assert f"error[{Code.CLUSTER.code}]" in err and mortal.address in err and "--resume" in err and "Traceback" not in err
+    done = len(journal(here))
+    assert 4 <= done < 16
     again = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", "--resume", cwd=here, env=env)
-    assert again.returncode == 0 and f"24 variants ({done} of them in earlier runs): 24 built" in again.stderr, again.stderr
-    assert_whole(here, 24)
+    assert again.returncode == 0 and f"16 variants ({done} of them in earlier runs): 16 built" in again.stderr, again.stderr
+    assert_whole(here, 16)
 
 
 @pytest.mark.slow
@@ -226,30 +274,6 @@ def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
         cluster.connect("tcp://127.0.0.1:9", folder=str(tmp_path / "jobs"))
     assert time.monotonic() - started < 20.0
     assert caught.value.diagnostic.code is Code.CLUSTER and "tcp://127.0.0.1:9" in str(caught.value)
-
-
-@pytest.mark.slow
-def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared_store: str) -> None:
-    monkeypatch.setattr(dask_executor, "TIMEOUT", 3.0)
-    with dask(tmp_path / "dask", environment(shared_store), 0) as none, pytest.raises(BatchFault, match="has no worker"):
-        cluster.connect(none.address, folder=str(tmp_path / "jobs"))
-
-
-@pytest.mark.slow
-def test_the_last_worker_is_waited_for_and_then_said_to_be_gone(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared_store: str,
-) -> None:
-    monkeypatch.setattr(dask_executor, "PATIENCE", 1.5)
-    monkeypatch.setattr(dask_executor, "LOOK", 0.1)
-    with dask(tmp_path / "dask", environment(shared_store), 1) as one, dask_executor.DaskCluster(one.address) as found:
-        assert found.fault() is None and found.ahead == 2
-        one.workers[0].kill()
-        killed = time.monotonic()
-        fault = None
-        while fault is None and time.monotonic() - killed < 30.0:
-            time.sleep(0.1)
-            fault = found.fault()
-        assert fault is not None and "no worker for 1.5 s" in str(fault) and time.monotonic() - killed > 1.5
 
 
 @pytest.mark.parametrize("address", ["nonsense", "host", "http://host:80", "tcp://", "slurmy", "10.0.0.1:port"])
@@ -315,24 +339,24 @@ def running_job(process: subprocess.Popen[str]) -> psutil.Process:
 
 @pytest.mark.slow
 def test_a_killed_job_is_done_again(tmp_path: Path, shared_store: str) -> None:
-    """Two jobs of three variants each: those of the one are handed out again, one by one."""
-    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(6), "slow"), 6))
+    """Two jobs of two variants each: those of the one are handed out again, one by one."""
+    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(4), "slow"), 4))
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--cluster", "slurm:cluster=local", "--jobs", "2")
     victim = running_job(process)
     victim.send_signal(signal.SIGKILL)
     out, err = process.communicate(timeout=120)
-    assert process.returncode == 0 and "6 variants: 6 built" in err, err
-    assert_whole(here, 6)
+    assert process.returncode == 0 and "4 variants: 4 built" in err, err
+    assert_whole(here, 4)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_cancels_the_jobs(tmp_path: Path, shared_store: str, number: signal.Signals) -> None:
     """SIGINT as a terminal sends it: to the jobs, too."""
-    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(24), "slow")))
+    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(12), "slow"), 12))
     env = environment(shared_store, with_emitter(tmp_path))
-    process = started(here, env, "--cluster", "slurm:cluster=local", "--jobs", "2")
+    process = started(here, env, "--cluster", "slurm:cluster=local", "--jobs", "1")
     wait_for_lines(here, 1, process)
     running_job(process)
     running = descendants(process.pid)
@@ -342,7 +366,7 @@ def test_an_interrupt_cancels_the_jobs(tmp_path: Path, shared_store: str, number
         process.send_signal(number)
     _, err = process.communicate(timeout=60)
     done = len(journal(here))
-    again = "thingc batch faults.yaml --cluster slurm:cluster=local --pictures none --jobs 2 --resume"
-    assert err == f"interrupted: {done} of 24 variants are done; to continue, run: {again}\n"
+    again = "thingc batch faults.yaml --cluster slurm:cluster=local --pictures none --jobs 1 --resume"
+    assert err == f"interrupted: {done} of 12 variants are done; to continue, run: {again}\n"
     assert process.returncode == 130 and running
     assert_gone(running)
