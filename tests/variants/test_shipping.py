@@ -8,6 +8,7 @@ what was opened of the driver's folders, how often a workspace was unpacked, and
 from __future__ import annotations
 
 import concurrent.futures
+import contextlib
 import os
 import re
 import shutil
@@ -30,7 +31,7 @@ from thingc.batch import BatchFault, run
 from thingc.batch.cluster import remote_workers
 from thingc.batch.cluster.dask_executor import DaskCluster
 from thingc.driver.environment import Options
-from variants.robots import environment, thingc, tree, with_emitter, workspace
+from variants.robots import InThisProcess, environment, thingc, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
 from variants.test_cluster import Dask, dask
 from variants.test_faults import assert_whole, journal, listed, started, wait_for_lines
@@ -173,6 +174,15 @@ def built_here(folder: Path, env: dict[str, str], document: str = "faults.yaml",
     return found
 
 
+def built_in_this_process(folder: Path, store: str) -> tuple[Any, ...]:
+    """The same without what is printed, and without a process."""
+    with contextlib.chdir(folder):
+        run("faults.yaml", executor=InThisProcess(), options=Options(store=store), pictures=0)
+    found = kept(folder)
+    shutil.rmtree(folder / "build")
+    return found
+
+
 def shipped(
     folder: Path, env: dict[str, str], address: str, *more: str, document: str = "faults.yaml", cwd: Path | None = None,
 ) -> tuple[Any, ...]:
@@ -193,9 +203,9 @@ def unpacked(events: list[list[str]]) -> Counter[str]:
 
 
 @pytest.mark.slow
-def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_path: Path, shared_store: str) -> None:
+def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_path: Path, shared_store: str, one_kernel: None) -> None:
     here = workspace(apart.driver / "stands", faults=STANDS)
-    local = built_here(here, environment(shared_store))
+    local = built_in_this_process(here, shared_store)
     assert Counter(line["status"] for line in local[5]) == {"built": 5, "kept_out": 3} and len(local[1]) > 5
 
     refused = thingc("batch", "faults.yaml", "--cluster", apart.dask.address, cwd=here, env=environment(shared_store))
@@ -205,7 +215,7 @@ def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_pat
 
     apart.events()
     own = environment(str(tmp_path / "store"))  # in which no part has been modelled
-    assert shipped(here, own, apart.dask.address) == local
+    assert shipped(here, own, apart.dask.address)[:6] == local
     events = apart.events()
     assert not [path for *_, path in events if path.startswith(str(apart.driver))]
     assert len(unpacked(events)) == 2 and set(unpacked(events).values()) == {1}
@@ -213,21 +223,25 @@ def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_pat
     assert not apart.places()
 
     shutil.rmtree(here / "build")
-    assert shipped(here, environment(shared_store), apart.dask.address) == local  # with a store that has all
+    assert shipped(here, environment(shared_store), apart.dask.address)[:6] == local  # with a store that has all
     assert not fetched(apart.events())
 
 
 @pytest.mark.slow
-def test_workers_that_see_nothing_pack_what_is_packed_here(apart: Apart, tmp_path: Path, shared_store: str) -> None:
+def test_workers_that_see_nothing_pack_what_is_packed_here(apart: Apart, tmp_path: Path, shared_store: str, one_kernel: None) -> None:
     here = workspace(apart.driver / "packed", faults=STANDS + "    layout: packed\n")
-    out = here / "build" / "faults"
-    found = []
-    for store, more in ((shared_store, ()), (str(tmp_path / "store"), ("--cluster", apart.dask.address, "--ship"))):
-        done = thingc("batch", "faults.yaml", "--pictures", "none", *more, cwd=here, env=environment(store))
-        assert done.returncode == 0, done.stderr
-        found.append({path: data for path, data in tree(out).items() if re.match("assets/|chunks/[0-9]+.parquet", path)})
-        shutil.rmtree(out)
-    assert len(found[0]) > 5 and found[0] == found[1] and not apart.places()
+
+    def written() -> dict[str, bytes]:
+        found = {path: data for path, data in tree(here / "build").items() if re.match("faults/(assets/|chunks/[0-9]+.parquet)", path)}
+        shutil.rmtree(here / "build")
+        return found
+
+    run(str(here / "faults.yaml"), executor=InThisProcess(), options=Options(store=shared_store), pictures=0)
+    local = written()
+    words = ("--pictures", "none", "--cluster", apart.dask.address, "--ship")
+    done = thingc("batch", "faults.yaml", *words, cwd=here, env=environment(str(tmp_path / "store")))
+    assert done.returncode == 0, done.stderr
+    assert len(local) > 5 and written() == local and not apart.places()
 
 
 @pytest.mark.slow
@@ -253,7 +267,7 @@ def test_what_is_wrong_is_said_as_if_it_had_been_built_here(apart: Apart, shared
 
 @pytest.mark.slow
 def test_a_worker_killed_on_the_way_takes_nothing_along(apart: Apart, tmp_path: Path, shared_store: str) -> None:
-    here = workspace(apart.driver / "killed", faults=listed(dict.fromkeys(range(24), "slow")))
+    here = workspace(apart.driver / "killed", faults=listed(dict.fromkeys(range(14), "slow"), 14))
     env = environment(shared_store, with_emitter(tmp_path))
     local = built_here(here, env)
     process = started(here, env, "--cluster", apart.dask.address, "--ship", "--pictures", "none")
@@ -262,32 +276,32 @@ def test_a_worker_killed_on_the_way_takes_nothing_along(apart: Apart, tmp_path: 
     apart.dask.workers[0].wait()
     apart.dask.add(apart.dask.places[0])  # in the same folder, where dask removes what the dead one has left
     out, err = process.communicate(timeout=120)
-    assert process.returncode == 0 and out == "" and "24 variants: 24 built" in err, err
-    assert_whole(here, 24)
+    assert process.returncode == 0 and out == "" and "14 variants: 14 built" in err, err
+    assert_whole(here, 14)
     assert (*kept(here), 0, re.sub(r"\d+ parts modelled", "", err)) == local
     assert not apart.places()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_a_batch_that_is_stopped_goes_on_and_leaves_nothing_behind(
-    apart: Apart, tmp_path: Path, shared_store: str, number: signal.Signals,
-) -> None:
-    here = workspace(apart.driver / number.name, faults=listed(dict.fromkeys(range(16), "slow"), 16))
-    env = environment(shared_store, with_emitter(tmp_path))
-    process = started(here, env, "--cluster", apart.dask.address, "--ship", "--pictures", "none")
-    wait_for_lines(here, 3, process)
-    assert apart.places()
-    process.send_signal(number)
-    _, err = process.communicate(timeout=60)
-    if number is signal.SIGINT:
-        assert process.returncode == 130 and f"--cluster {apart.dask.address} --pictures none --ship --resume" in err, err
-        assert not apart.places()
-    done = len(journal(here))
-    assert 3 <= done < 16
+def test_a_batch_that_is_stopped_goes_on_and_leaves_nothing_behind(apart: Apart, tmp_path: Path, shared_store: str) -> None:
+    """Interrupted, gone on with, killed, and gone on with again."""
+    here = workspace(apart.driver / "stopped", faults=listed(dict.fromkeys(range(20), "slow"), 20))
+    env, how = environment(shared_store, with_emitter(tmp_path)), ["--cluster", apart.dask.address, "--ship", "--pictures", "none"]
+    done = 0
+    for number in (signal.SIGINT, signal.SIGKILL):
+        process = started(here, env, *how, *(["--resume"] if done else []))
+        wait_for_lines(here, done + 3, process)
+        assert apart.places()
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+        if number is signal.SIGINT:
+            assert process.returncode == 130 and f"--cluster {apart.dask.address} --pictures none --ship --resume" in err, err
+            assert not apart.places()
+        assert done + 3 <= len(journal(here)) < 20
+        done = len(journal(here))
     summary = shipped(here, env, apart.dask.address, "--resume")[-1]
-    assert f"16 variants ({done} of them in earlier runs): 16 built" in summary
-    assert_whole(here, 16)
+    assert f"20 variants ({done} of them in earlier runs): 20 built" in summary
+    assert_whole(here, 20)
     assert not apart.places()  # neither of this driver, nor of one that was killed
 
 
@@ -303,13 +317,13 @@ def beside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Apart]:
 
 @pytest.mark.slow
 def test_workers_open_nothing_of_the_drivers_folder(
-    beside: Apart, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
+    beside: Apart, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, one_kernel: None,
 ) -> None:
     """With a driver in this process: nothing larger than a piece is fetched at once, and each file by itself where it is. Chunks have
     several variants that share a mesh which nobody has met before."""
     text = STANDS.replace("29 g", "90 g") + "    choices: {components.plate.material: [light, heavy]}\n"
     here = workspace(beside.driver / "stands", faults=text)
-    local = built_here(here, environment(shared_store))
+    local = built_in_this_process(here, shared_store)
     pulls: list[int] = []
     ask = DaskCluster.ask
 
@@ -325,7 +339,7 @@ def test_workers_open_nothing_of_the_drivers_folder(
     with DaskCluster(beside.dask.address, jobs=1) as cluster:
         summary = run("faults.yaml", executor=cluster, ship=True, options=Options(store=str(tmp_path / "store")), pictures=0)
     assert summary.statuses == {"built": 9, "kept_out": 7} and max(pulls) > 1
-    assert kept(here) == local[:6]
+    assert kept(here) == local
     events = beside.events()
     assert fetched(events) == dict.fromkeys(local[1], 1)
     assert events and not [path for *_, path in events if path.startswith(str(beside.driver))]
@@ -333,15 +347,14 @@ def test_workers_open_nothing_of_the_drivers_folder(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ship", [True, False])
-def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str, ship: bool) -> None:
+def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str, one_kernel: None) -> None:
     """What workers model is sent there, and comes to the driver from there. Without `--ship` they write into the batch's folder."""
-    here = workspace(beside.driver / f"ftp{ship}", faults=STANDS)
+    here = workspace(beside.driver / "ftp", faults=STANDS)
     (tmp_path / "outside.txt").write_text("10")
     (here / "parts" / "data").mkdir()
     code = f"import os; os.listdir(os.path.join(os.path.dirname(__file__), 'data')); open({str(tmp_path / 'outside.txt')!r}).read()\n"
     (here / "parts" / "plates.py").write_text(code + (here / "parts" / "plates.py").read_text())  # a plan has these among its inputs
-    local = built_here(here, environment(shared_store))
+    local = built_in_this_process(here, shared_store)
     served = tmp_path / "served"
     served.mkdir()
     server = subprocess.Popen(
@@ -349,16 +362,19 @@ def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str, 
     )
     try:
         assert server.stdout is not None
-        env = environment(f"ftp://robot:secret@127.0.0.1:{int(server.stdout.readline())}/parts")
-        env["XDG_CACHE_HOME"] = str(tmp_path / "cache")
-        beside.events()
-        how = ["--cluster", beside.dask.address, *(["--ship"] if ship else [])]
-        done = thingc("batch", "faults.yaml", "--pictures", "none", *how, cwd=here, env=env)
-        assert done.returncode == 0 and "5 built, 3 kept out; 8 parts modelled" in done.stderr, done.stderr
-        assert kept(here) == local[:6]
-        there = {path.parent.name + path.name for path in (served / "parts" / "blobs").rglob("*") if path.is_file()}
-        assert set(local[1]) <= there
-        assert not fetched(beside.events())
+        port = int(server.stdout.readline())
+        for ship in (["--ship"], []):
+            store = f"parts{len(ship)}"
+            env = environment(f"ftp://robot:secret@127.0.0.1:{port}/{store}")
+            env["XDG_CACHE_HOME"] = str(tmp_path / f"cache{len(ship)}")
+            beside.events()
+            done = thingc("batch", "faults.yaml", "--pictures", "none", "--cluster", beside.dask.address, *ship, cwd=here, env=env)
+            assert done.returncode == 0 and "5 built, 3 kept out; 8 parts modelled" in done.stderr, done.stderr
+            assert kept(here) == local
+            there = {path.parent.name + path.name for path in (served / store / "blobs").rglob("*") if path.is_file()}
+            assert set(local[1]) <= there
+            assert not fetched(beside.events())
+            shutil.rmtree(here / "build")
     finally:
         server.kill()
         server.wait()
@@ -378,37 +394,38 @@ def test_a_workspace_that_a_worker_cannot_unpack(beside: Apart, tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_a_worker_that_comes_and_has_no_room_ends_the_batch_in_words(tmp_path: Path, shared_store: str) -> None:
+def test_a_worker_that_comes_and_has_no_room_ends_the_batch_in_words(beside: Apart, tmp_path: Path, shared_store: str) -> None:
     """It would otherwise take chunk after chunk, and nobody would know why variants fail."""
     here = workspace(tmp_path / "here", faults=listed(dict.fromkeys(range(32), "slow"), 32))  # not done before the worker comes
     (here / "large.stl").write_bytes(bytes(1_000_000))
-    env = environment(shared_store, with_emitter(tmp_path))
+    env, two = environment(shared_store, with_emitter(tmp_path)), beside.dask
     small = tmp_path / "small"
     small.mkdir()
-    with dask(tmp_path / "dask", env, 1) as one:
-        one.before = namespace(small, "500k")
-        process = started(here, env, "--cluster", one.address, "--ship", "--pictures", "none")
-        wait_for_lines(here, 1, process)
-        one.add(small)
-        _, err = process.communicate(timeout=60)
-        assert process.returncode == 1 and f"error[{Code.RUNNERS.code}]: a worker cannot unpack the workspace: " in err, err
-        assert "No space left on device" in err and "--resume" in err and "Traceback" not in err
-        assert {line["status"] for line in journal(here)} == {"built"} and len(journal(here)) < 32
-        one.workers[1].kill()
-        one.workers[1].wait()
-        assert "32 built" in shipped(here, env, one.address, "--resume")[-1]
+    two.before = namespace(small, "500k")
+    process = started(here, env, "--cluster", two.address, "--ship", "--pictures", "none")
+    wait_for_lines(here, 1, process)
+    two.add(small)
+    two.before = ()
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 1 and f"error[{Code.RUNNERS.code}]: a worker cannot unpack the workspace: " in err, err
+    assert "No space left on device" in err and "--resume" in err and "Traceback" not in err
+    assert {line["status"] for line in journal(here)} == {"built"} and len(journal(here)) < 32
+    two.workers[-1].kill()
+    two.workers[-1].wait()
+    assert "32 built" in shipped(here, env, two.address, "--resume")[-1]
     assert_whole(here, 32)
 
 
 @pytest.mark.slow
-def test_a_worker_that_is_gone_is_not_waited_for(tmp_path: Path, shared_store: str) -> None:
-    with dask(tmp_path / "dask", environment(shared_store), 1) as one, DaskCluster(one.address) as cluster:
-        (worker,) = cluster._client.nthreads()
-        assert cluster.ask(worker, os.getpid) == one.workers[0].pid
+def test_a_worker_that_is_gone_is_not_waited_for(beside: Apart) -> None:
+    """The last test of these workers."""
+    victim = beside.dask.living()[0]
+    with DaskCluster(beside.dask.address) as cluster:
+        worker = next(one for one in cluster._client.nthreads() if cluster.ask(one, os.getpid) == victim.pid)
         with pytest.raises(remote_workers.WorkerLost, match="no workspace"):
             cluster.ask(worker, remote_workers.read_there, "nothing", [], [])
-        one.workers[0].kill()
-        one.workers[0].wait()
+        victim.kill()
+        victim.wait()
         begun = time.monotonic()
         with pytest.raises(remote_workers.WorkerLost):
             for _ in range(50):
