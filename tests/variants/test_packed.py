@@ -16,6 +16,7 @@ import pyarrow
 import pyarrow.parquet
 import pytest
 
+from conformance.harness import thingc_here
 from thingc.base.diagnostics import Code
 from thingc.batch import BatchFault, FamilyError, UnknownVariant, build_records, load, packed_layout, page, plan, run
 from thingc.batch.build_records import find_variant, in_order
@@ -45,7 +46,7 @@ def small() -> Iterator[None]:
 def here(small: None, tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
     """A workspace in which `some` is built, packed."""
     folder = workspace(tmp_path_factory.mktemp("packed"), some=SOME, boards=BOARDS)
-    summary = run(str(folder / "some.yaml"), options=Options(store=shared_store), jobs=2, layout="packed")
+    summary = run(str(folder / "some.yaml"), options=Options(store=shared_store), executor=InThisProcess(), layout="packed")
     assert summary.layout == "packed" and summary.statuses == {"built": 8, "kept_out": 4}
     return folder
 
@@ -100,17 +101,18 @@ def test_an_unpacked_variant_is_the_single_build(here: Path, boards: Path, share
     out = here / "build" / "boards"
     assert len(tree(out / "pictures")) == 2 and not (out / "variants").exists()
     first, second, _ = rows(out)
-    written = thingc("batch", "boards.yaml", "--unpack", second["id"], cwd=here, env=env)
-    assert written.stdout == f"build/boards/variants/{second['id']}\n", written.stderr
-    assert thingc(*shlex.split(second["command"])[1:], "-o", "alone", cwd=here, env=env).returncode == 0
+    written = thingc_here("batch", "boards.yaml", "--unpack", second["id"], cwd=here, store=shared_store)
+    assert written.out == f"build/boards/variants/{second['id']}\n", written.err
+    assert thingc_here(*shlex.split(second["command"])[1:], "-o", "alone", cwd=here, store=shared_store).code == 0
     assert tree(out / "variants" / second["id"]) == tree(here / "alone" / "stand")
     family = load(out)
     assert [tree(Path(one.unpack())) for one in family] == [tree(boards / "variants" / one.id) for one in family]
     assert arrays(family[1].model()) != arrays(family[first["id"]].model()) == arrays(load(boards)[0].model())
-    wrong = thingc("batch", "boards.yaml", "--unpack", "boards_7", cwd=here, env=env)
-    assert wrong.returncode == 2 and "has no variant `boards_7`: did you mean `boards_" in wrong.stderr
+    wrong = thingc_here("batch", "boards.yaml", "--unpack", "boards_7", cwd=here, store=shared_store)
+    assert wrong.code == 2 and "has no variant `boards_7`: did you mean `boards_" in wrong.err
     options = Options(store=shared_store)
-    again = run(str(here / "boards.yaml"), options=options, jobs=1, limit=1, layout="folders")  # a finished batch is replaced
+    # a finished batch is replaced
+    again = run(str(here / "boards.yaml"), options=options, executor=InThisProcess(), limit=1, layout="folders")
     assert again.layout == "folders" and not (out / "chunks").exists() and len(list((out / "variants").iterdir())) == 1
 
 
@@ -183,7 +185,7 @@ def test_what_failed_is_packed_when_it_is_built_later(tmp_path: Path, shared_sto
     assert done.statuses == {"built": 8} and done.before == 5 and times == [0, 1]  # each chunk once
     assert load(here / "build/faults")[1].sizes("flying").nq == 9
     fresh = workspace(tmp_path / "fresh", faults=listed({1: "kill", 3: "raise", 6: "raise"}, 8))
-    run(str(fresh / "faults.yaml"), options=options, jobs=2, layout="packed")
+    run(str(fresh / "faults.yaml"), options=options, jobs=1, layout="packed")
     assert sealed(fresh / "build/faults") == sealed(here / "build/faults")
 
 
@@ -194,7 +196,7 @@ def test_a_killed_driver_of_a_packed_batch_can_be_resumed(tmp_path: Path, shared
     assert thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", cwd=places[1], env=env).returncode == 0
     here, journal = places[0], places[0] / "build/faults/chunks/000000.jsonl"
     for number, count in ((signal.SIGKILL, 2), (signal.SIGTERM, 8)):
-        process = started(here, env, "--jobs", "2", *(["--resume"] if journal.exists() else []))
+        process = started(here, env, "--jobs", "1", *(["--resume"] if journal.exists() else []))
         while process.poll() is None and (not journal.exists() or journal.read_bytes().count(b"\n") < count):
             time.sleep(0.001)
         running = descendants(process.pid)
@@ -255,7 +257,7 @@ def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, t
 
 def test_a_file_that_is_not_there_is_said(here: Path, tmp_path: Path, shared_store: str) -> None:
     other = workspace(tmp_path, some=SOME)
-    run(str(other / "some.yaml"), options=Options(store=shared_store), layout="packed", emit=("bom",), limit=2)
+    run(str(other / "some.yaml"), options=Options(store=shared_store), executor=InThisProcess(), layout="packed", emit=("bom",), limit=2)
     with pytest.raises(FamilyError, match="the batch was built without the target `mjcf`"):
         load(other / "build" / "some")[0].model("flying")
 

@@ -8,7 +8,7 @@ import json
 import os
 import re
 import shutil
-import subprocess
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -23,11 +23,9 @@ from thingc.batch.page import write_page
 from thingc.batch.pictures import along_the_axes, draw, usual
 from thingc.batch.tables import Column, columns
 from variants.robots import environment, thingc, workspace
+from viewer.browser import chromium, needed
 
 pytestmark = pytest.mark.slow
-
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed (Debian, Ubuntu: apt install chromium)")
 
 HARNESS = """
 <script>
@@ -39,11 +37,32 @@ console.error = (...words) => window.faults.push(words.join(" "));
 """
 
 
-def seen(page: Path, program: str) -> dict[str, object]:
-    """What `program`, the body of a function, returns when it has used the page, and `faults`: whatever went wrong meanwhile."""
-    assert BROWSER is not None
-    text = page.read_text()
-    script = f"""<script>
+Using = Callable[[Path, str], dict[str, object]]
+
+
+@pytest.fixture(scope="module")
+def seen() -> Iterator[Using]:
+    """What a program, the body of a function, returns when it has used a page, and `faults`: whatever went wrong meanwhile."""
+    with chromium() as steered:
+        context = steered.new_context()
+        context.new_page()  # with the last page of a context its process would end
+
+        def use(page: Path, program: str) -> dict[str, object]:
+            copy = page.with_name("tried.html")
+            copy.write_text(page.read_text().replace("<head>", "<head>" + HARNESS, 1).replace("</body>", used_by(program) + "</body>"))
+            tab = context.new_page()
+            tab.goto(copy.as_uri())
+            found: dict[str, object] = json.loads(unquote(tab.locator("#found").text_content()))
+            tab.close()
+            copy.unlink()
+            return found
+
+        yield use
+
+
+def used_by(program: str) -> str:
+    """A script that uses the page as a person would, and leaves what it saw in the document."""
+    return f"""<script>
       window.addEventListener("load", () => {{
         const $ = (selector) => document.querySelector(selector), all = (selector) => [...document.querySelectorAll(selector)];
         const type = (selector, value) => {{
@@ -60,18 +79,6 @@ def seen(page: Path, program: str) -> dict[str, object]:
         document.body.append(out);
       }});
     </script>"""
-    copy = page.with_name("tried.html")
-    copy.write_text(text.replace("<head>", "<head>" + HARNESS, 1).replace("</body>", script + "</body>"))
-    command = [
-        BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--virtual-time-budget=3000",
-        f"--user-data-dir={page.parent.parent / 'profile'}", "--dump-dom", copy.as_uri(),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    copy.unlink()
-    match = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
-    assert match is not None, done.stderr[-2000:]
-    found: dict[str, object] = json.loads(unquote(match[1]))
-    return found
 
 
 def table(folder: Path) -> list[dict[str, str]]:
@@ -149,8 +156,8 @@ def test_the_page_asks_nothing_of_anybody(stands: Path) -> None:
     assert not re.search(r"""(src|href)=["'](?!data:)""", text)
 
 
-@browser
-def test_sorting_filtering_and_choosing(stands: Path) -> None:
+@needed
+def test_sorting_filtering_and_choosing(stands: Path, seen: Using) -> None:
     found = seen(stands / "index.html", """
         const first = names();
         type("#sort", "mass");
@@ -192,8 +199,8 @@ def test_sorting_filtering_and_choosing(stands: Path) -> None:
     assert found["command"] == next(row["command"] for row in rows if row["name"] == found["one"])
 
 
-@browser
-def test_values_are_in_the_units_of_documents_and_what_has_no_picture_is_a_closed_list(stands: Path) -> None:
+@needed
+def test_values_are_in_the_units_of_documents_and_what_has_no_picture_is_a_closed_list(stands: Path, seen: Using) -> None:
     found = seen(stands / "index.html", """
         const bare = $("#bare"), cards = all(".card").map((e) => e.textContent), lines = all("#bare .line").map((e) => e.textContent);
         const said = $("#bare summary").textContent, open = bare.open;
@@ -235,8 +242,8 @@ def test_of_very_many_variants_there_are_no_pictures_unless_asked(tmp_path: Path
     assert without.code == 0 and words not in without.err
 
 
-@browser
-def test_the_plot(stands: Path) -> None:
+@needed
+def test_the_plot(stands: Path, seen: Using) -> None:
     found = seen(stands / "index.html", """
         type("#plot-x", "parameters.side"); type("#plot-y", "mass"); type("#plot-colour", "components.plate.material");
         const points = all("#chart circle").map(
@@ -289,9 +296,9 @@ def made(folder: Path, count: int, text: str = "plain") -> tuple[Path, list[Colu
     return Path(write_page(str(folder), described, wanted)), wanted
 
 
-@browser
+@needed
 @pytest.mark.parametrize("text", NASTY, ids=range(len(NASTY)))
-def test_nothing_in_a_document_gets_out_of_its_place(tmp_path: Path, text: str) -> None:
+def test_nothing_in_a_document_gets_out_of_its_place(tmp_path: Path, text: str, seen: Using) -> None:
     page, _ = made(tmp_path / "batch", 6, text)
     found = seen(page, """
         $("#view-table").click();
@@ -306,8 +313,8 @@ def test_nothing_in_a_document_gets_out_of_its_place(tmp_path: Path, text: str) 
     assert found == {"faults": [], "title": text, "name": f"{text} 0", "command": text, "scripts": 4, "images": 0, "message": True}
 
 
-@browser
-def test_ten_thousand_rows_stay_usable(tmp_path: Path) -> None:
+@needed
+def test_ten_thousand_rows_stay_usable(tmp_path: Path, seen: Using) -> None:
     page, _ = made(tmp_path / "batch", 10_000)
     found = seen(page, """
         const begun = performance.now();
@@ -337,8 +344,8 @@ def test_robots_of_frames_have_no_pictures_and_a_page(tmp_path: Path, shared_sto
     assert "warning" not in done.err
 
 
-@browser
-def test_a_card_says_what_it_leaves_out(tmp_path: Path, shared_store: str) -> None:
+@needed
+def test_a_card_says_what_it_leaves_out(tmp_path: Path, shared_store: str, seen: Using) -> None:
     """Two cards may tell the same: then what differs is in what they leave out."""
     both = [f"materials.{name}.{key}" for key in ("friction.slide", "density") for name in ("light", "heavy")]
     paths = ["side", "simulation.timestep", *both]

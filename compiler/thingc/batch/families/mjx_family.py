@@ -75,7 +75,7 @@ class FamilyMjx:
     @cached_property
     def varied(self) -> tuple[str, ...]:
         """The names of the fields in which models differ."""
-        return tuple(self._one.eval_shape(jnp.asarray(self.start))[0])
+        return tuple(jax.eval_shape(self._one, jnp.asarray(self.start))[0])
 
     def model(self, p: Any) -> tuple[mjx.Model, Any]:
         """Return the model for values `(n,)` of the names, and whether the values are valid. This pure function can be used with `jit`,
