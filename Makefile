@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # For two cores. Many tests wait for processes.
 JOBS ?= 3
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb bridge-search codesign mutants mutation slips fuzz kills schemas docs site pictures viewer constraints release freeze frozen structure clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb plan bridge-search codesign mutants mutation slips fuzz kills schemas docs site pictures viewer constraints release freeze frozen structure clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -42,6 +42,9 @@ walk: $(VENV)/.thingc-dev
 
 climb: $(VENV)/.thingc-dev
 	$(BIN)/python examples/climb.py --film docs/pictures/minchw_climb.webp --plot docs/pictures/minchw_speeds.png --page docs/studies/walking.md
+
+plan: $(VENV)/.thingc-dev
+	$(BIN)/python examples/plan_climb.py --picture docs/pictures/minchw_plan.png --page docs/studies/planning.md
 
 bridge-search: $(VENV)/.thingc-dev
 	$(BIN)/python examples/longest_bridge.py --docs docs

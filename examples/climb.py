@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
-import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,7 +22,7 @@ from inchworm_film import FollowingFilm
 from inchworm_gait import PULL, Swing, swings
 from inchworm_physics import STAND, Climb, Seen
 from inchworm_tunnel import CORNER, Tunnel
-from walk import LIFT, PLACES, ROOT, SHORT, SINK, STRIDE, write
+from walk import LIFT, PLACES, SHORT, SINK, STRIDE, built, write
 
 STAGES = ("floor", "floor to wall", "wall", "wall to ceiling", "ceiling")
 PACES = (0.5, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
@@ -159,12 +157,7 @@ def main() -> int:
     parser.add_argument("--plot", type=Path, help="output file for the plot of the pull margin; without it, only the climb is simulated")
     parser.add_argument("--page", type=Path, help="page whose reports are replaced (docs/studies/walking.md)")
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = given.build
-        if folder is None:
-            command = [sys.executable, "-m", "thingc", "build", "assemblies/minchw/minchw.yaml", "-o", scratch]
-            subprocess.run(command, cwd=ROOT, check=True)
-            folder = Path(scratch) / "minchw"
+    with built(given.build) as folder:
         film = FollowingFilm(FRAME) if given.film is not None else None
         climbed = report(climb(folder, Tunnel(), film))
         print(climbed)

@@ -67,6 +67,14 @@ class FollowingFilm:
         self.least, self.ever = min(self.least, margin), min(self.ever, margin)
         if data.time < len(self.frames) * self.every:
             return
+        picture, root = self.picture(model, data)
+        down = data.site(f"{root}/sole").xmat.reshape(3, 3)[:, 2]
+        on = "floor" if down[2] < -0.5 else "ceiling" if down[2] > 0.5 else "wall"
+        self.frames.append(self._labelled(picture, f"root: {root} foot, on the {on}"))
+        self.least = np.inf
+
+    def picture(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Image.Image, str]:
+        """Return a picture of the robot with coloured feet, and the foot that is the root."""
         root = next(foot for foot in ("front", "rear") if model.body(f"{foot}/foot").mocapid[0] >= 0)
         if id(model) not in self.renderers:
             self.renderers[id(model)] = mujoco.Renderer(model, 2 * HEIGHT, 2 * WIDTH)
@@ -81,12 +89,8 @@ class FollowingFilm:
         options = mujoco.MjvOption()
         options.sitegroup[:] = 0
         options.geomgroup[:] = [0, 0, 1, 0, 0, 0]
-        renderer.update_scene(data, self._camera(data), options)
-        picture = Image.fromarray(renderer.render()).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS)
-        down = data.site(f"{root}/sole").xmat.reshape(3, 3)[:, 2]
-        on = "floor" if down[2] < -0.5 else "ceiling" if down[2] > 0.5 else "wall"
-        self.frames.append(self._labelled(picture, f"root: {root} foot, on the {on}"))
-        self.least = np.inf
+        renderer.update_scene(data, self.camera(data), options)
+        return Image.fromarray(renderer.render()).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS), root
 
     def close(self) -> None:
         """Close the renderers."""
@@ -99,7 +103,7 @@ class FollowingFilm:
         first, *rest = self.frames
         first.save(path, save_all=True, append_images=rest, duration=milliseconds, loop=0, quality=quality, method=4)
 
-    def _camera(self, data: mujoco.MjData) -> mujoco.MjvCamera:
+    def camera(self, data: mujoco.MjData) -> mujoco.MjvCamera:
         """Return the camera, which smoothly follows the middle of the robot on the open side."""
         middle = np.array(data.subtree_com[0])
         self.at = middle if self.at is None else self.at + 0.12 * (middle - self.at)

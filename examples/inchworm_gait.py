@@ -173,13 +173,19 @@ class Legs:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stance:
     """A stance on both feet, relative to the holding foot: position [m] and rotation of the other foot, and pitch of the body [rad], as
-    for `Legs.solve`.
+    for `Legs.solve`. Also the position and rotation of one foot in the world.
     """
 
     x: float
     z: float = 0.0
     turn: float = 0.0
     pitch: float = 0.0
+
+    def seen_from(self, held: Stance) -> Stance:
+        """Return this stance relative to a holding foot. Both are in the world. The rotation is between -pi and pi."""
+        x, z, c, s = self.x - held.x, self.z - held.z, np.cos(held.turn), np.sin(held.turn)
+        turn = (self.turn - held.turn + np.pi) % (2.0 * np.pi) - np.pi
+        return Stance(x=x * c + z * s, z=z * c - x * s, turn=turn, pitch=self.pitch - held.turn)
 
 
 def swing(legs: Legs, near: Array, begin: Stance, end: Stance, *, lift: float, nose: float, sink: float, seconds: float = SWING) -> Swing:

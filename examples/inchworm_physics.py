@@ -169,9 +169,7 @@ class World:
         centre, wrench = self.sole(foot), np.zeros(6)
         body = self.feet[foot]
         if self.model.body_mocapid[body] >= 0:
-            mujoco.mj_rnePostConstraint(self.model, self.data)
-            wrench[3:], wrench[:3] = self.data.cfrc_int[body][:3], self.data.cfrc_int[body][3:]
-            wrench[3:] += cross(self.data.subtree_com[self.model.body_rootid[body]] - centre, wrench[:3])
+            wrench = root_wrench(self.model, self.data, body, centre)
             # That counts contacts, but not what presses a magnet onto them, which is an actuator.
             _, force, moment = self.hold(other(foot), centre)
             wrench -= np.concatenate([force, moment])
@@ -212,6 +210,13 @@ class World:
             self.magnets[foot].ctrl = force
 
 
+def root_wrench(model: mujoco.MjModel, data: mujoco.MjData, body: int, centre: Array) -> Array:
+    """Return the force [N] and the moment about `centre` [N m] (6,) that the world exerts on the root, from the accelerations in `data`."""
+    mujoco.mj_rnePostConstraint(model, data)
+    moment, force = data.cfrc_int[body][:3], data.cfrc_int[body][3:]
+    return np.concatenate([force, moment + cross(data.subtree_com[model.body_rootid[body]] - centre, force)])
+
+
 def cross(a: Array, b: Array) -> Array:
     """Return a x b. The function of numpy accepts more shapes, but is slower."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
@@ -237,6 +242,16 @@ class Dynamics:
         self.data.qvel[self.world.dofs], self.data.qacc[self.world.dofs] = now.v, now.a
         mujoco.mj_inverse(self.model, self.data)
         return np.array(self.data.qfrc_inverse[self.world.dofs])
+
+    def load(self, now: Instant, gravity: Array) -> tuple[float, float]:
+        """Return the largest load on the torque-speed line of a servo, and the required pull [N] of the magnet of the root.
+
+        Arguments are as for `torque`.
+        """
+        torque, world = self.torque(now, gravity), self.world
+        foot = next(foot for foot in FEET if self.model.body_mocapid[world.feet[foot]] >= 0)
+        _, _, z, *moment = root_wrench(self.model, self.data, world.feet[foot], self.data.site(f"{foot}/sole").xpos)
+        return float(((np.abs(torque) + np.abs(now.v) * world.kv) / world.stall).max()), float(np.hypot(*moment[:2])) / POLE - float(z)
 
 
 def on_no_steel(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -331,13 +346,9 @@ class Climb:
 
     def _aimed(self, world: World, swing: Swing, q: Array, foothold: Stance) -> Swing:
         """Return the swing to a foothold in the world, from the joint angles (6,) at the end of the previous swing."""
-        legs, turn = self.legs[swing.holds], world.turn(swing.holds)
-        x, _, z = np.array([foothold.x, 0.0, foothold.z]) - world.sole(swing.holds)
-        turned = (foothold.turn - turn + np.pi) % (2.0 * np.pi) - np.pi
-        end = legs.solve(
-            x * np.cos(turn) + z * np.sin(turn), z * np.cos(turn) - x * np.sin(turn), turned, legs.pitch(swing.end), swing.end
-        )
-        return swing.bent(q, end)
+        legs, (x, _, z) = self.legs[swing.holds], world.sole(swing.holds)
+        to = foothold.seen_from(Stance(x=x, z=z, turn=world.turn(swing.holds)))
+        return swing.bent(q, legs.solve(to.x, to.z, to.turn, legs.pitch(swing.end), swing.end))
 
     def _torque(self, world: World, swing: Swing, now: Instant) -> Array:
         """Return the required torques (6,) of the servos from the dynamics of the foot that carries the robot. During load transfer, the

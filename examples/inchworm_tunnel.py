@@ -95,11 +95,11 @@ class Tunnel:
         return found
 
 
-def foothold(face: Face, distance: float) -> Stance:
-    """Return the point at `distance` [m] along a surface from its start, in the world."""
+def foothold(face: Face, distance: float, height: float = -SINK) -> Stance:
+    """Return the point at `distance` [m] along a surface from its start and `height` [m] above it, in the world."""
     along, out = (cos(face.turn), sin(face.turn)), (-sin(face.turn), cos(face.turn))
     return Stance(
-        x=face.x + distance * along[0] - SINK * out[0], z=face.z + distance * along[1] - SINK * out[1], turn=face.turn
+        x=face.x + distance * along[0] + height * out[0], z=face.z + distance * along[1] + height * out[1], turn=face.turn
     )
 
 
@@ -124,8 +124,7 @@ def stance(held: tuple[bool, float], moving: tuple[bool, float], pitch: float) -
     """Return the stance of two feet at a corner. Each foot is before or beyond it at a distance [m]. The body has the pitch `pitch` [rad]
     relative to the steel before the corner.
     """
-    (xh, zh, turn), (xm, zm, turned) = (
-        (0.0, distance, pi / 2) if beyond else (-distance, 0.0, 0.0) for beyond, distance in (held, moving)
+    one, two = (
+        Stance(z=distance, x=0.0, turn=pi / 2) if beyond else Stance(x=-distance) for beyond, distance in (held, moving)
     )
-    x, z = xm - xh, zm - zh
-    return Stance(x=x * cos(turn) + z * sin(turn), z=z * cos(turn) - x * sin(turn), turn=turned - turn, pitch=pitch - turn)
+    return replace(two, pitch=pitch).seen_from(one)

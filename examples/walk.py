@@ -11,7 +11,8 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # before mujoco is imported, which chooses its renderer then
@@ -76,6 +77,18 @@ def report(found: dict[tuple[str, str], Seen]) -> str:
     return "\n".join(f"{name:38}" + "".join(f"{cell:>16}" for cell in cells) for name, cells in rows)
 
 
+@contextmanager
+def built(folder: Path | None) -> Iterator[Path]:
+    """Provide the build folder of MInchW: `folder`, or a temporary folder in which it is built."""
+    if folder is not None:
+        yield folder
+        return
+    with tempfile.TemporaryDirectory() as scratch:
+        command = [sys.executable, "-m", "thingc", "build", "assemblies/minchw/minchw.yaml", "-o", scratch]
+        subprocess.run(command, cwd=ROOT, check=True)
+        yield Path(scratch) / "minchw"
+
+
 def write(page: Path, marker: str, text: str) -> None:
     """Replace the block that follows a marker in a page by a report."""
     head, opening, rest = page.read_text().partition(f"<!-- {marker} -->\n```text\n")
@@ -97,12 +110,7 @@ def main() -> int:
     parser.add_argument("--gif", type=Path, help="output file for the film of the rooted walks on the floor and the wall")
     parser.add_argument("--page", type=Path, help="page whose reports are replaced (docs/studies/walking.md)")
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = given.build
-        if folder is None:
-            command = [sys.executable, "-m", "thingc", "build", "assemblies/minchw/minchw.yaml", "-o", scratch]
-            subprocess.run(command, cwd=ROOT, check=True)
-            folder = Path(scratch) / "minchw"
+    with built(given.build) as folder:
         found = walk(folder, given.steps, given.gif, given.on, 1e-3 * given.sink)
         print(report(found))
         if given.page is not None:

@@ -1,0 +1,236 @@
+"""MInchW plans its own way from the floor over a wall to the ceiling: `make plan`, or `python examples/plan_climb.py BUILD`.
+
+The plan is simulated by the controller of `climb`, and compared with the climb that is planned by hand through the same tunnel. The printed
+values are measured in the simulations.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+os.environ.setdefault("MUJOCO_GL", "egl")  # before mujoco is imported, which chooses its renderer then
+
+import mujoco
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+import thingc
+from climb import newtons
+from inchworm_film import HEIGHT, OPEN, WIDTH, FollowingFilm
+from inchworm_gait import DRAWN_UP, FEET, PULL, TRANSFER, Stance, Swing
+from inchworm_modes import Foothold, Margins, Mode
+from inchworm_physics import POLE, STAND, TIMESTEP, Climb, Seen
+from inchworm_planner import NoPlan, Planner, State, Surface
+from inchworm_tunnel import SHORT, SINK, Tunnel
+from walk import PLACES, ROOT, built, write
+
+TUNNEL = Tunnel(wall=3)
+"""In the lower tunnel of `climb`, the robot needs no foothold on the wall."""
+
+SEED = 2
+LOW, NEAR = 20.0, 0.02
+"""A smaller pull margin [N] is counted as low, and a sole nearer to the edge of a surface [m] is reported."""
+
+COLUMNS, TILE = 3, 0.8
+"""Pictures in a row, and their scale."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Watch:
+    """Measures for how long the pull margin is low [s]. Called after every step, like a film."""
+
+    film: Strip | None = None
+    low: float = 0.0
+
+    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, margin: float) -> None:
+        """Record the margin, and pass it to the film."""
+        self.low += TIMESTEP * (margin < LOW)
+        if self.film is not None:
+            self.film(model, data, margin)
+
+
+class Strip(FollowingFilm):
+    """Takes pictures of the whole tunnel at the middle and at the end of each swing."""
+
+    def __init__(self, tunnel: Tunnel, plan: Sequence[State]) -> None:
+        super().__init__(0.0)
+        self.tunnel = tunnel
+        self.shots = list(self._shots(plan))
+
+    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, margin: float) -> None:
+        """Take a picture if its time has come."""
+        if len(self.frames) < len(self.shots) and data.time >= self.shots[len(self.frames)][0]:
+            picture, _ = self.picture(model, data)
+            ImageDraw.Draw(picture).text((12, 10), self.shots[len(self.frames)][1], fill=(40, 42, 48), font=ImageFont.load_default(24))
+            self.frames.append(picture)
+
+    def camera(self, data: mujoco.MjData) -> mujoco.MjvCamera:
+        """Return a camera that sees the tunnel from its open side."""
+        camera = mujoco.MjvCamera()
+        camera.lookat[:] = (OPEN + self.tunnel.length) / 2, 0.0, self.tunnel.height / 2
+        camera.distance, camera.azimuth, camera.elevation = 1.4, 86.0, -4.0
+        return camera
+
+    def save_grid(self, path: Path) -> None:
+        """Save the pictures in rows."""
+        wide, high = round(TILE * WIDTH), round(TILE * HEIGHT)
+        grid = Image.new("RGB", (COLUMNS * wide, -(-len(self.frames) // COLUMNS) * high), "white")
+        for k, frame in enumerate(self.frames):
+            grid.paste(frame.resize((wide, high), Image.Resampling.LANCZOS), (k % COLUMNS * wide, k // COLUMNS * high))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        grid.save(path)
+
+    def _shots(self, plan: Sequence[State]) -> Iterator[tuple[float, str]]:
+        """Yield the time [s] and the label of each picture."""
+        yield STAND, "start"
+        time = STAND
+        for state in plan[1:]:
+            assert state.swing is not None
+            foot = state.holds
+            yield time + state.swing.seconds / 2, f"step {state.steps}"
+            time += state.swing.duration
+            yield time - TRANSFER, f"step {state.steps}: {foot} foot on the {state.feet[foot].face.name}"
+
+
+def surfaces(tunnel: Tunnel) -> list[Surface]:
+    """Return the surfaces of a tunnel, with their edges."""
+    floor, wall, ceiling = tunnel.faces
+    return [
+        Surface(face=floor, begin=OPEN, end=tunnel.length, start=0.0),
+        Surface(face=wall, begin=0.0, end=tunnel.height, start=tunnel.length),
+        Surface(face=ceiling, begin=0.0, end=tunnel.length - OPEN, start=tunnel.length + tunnel.height),
+    ]
+
+
+def modes(robot: Climb, store: str | None = None) -> dict[str, Mode]:
+    """Return the modes of the robot by the foot that holds."""
+    names = {(foot, face): f"{foot}_foot{where}" for foot in FEET for face, where in PLACES.items()}
+    compiled = thingc.compile(str(ROOT / "assemblies" / "minchw" / "minchw.yaml"), modes=list(names.values()), store=store).modes
+    return {foot: Mode(foot, robot.held[foot], {face: compiled[names[foot, face]].robot for face in PLACES}) for foot in FEET}
+
+
+def start(robot: Climb, tunnel: Tunnel) -> State:
+    """Return the state in which the climb by hand starts: on both feet on the floor, held by the rear foot."""
+    floor = tunnel.faces[0]
+    q = robot.legs["rear"].solve(SHORT, 0.0, 0.0, 0.0, DRAWN_UP)
+    return State(q=q, feet={"front": Foothold(face=floor, distance=SHORT), "rear": Foothold(face=floor, distance=0.0)}, holds="rear")
+
+
+def goal(tunnel: Tunnel) -> float:
+    """Return how far the middle between the feet is along the way [m] where the climb by hand ends."""
+    front, rear = tunnel.footholds()[-2:]
+    return tunnel.length + tunnel.height + tunnel.length - (front.x + rear.x) / 2
+
+
+def swings(plan: Sequence[State]) -> tuple[list[Swing], list[Stance]]:
+    """Return the swings of a plan, and the positions of the soles at their ends."""
+    return [one.swing for one in plan if one.swing is not None], [one.feet[one.holds].above(-SINK) for one in plan[1:]]
+
+
+def least_margins(by_foot: Mapping[str, Mode], tunnel: Tunnel, plan: Sequence[Swing], footholds: Sequence[Stance]) -> Margins:
+    """Return the smallest static margins in all swings, of the foot that holds in each of them."""
+    on = dict.fromkeys(FEET, tunnel.faces[0])
+    found = []
+    for swing, foothold in zip(plan, footholds, strict=True):
+        mode = by_foot[swing.holds]
+        mode.hold(Foothold(face=on[swing.holds], distance=0.0))
+        found += [mode.margins(now.q) for now in swing.instants(0.05) if now.phase == "swing"]
+        on[swing.moves] = min(tunnel.faces, key=lambda face: abs(face.turn - foothold.turn))
+    return Margins(torque=min(one.torque for one in found), magnet=min(one.magnet for one in found))
+
+
+def report_steps(plan: Sequence[State], on: Sequence[Surface]) -> str:
+    """Return the table of the footholds, and which of them are near an edge."""
+    rows, near = [f"{'step':6}{'foot':8}{'surface':10}{'at [mm]':>8}{'edge [mm]':>11}{'swing [s]':>11}"], []
+    for state in plan:
+        for foot in FEET if state.swing is None else [state.holds]:
+            seat = state.feet[foot]
+            surface = next(each for each in on if each.face == seat.face)
+            edge = min(seat.distance - surface.begin, surface.end - seat.distance) - POLE
+            seconds = f"{state.swing.seconds:.1f}" if state.swing is not None else "-"
+            rows.append(f"{state.steps:<6}{foot:8}{seat.face.name:10}{1e3 * seat.distance:8.0f}{1e3 * edge:11.0f}{seconds:>11}")
+            near += [f"step {state.steps}"] if edge < NEAR else []
+    return "\n".join([*rows, f"nearer than {1e3 * NEAR:.0f} mm to an edge: {', '.join(near) or 'no foothold'}"])
+
+
+def report(ways: Mapping[str, tuple[Sequence[Swing], Margins, Seen, Watch]]) -> str:
+    """Return the table that compares simulated climbs, one column per climb."""
+    plans, static, seen, watches = zip(*ways.values(), strict=True)
+    rows = [
+        ("", list(ways)),
+        ("steps of a foot", [f"{len(plan)}" for plan in plans]),
+        ("duration [s]", [f"{STAND + sum(swing.duration for swing in plan):.1f}" for plan in plans]),
+        ("smallest static torque margin (ratio)", [f"{one.torque:.2f}" for one in static]),
+        ("smallest static pull margin [N]", [f"{one.magnet:.1f}" for one in static]),
+        ("smallest pull margin [N]", [newtons(PULL - one.pull) for one in seen]),
+        (f"time with less than {LOW:.0f} N [ms]", [f"{1e3 * one.low:.0f}" for one in watches]),
+        ("smallest torque margin", [f"{100 * (1 - max(one.torque.values())):.1f} %" for one in seen]),
+        ("smallest torque-speed margin", [f"{100 * (1 - one.speed):.1f} %" for one in seen]),
+        ("smallest shear margin", [f"{100 * (1 - one.shear):.1f} %" for one in seen]),
+        ("slip of the supporting foot [mm]", [f"{1e3 * one.slips['standing']:.3f}" for one in seen]),
+        ("contacts besides soles", [", ".join(sorted(one.touches)) or "nothing" for one in seen]),
+    ]
+    return "\n".join(f"{name:40}" + "".join(f"{cell:>16}" for cell in cells) for name, cells in rows)
+
+
+def simulate(
+    robot: Climb, by_foot: Mapping[str, Mode], tunnel: Tunnel, plan: Sequence[State], film: Strip | None,
+) -> dict[str, tuple[Sequence[Swing], Margins, Seen, Watch]]:
+    """Simulate the plan and the climb by hand, rooted and free, and return what `report` compares."""
+    ways = {}
+    for name, (steps, footholds) in (("planned", swings(plan)), ("by hand", (tunnel.plan(robot.models), tunnel.footholds()))):
+        static = least_margins(by_foot, tunnel, steps, footholds)
+        for way, walk in (("rooted", robot.rooted), ("free", robot.adhering)):
+            watch = Watch(film=film if (name, way) == ("planned", "rooted") else None)
+            ways[f"{name}, {way}"] = (steps, static, walk(list(steps), watch, footholds), watch)
+    return ways
+
+
+def failed(seen: Seen) -> str | None:
+    """Return why a plan fails in the simulation, or None."""
+    if seen.touches:
+        return f"the plan fails in the simulation: contacts between {', '.join(sorted(seen.touches))}"
+    if seen.pull > PULL:
+        return f"the plan fails in the simulation: a magnet comes off in the phase `{seen.pulled}` (pull margin {PULL - seen.pull:.1f} N)"
+    return None
+
+
+def main() -> int:
+    """Plan and simulate the climb, and print the results. Returns 1 if there is no plan, or if it fails in the simulation."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("build", nargs="?", type=Path, help="build folder of MInchW (default: build it)")
+    parser.add_argument("--seed", type=int, default=SEED, help=f"seed of the random samples (default: {SEED})")
+    parser.add_argument("--picture", type=Path, help="output file for the picture of the plan (PNG)")
+    parser.add_argument("--page", type=Path, help="page whose reports are replaced (docs/studies/planning.md)")
+    given = parser.parse_args()
+    with built(given.build) as folder:
+        robot = Climb(folder, "", TUNNEL.faces)
+        planner = Planner(modes=modes(robot), surfaces=surfaces(TUNNEL), rng=np.random.default_rng(given.seed))
+        try:
+            plan = planner.plan(start(robot, TUNNEL), goal(TUNNEL))
+        except NoPlan as reason:
+            print(reason, file=sys.stderr)
+            return 1
+        film = Strip(TUNNEL, plan) if given.picture is not None else None
+        ways = simulate(robot, planner.modes, TUNNEL, plan, film)
+    texts = {"plan": report_steps(plan, planner.surfaces), "comparison": report(ways)}
+    print("\n\n".join(texts.values()))
+    if (failure := failed(ways["planned, rooted"][2])) is not None:
+        print(failure, file=sys.stderr)
+        return 1
+    if film is not None:
+        film.close()
+        film.save_grid(given.picture)
+    if given.page is not None:
+        for marker, text in texts.items():
+            write(given.page, marker, text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

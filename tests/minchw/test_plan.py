@@ -1,0 +1,188 @@
+"""`examples/plan_climb.py`: a plan from the floor onto the wall, its margins against MuJoCo, the plan in physics, and reported failures."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from functools import cache
+from math import degrees, pi
+from pathlib import Path
+from types import ModuleType
+
+import mujoco
+import numpy as np
+import pytest
+
+from conformance.harness import ROOT
+
+from .conftest import sole
+
+pytestmark = pytest.mark.slow
+
+JOINTS = ("front/yaw", "front/knee", "front/ankle", "rear/yaw", "rear/knee", "rear/ankle")
+PLACES = {"floor": "", "wall": "_wall", "ceiling": "_ceiling"}
+
+
+@pytest.fixture(scope="module")
+def planning() -> ModuleType:
+    """The example, imported as running it does."""
+    folder = str(ROOT / "examples")
+    sys.path.insert(0, folder)
+    try:
+        return importlib.import_module("plan_climb")
+    finally:
+        sys.path.remove(folder)
+
+
+@pytest.fixture(scope="module")
+def planner(planning: ModuleType, minchw: Path, shared_store: str) -> tuple:
+    """The robot in the tunnel, and the planner."""
+    tunnel = planning.TUNNEL
+    robot = planning.Climb(minchw, "", tunnel.faces)
+    return robot, tunnel, seeded(planning, planning.modes(robot, shared_store))
+
+
+@pytest.fixture(scope="module")
+def plan(planning: ModuleType, planner: tuple) -> list:
+    """The plan from the floor over the wall to the ceiling."""
+    robot, tunnel, each = planner
+    return each.plan(planning.start(robot, tunnel), planning.goal(tunnel))
+
+
+def seeded(planning: ModuleType, modes: dict) -> object:
+    """A planner with the seed of the example."""
+    return planning.Planner(modes=modes, surfaces=planning.surfaces(planning.TUNNEL), rng=np.random.default_rng(planning.SEED))
+
+
+@cache
+def without_contacts(path: Path) -> mujoco.MjModel:
+    """A model of the build, in which nothing touches."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    return model
+
+
+def by_mujoco(minchw: Path, foot: str, face: str, q: np.ndarray) -> tuple[float, float]:
+    """The smallest ratio of limit to torque by `mj_inverse`, and the unused pull [N] from the weight at the centre of mass."""
+    model = without_contacts(minchw / "mjcf" / f"minchw_{foot}_foot{PLACES[face]}.xml")
+    data = mujoco.MjData(model)
+    for name, value in zip(JOINTS, q, strict=True):
+        data.joint(name).qpos = value
+    mujoco.mj_inverse(model, data)
+    torques = {name: abs(float(data.qfrc_inverse[model.joint(name).dofadr[0]])) for name in JOINTS}
+    torque = min(float(model.actuator(name).forcerange[1]) / max(torques[name], 1e-9) for name in JOINTS)
+    weight = float(model.body_mass[1:].sum()) * model.opt.gravity
+    lever = data.subtree_com[0] - data.site(f"{foot}/sole").xpos
+    tipping = np.hypot(*np.cross(lever, weight)[:2])
+    return torque, 300.0 - (tipping / 0.025 + float(weight[2]))
+
+
+@pytest.mark.parametrize("face", PLACES)
+@pytest.mark.parametrize("foot", ["front", "rear"])
+def test_margins_are_those_of_mujoco(planning: ModuleType, planner: tuple, minchw: Path, foot: str, face: str) -> None:
+    _, tunnel, each = planner
+    mode = each.modes[foot]
+    mode.hold(planning.Foothold(face=tunnel.faces[list(PLACES).index(face)], distance=0.2))
+    for q in np.random.default_rng(3).uniform(-0.7, 1.5, (5, 6)) * [0, 1, 1, 0, 1, 1]:
+        found = mode.margins(q)
+        torque, pull = by_mujoco(minchw, foot, face, q)
+        assert found.torque == pytest.approx(torque, rel=1e-6)
+        assert found.magnet == pytest.approx(pull, abs=1e-6)
+
+
+def test_every_pose_of_the_plan_has_its_margins(plan: list, minchw: Path) -> None:
+    """The limits of the planner, with numbers written here: a torque margin of 2, and 75 N of pull."""
+    for state in plan[1:]:
+        for foot, seat in state.feet.items():  # each foot could hold alone
+            torque, pull = by_mujoco(minchw, foot, seat.face.name, state.q)
+            assert torque > 2.0 and pull > 75.0
+        holds = state.before.holds
+        for now in state.swing.instants(0.25):
+            torque, pull = by_mujoco(minchw, holds, state.feet[holds].face.name, now.q)
+            assert torque > 1.98 and pull > 74.0
+
+
+def test_feet_are_flat_on_their_footholds_by_planar_kinematics_by_hand(plan: list) -> None:
+    for state in plan[1:]:
+        q = {name: degrees(value) for name, value in zip(JOINTS, state.q, strict=True)}
+        (xf, zf, upf), (xr, zr, upr) = sole("front", q), sole("rear", q)
+        front, rear = state.feet["front"].above(), state.feet["rear"].above()
+        assert (upf + upr - degrees(front.turn - rear.turn) + 180.0) % 360.0 == pytest.approx(180.0, abs=0.05)
+        assert np.hypot(xf - xr, zf - zr) == pytest.approx(1e3 * np.hypot(front.x - rear.x, front.z - rear.z), abs=0.15)
+
+
+def test_the_plan_goes_over_the_wall_to_the_ceiling(planning: ModuleType, planner: tuple, plan: list) -> None:
+    """Feet move in turn, each swing begins where the last one ended, and no pose is one of the climb by hand."""
+    robot, tunnel, each = planner
+    assert [state.holds for state in plan] == ["rear" if k % 2 == 0 else "front" for k in range(len(plan))]
+    assert {seat.face.name for state in plan for seat in state.feet.values()} == {"floor", "wall", "ceiling"}
+    assert all(seat.face.name == "ceiling" for seat in plan[-1].feet.values()) and each.progress(plan[-1]) >= planning.goal(tunnel)
+    for before, state in zip(plan, plan[1:], strict=False):
+        np.testing.assert_allclose(state.swing.begin.q, before.q, atol=1e-6)
+        np.testing.assert_allclose(state.swing.end, state.q, atol=1e-6)
+    by_hand = [swing.end for swing in tunnel.plan(robot.models)]
+    assert min(np.abs(state.q - q).max() for state in plan[1:] for q in by_hand) > 0.1
+
+
+def test_onto_the_wall_in_physics(planning: ModuleType, planner: tuple, plan: list) -> None:
+    robot, tunnel, _ = planner
+    steps, footholds = planning.swings(plan)
+    count = next(k for k, state in enumerate(plan) if any(seat.face.name == "wall" for seat in state.feet.values()))
+    seen = robot.rooted(steps[:count], None, footholds)
+    assert seen.slips["standing"] < 1e-9 and seen.slips["landing"] < 1e-4
+    assert 300.0 - seen.pull > 50.0 and seen.speed < 0.9 and planning.failed(seen) is None
+    world, foot = robot.held[plan[count].holds], plan[count].holds
+    x, _, z = world.sole(foot)
+    assert x == pytest.approx(tunnel.length, abs=3e-4) and z == pytest.approx(plan[count].feet[foot].distance, abs=3e-4)
+    assert world.turn(foot) == pytest.approx(pi / 2, abs=2e-3)
+    seen.pull = 301.0
+    assert "a magnet comes off" in planning.failed(seen)
+
+
+def test_the_same_seed_gives_the_same_transitions(planning: ModuleType, planner: tuple) -> None:
+    robot, tunnel, each = planner
+    one, two = (seeded(planning, each.modes).transitions(planning.start(robot, tunnel)) for _ in range(2))
+    assert len(one) == len(two) > 5
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_array_equal(a.q, b.q)
+
+
+def test_a_failure_reports_how_far_it_came_and_why(planning: ModuleType, planner: tuple, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot, tunnel, each = planner
+    monkeypatch.setattr(sys.modules["inchworm_planner"], "VISITS", 2)
+    again = seeded(planning, each.modes)
+    with pytest.raises(planning.NoPlan, match=r"no plan after 2 states: the furthest is \d+ mm short \(.* foot on the .*Refused: \d+ x "):
+        again.plan(planning.start(robot, tunnel), 9.0)
+
+
+def test_a_start_that_is_not_allowed_is_reported(planning: ModuleType, planner: tuple) -> None:
+    robot, tunnel, each = planner
+    again = seeded(planning, each.modes)
+    begin = planning.start(robot, tunnel)
+    bent = planning.State(q=begin.q + np.array([0, 0.8, 0, 0, 0, 0]), feet=begin.feet, holds="rear")
+    with pytest.raises(planning.NoPlan, match=r"no plan: the start is not allowed \(joint limit\)"):
+        again.plan(bent, 1.0)
+
+
+def test_footholds_near_an_edge_are_reported(planning: ModuleType, planner: tuple, plan: list) -> None:
+    _, tunnel, each = planner
+    shown = planning.report_steps(plan, each.surfaces)
+    assert len(shown.splitlines()) == len(plan) + 3
+    floor = tunnel.faces[0]
+    edge = {"front": planning.Foothold(face=floor, distance=tunnel.length - 0.04), "rear": planning.Foothold(face=floor, distance=0.0)}
+    near = planning.report_steps([planning.State(q=plan[0].q, feet=edge, holds="rear")], each.surfaces)
+    assert near.endswith("nearer than 20 mm to an edge: step 0")
+
+
+def test_rrt_connect_goes_around_a_wall(planning: ModuleType) -> None:
+    rrt = importlib.import_module("rrt_connect")
+    begin, end, corner = np.array([-0.9, -0.9]), np.array([0.9, -0.9]), np.array([1.0, 1.0])
+
+    def clear(a: np.ndarray, b: np.ndarray) -> bool:
+        at = a + np.linspace(0.0, 1.0, 50)[:, None] * (b - a)
+        return not bool(((np.abs(at[:, 0]) < 0.1) & (at[:, 1] < 0.5)).any())
+
+    path = rrt.shorten(rrt.connect(begin, end, -corner, corner, clear, np.random.default_rng(0), 500), clear)
+    assert np.array_equal(path[0], begin) and np.array_equal(path[-1], end) and 3 <= len(path) <= 6
+    assert all(clear(a, b) for a, b in zip(path, path[1:], strict=False)) and max(point[1] for point in path) > 0.5
+    assert rrt.connect(begin, end, -corner, corner, lambda a, b: False, np.random.default_rng(0), 20) is None
