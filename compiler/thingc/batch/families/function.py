@@ -65,9 +65,9 @@ class FamilyJacobian(np.ndarray[Any, np.dtype[np.float64]]):
 
 @dataclass(frozen=True)
 class RestrictedPlan:
-    """A plan with its restriction to some outputs.
+    """A plan that is restricted to some outputs.
 
-    `traced` are the names that it traces by index, with the indices of their variables. Parts do not depend on them, but on `modelled`.
+    `traced` maps the indices of the traced names to the indices of their variables. Parts do not depend on them, but on `modelled`.
     """
 
     plan: NumericPlan[ResultsShape]
@@ -234,7 +234,7 @@ class FamilyFunction:
         return found
 
     def _exact(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
-        """Return the derivatives by the names that a known plan traces, with the indices of these names."""
+        """Return the derivatives by the names that an existing plan traces, and the indices of these names."""
         for one, given in self._known(read):
             try:
                 found = one.derivatives(given)

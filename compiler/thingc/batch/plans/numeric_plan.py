@@ -59,7 +59,7 @@ class NumericPlan(Generic[Made]):
     _uses: Iterator[int] = field(default_factory=partial(count, 1), init=False, repr=False, compare=False)
 
     def outputs(self, values: Sequence[float]) -> tuple[float, ...] | None:
-        """Return the inputs of `made` for the values of all names; None if the plan does not apply to them."""
+        """Compute the inputs of `made` for the values of all names. Return None if the plan does not apply to these values."""
         try:
             given = self.given(values)
             return None if given is None else self.program.run(*given)
