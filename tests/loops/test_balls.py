@@ -97,7 +97,7 @@ def test_a_drive_of_a_ball_that_swings_up_is_told(tmp_path: Path, mode: str) -> 
     kept = "\n".join(line for line in stiff.splitlines() if not line.startswith("  ") or ": {root:" not in line or f"  {mode}:" in line)
     ((code, message, help, line),) = compiled(tmp_path, kept).said
     assert code == "TC612" and line == 1 + stiff[: stiff.index("kp: 3e5")].count("\n")
-    assert message.startswith("`kp` of joint `hip_1`, 300000 N*m/rad, makes the joint oscillate with growing amplitude: it moves 0.0")
+    assert message.startswith("`kp` of joint `hip_1`, 300000 N*m/rad, makes the joint oscillate with growing amplitude: its inertia is 0.0")
     assert help is not None and "use at most" in help
 
 

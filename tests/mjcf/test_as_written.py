@@ -183,7 +183,7 @@ tendons: {grip: {joints: {shoulder: 20 mm/rad}}}
     assert {line.partition(": ")[2] for line in said if "polynomial" in line or "stiffness" in line or "tendon" in line} == {
         *(f"{target}: grip: this tendon and its dynamics: omitted" for target in ("urdf", "sdf", "usd")),
         *(f"{target}: elbow: {bent}{STRAIGHT}" for target in ("urdf", "sdf", "usd")),
-        *(f"{target}: slide: its stiffness of 1 N/m: omitted" for target in ("urdf", "usd")),
+        *(f"{target}: slide: the stiffness of 1 N/m: omitted" for target in ("urdf", "usd")),
     }
 
 

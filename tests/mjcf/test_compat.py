@@ -173,7 +173,7 @@ def test_mjx_has_no_adhesion(store: Store) -> None:
     ("mjx", "option solver", "PGS", "MJX cannot load mode `bench`: it does not support `solver` `PGS`"),
     ("warp", "option solver", "PGS", "MuJoCo Warp cannot load mode `bench`: it does not support `solver` `PGS`"),
     ("mjx", "option flag energy", "enable", "MJX cannot load mode `bench`: it does not support the enabled flag `energy`"),
-    ("warp", "option flag midphase", "disable", "MuJoCo Warp cannot load mode `bench`: it does not support `midphase` that is disabled"),
+    ("warp", "option flag midphase", "disable", "MuJoCo Warp cannot load mode `bench`: it does not support the disabled flag `midphase`"),
     ("mjx", "geom arm/part_2:collision margin", "0.001",
      "MJX cannot load mode `bench`: it does not support `margin` for contacts of meshes"),
     ("mjx", "geom arm/part_2:collision type", "ellipsoid",

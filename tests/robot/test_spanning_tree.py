@@ -185,7 +185,7 @@ def test_one_warning_names_the_modes_that_start_alike_and_the_first_joints() -> 
     assert (code, line) == ("START_LIMITS", 200)
     assert message == "mode `m` starts without a pose, which puts `j0` at 0, outside its limits 10 deg to 90 deg"
     more = [(f"also `{name}`", None, None) for name in ("j1", "j2", "j3")]
-    assert notes(report) == [("`j0` is defined here", FILE, 20), *more, ("also in `n`", None, None)]
+    assert notes(report) == [("`j0` is defined here", FILE, 20), *more, ("the same problem occurs in `n`", None, None)]
 
 
 @pytest.mark.parametrize("number", [1, 3, 4])
@@ -213,7 +213,7 @@ def test_one_warning_names_the_modes_that_do_not_stand_on_their_feet(number: int
     assert (code, line) == ("OFF_FEET", 200)
     names = ", ".join(f"`leg{k}/tip`" for k in range(min(number, 3))) + (" and others" if number == 4 else "")
     assert message == f"mode `m` stands on {names}, and `hub` is at least 50 mm lower with all joints at 0"
-    assert notes(report) == [("`hub` is defined here", FILE, 10), ("also in `n`, `o`", None, None)]
+    assert notes(report) == [("`hub` is defined here", FILE, 10), ("the same problem occurs in `n`, `o`", None, None)]
 
 
 @pytest.mark.parametrize(("z", "base", "others", "depth"), [
@@ -232,7 +232,7 @@ def test_one_warning_names_the_modes_that_start_under_the_plane(z: float, base: 
         ("START_BELOW", 200, f"mode `m` starts with `b` at least {depth} below the plane z = 0 of its scene") for _ in [depth] if depth
     ]
     if depth:
-        more = ["", "the same in mode `n`", "the same in modes `n`, `o`"][others]
+        more = ["", "the same problem occurs in mode `n`", "the same problem occurs in modes `n`, `o`"][others]
         assert notes(report) == [("`b` is defined here", FILE, 10), *((text, None, None) for text in [more] if text)]
         [help] = [one.help or "" for one in report.diagnostics]
         wanted = "check the sign of the height in `at`: it is -70 mm" if z < 0 else "write for example `at: {xyz: 0 0 50 mm}`"

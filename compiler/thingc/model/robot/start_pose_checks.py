@@ -82,7 +82,7 @@ def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, b
         help = f"check the sign of the height in `at`: it is {Quantity(height, LENGTH)}"
     notes = [Note(message=f"`{part.path}` is defined here", span=part.origin[0])] if part.origin else []
     if others:
-        notes.append(Note(message=f"the same in mode{'' if len(others) == 1 else 's'} " + ", ".join(f"`{name}`" for name in others)))
+        notes.append(Note(message=f"the same problem occurs in mode{'' if len(others) == 1 else 's'} " + ", ".join(f"`{name}`" for name in others)))
     report.warn(
         Code.START_BELOW,
         f"mode `{mode.name}` starts with `{part.path}` {'at least ' if bound else ''}{shown} below the plane z = 0 of its scene",
@@ -106,7 +106,7 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
             Code.OFF_FEET,
             f"mode `{mode.name}` stands on {feet}, and `{part.path}` is at least {Quantity(float(f'{depth:.3g}'), LENGTH)} lower "
             + (f"in pose `{mode.pose}`" if mode.pose is not None else "with all joints at 0"),
-            mode.origin, path=mode.name, notes=[*notes, *([Note(message=f"the same in {others}")] if others else [])],
+            mode.origin, path=mode.name, notes=[*notes, *([Note(message=f"the same problem occurs in {others}")] if others else [])],
             help=f"start in a pose that puts the feet down, or fix the mounts of the legs; {allow_hint(Code.OFF_FEET)}",
         )
 
@@ -151,7 +151,7 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
             mode.origin, path=mode.name, notes=[
                 *([Note(message=f"`{first.path}` is defined here", span=first.origin[0])] if first.origin else []),
                 *(Note(message=f"also `{joint.path}`") for joint in more[:3]),
-                *([Note(message=f"the same in {others}")] if others else []),
+                *([Note(message=f"the same problem occurs in {others}")] if others else []),
             ], help=f"add a `pose` to the mode that sets `{first.path.replace('/', '.')}`; {allow_hint(Code.START_LIMITS)}",
         )
 
