@@ -82,7 +82,8 @@ def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, b
         help = f"check the sign of the height in `at`: it is {Quantity(height, LENGTH)}"
     notes = [Note(message=f"`{part.path}` is defined here", span=part.origin[0])] if part.origin else []
     if others:
-        notes.append(Note(message=f"the same problem occurs in mode{'' if len(others) == 1 else 's'} " + ", ".join(f"`{name}`" for name in others)))
+        modes = "mode" if len(others) == 1 else "modes"
+        notes.append(Note(message=f"the same problem occurs in {modes} " + ", ".join(f"`{name}`" for name in others)))
     report.warn(
         Code.START_BELOW,
         f"mode `{mode.name}` starts with `{part.path}` {'at least ' if bound else ''}{shown} below the plane z = 0 of its scene",

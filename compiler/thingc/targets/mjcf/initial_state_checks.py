@@ -293,7 +293,8 @@ def _say_inside(start: InitialState, others: Sequence[str], report: Report) -> N
     if len(start.inside) > SHOWN + 1:
         notes.append(Note(message=f"and {counted(len(start.inside) - SHOWN - 1, 'more pair')}"))
     if others:
-        notes.append(Note(message=f"the same problem occurs in mode{'' if len(others) == 1 else 's'} " + ", ".join(f"`{name}`" for name in others)))
+        modes = "mode" if len(others) == 1 else "modes"
+        notes.append(Note(message=f"the same problem occurs in {modes} " + ", ".join(f"`{name}`" for name in others)))
     pose = f" (pose `{robot.mode.pose}`)" if robot.mode.pose is not None else ""
     pair = ", ".join(path.replace("/", ".") for path in (first.one, first.other))
     depth = Quantity(float(f"{first.depth:.3g}"), LENGTH)
