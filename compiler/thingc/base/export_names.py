@@ -1,4 +1,4 @@
-"""The types of fields with paths that `names:` can rename in exported files, and the rules for names in these files.
+"""The types of fields that contain names which `names:` can change in exported files, and the rules for these names.
 
 The type of such a field specifies what the path refers to, for `targets/custom_names.py`. Type checkers treat it as `str`.
 """

@@ -1,4 +1,4 @@
-"""File system operations: reading regular files only, writing trees safely, and exchanging two folders atomically."""
+"""Read regular files only, write trees of files safely, and exchange two folders atomically."""
 
 from __future__ import annotations
 

@@ -162,7 +162,8 @@ def moments_fault(low: float, middle: float, high: float) -> str | None:
 
 
 def within_triangle(a: Matrix) -> Matrix:
-    """Return the inertia with its moments increased by a relative 1e-12 if the body is flat.
+    """Return the inertia of a body. For a flat body, the moments are increased by a relative 1e-12, so that they are physical despite
+    rounding.
 
     MuJoCo computes the principal moments and requires A + B >= C exactly, but a plate has A + B = C.
     """

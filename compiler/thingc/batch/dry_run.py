@@ -89,7 +89,7 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
 
 
 def _satisfying(variants: Iterable[Variant], foreseen: DryRun) -> Iterator[Variant]:
-    """Count variants in `foreseen`, and yield those that satisfy the rules on parameters."""
+    """Count variants in the result `foreseen`, and yield the variants that satisfy the rules on parameters."""
     for variant in variants:
         foreseen.count += 1
         if len(foreseen.first) < SHOWN:
@@ -151,6 +151,6 @@ class Resolution(Evaluation):
 
 
 def _example(session: Session, variant: Variant, wrong: Diagnostic) -> tuple[str, Diagnostic]:
-    """Return the name of a variant and its error with the numbers as in the documents."""
+    """Return the name of a variant and its error, with the numbers as they are written in the documents."""
     report = session.compile(Settings(parameters=variant.parameters, choices=variant.choices)).report
     return variant.name, next((one for one in report.ordered() if one.code is wrong.code), wrong)

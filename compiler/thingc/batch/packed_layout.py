@@ -301,7 +301,7 @@ class Chunk:
         return [heads[index] for index in self.indices]
 
     def losses(self) -> Counter[str | None]:
-        """Return the number of variants by their losses as JSON."""
+        """Count the variants of the chunk by their export losses, which are given as JSON."""
         counts: Counter[str | None] = Counter()
         if self._sealed is not None:
             counted = self._read(["losses"])["losses"].value_counts()
@@ -340,7 +340,7 @@ class Chunk:
             return self._sealed.read(columns)
 
     def _noted(self, index: int) -> Line:
-        """Return an entry of the journal. The last entry is cached."""
+        """Return an entry of the journal of the chunk. The last entry is cached."""
         if self._entry[0] != index:
             self._journal.seek(self._begins[index])
             self._entry = index, json.loads(self._journal.readline())

@@ -85,7 +85,7 @@ def _in_unit(value: Any, size: float) -> Any:
 
 
 def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequence[str]) -> str:
-    """Return the beginning of the data, which is a JSON object, up to its rows."""
+    """Return the beginning of the JSON data of the page, up to the rows of the table."""
     names = ("name", "document", "assembly", "count", "done", "pose", "finished", "layout")
     told: dict[str, Any] = {name: _json_value(described[name]) for name in names}
     told["modes"] = [escape_control(name) for name in described["modes"]]

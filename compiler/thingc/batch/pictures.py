@@ -48,7 +48,7 @@ def chosen(folder: str, mode: str, most: int) -> list[int]:
 
 
 def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
-    """Select `most` variants by their settings. Return their indices, ascending.
+    """Select `most` variants that cover the ranges of the settings evenly. Return their indices in ascending order.
 
     For each setting, the selection includes the variants nearest to a line along which this setting goes from its first to its last value,
     while all other settings have middle values. When all values are covered, further variants are evenly spaced.

@@ -1,4 +1,4 @@
-"""The plan of a `variants/1` document, and its variants. All settings are checked before the first variant is built."""
+"""Plan the variants of a `variants/1` document. All settings are checked before the first variant is built."""
 
 from __future__ import annotations
 

@@ -478,7 +478,7 @@ def _listing(folder: str) -> list[str]:
 
 
 def _fault_text(folder: str, fault: OSError) -> str:
-    """Format the reason of a system error."""
+    """Format the reason of an error of the operating system."""
     place = shown_path(folder)
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return f"there is not enough space for the build in `{place}`: {os.strerror(fault.errno)}"

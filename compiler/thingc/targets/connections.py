@@ -1,4 +1,4 @@
-"""The connections between the bodies of a mode, for formats that allow any graph.
+"""List the connections between the bodies of a mode, for formats that allow any graph of joints.
 
 Connections are joints of the tree and joints that close loops.
 """

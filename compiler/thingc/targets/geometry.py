@@ -235,7 +235,7 @@ class _Collector:
         return tuple(shapes)
 
     def shape(self, occurrence: Occurrence, surface: Surface, stem: str, suffix: str = "") -> Shape | None:
-        """Return a shape in the frame of its occurrence, and store the asset of a mesh.
+        """Convert a solid to a shape in the frame of its occurrence, and store the file of a mesh.
 
         The name of the mesh begins with `stem`. If another definition uses the same file name, report an error and return None.
         """

@@ -112,7 +112,7 @@ class _Group:
 
 
 def _stacked(groups: Sequence[_Group], model: mujoco.MjModel, more: Mapping[str, Array]) -> Batched:
-    """Combine groups, in the order of their settings."""
+    """Combine several groups of settings, in the order of the settings."""
     import numpy as np
 
     first = groups[0]

@@ -68,7 +68,7 @@ class Evaluation:
         self.forms: PlanCaches[ResultsShape] = PlanCaches(is_refused=refusals.applies)
 
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
-        """Yield the result for each of the settings, in order."""
+        """Yield the results for each set of settings, in order."""
         source = iter(many)
         while chunk := list(islice(source, 1 if tests else TOGETHER)):
             ready: dict[int, Planned] = {}
@@ -225,7 +225,7 @@ class Evaluation:
         return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
 
     def _broken(self, read: ParsedSettings, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
-        """Return the first violated rule (or None), and the errors in rules."""
+        """Return the first rule that the results violate (or None), and the errors of rules that cannot be evaluated."""
         has_texts = any(name in self.reader.parameters for name, _ in read.texts)  # not only numbers: flags, texts or expressions
         given: Mapping[str, ExpressionValue] = self.reader.values(read) if has_texts else self.reader.quantities(read)
         undecided: list[Diagnostic] = []

@@ -124,7 +124,7 @@ class RobotFamily:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Support copying and pickling. The copy reads the documents a second time."""
+        """Support copying and pickling. A copy reads the documents again."""
         return self._again, ()
 
     def close(self) -> None:
@@ -216,7 +216,7 @@ class RobotFamily:
         return problems
 
     def _switching(self, settings: Mapping[str, Any] | Variant, modes: Sequence[str]) -> Modes | NoModel:
-        """Return the modes of settings, as for a call of `ModeNames`."""
+        """Return the modes of a robot with given settings, for switching between modes."""
         from thingc.modes import Modes
 
         given, read = self._read(settings)
@@ -338,7 +338,7 @@ class RobotFamily:
         return iter(self._plan or ())
 
     def explain(self, name: str, value: Any = None, *, mode: str | None = None) -> Explanation | NoModel:
-        """Explain how a number, given by its parameter or path, enters the models of a mode.
+        """Explain how the models of a mode depend on a number, which is given by its parameter or path.
 
         The number is set to `value` (None: the value in the document) and to nearby values. Returns `NoModel` if the number cannot be set
         to `value`.
@@ -429,7 +429,7 @@ class RobotFamily:
         return self._plan.written_in if self._plan is not None else {}
 
     def _written(self, names: Iterable[str]) -> dict[str, ScalarNode]:
-        """Return the numbers in the document, by name. Expressions and missing values are omitted."""
+        """Return the values of numbers in the document, by name. Expressions and missing values are omitted."""
         from thingc.driver.edit_document import keys_of
 
         root = self._sources.documents.root
@@ -470,7 +470,7 @@ def is_single(settings: Any) -> bool:
 
 
 def as_many(settings: Any) -> Iterable[Any]:
-    """Return settings as an iterable of sets of settings."""
+    """Convert an argument to an iterable of sets of settings."""
     return [settings] if is_single(settings) else settings
 
 

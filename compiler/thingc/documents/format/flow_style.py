@@ -55,7 +55,7 @@ def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]
 
 
 def root_shape(kind: str | None) -> FieldType | None:
-    """Return the type of a document of a kind, or None if the kind is unknown."""
+    """Return the type of documents of a kind, such as `assembly`, or None for an unknown kind."""
     model = model_of(kind or "")
     return None if model is None else shape_of(model)
 

@@ -89,7 +89,7 @@ def named(text: str, beside: str) -> str | None:
 
 
 def libraries(path: str) -> tuple[str, ...]:
-    """Return the material libraries that the first lines of an OBJ file name and that are in the same folder.
+    """Return the material libraries in the folder of an OBJ file to which the first lines of the file refer.
 
     Return an empty tuple for other files.
     """

@@ -148,7 +148,7 @@ def likeness(branch: FieldType, value: dict[str, Any]) -> float:
 
 
 def one_of(words: Sequence[str]) -> str:
-    """Join alternatives for a message: `a`, `b` or `c`."""
+    """Join alternatives for a message, such as `a`, `b` or `c`."""
     quoted = [f"`{word}`" for word in words]
     return quoted[0] if len(quoted) == 1 else ", ".join(quoted[:-1]) + " or " + quoted[-1]
 

@@ -175,7 +175,7 @@ def key_for(model: type[BaseModel], key: str) -> str | None:
 
 
 def choice_hint(word: str, choices: list[str]) -> Hint | None:
-    """Return a hint for a word of another format that is not one of the choices, or None."""
+    """Return a hint for a value that is not one of the choices but is used in another format, or None."""
     plain = word.lower().replace("-", "_").replace(" ", "_")
     names = [one for one in WORDS.get(plain, ()) if one in choices]
     if names:

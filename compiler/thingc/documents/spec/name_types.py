@@ -1,4 +1,4 @@
-"""Types of fields and keys that declare a name or refer to a name.
+"""The types of model fields whose keys or values declare a name or refer to a name.
 
 Only these types define to which kind of name a string refers. `documents/names/document_names.py` uses them, so "rename" and "go to
 definition" need no lists of keys. `tests/spec/test_mentions.py` lists the few string fields that do not refer to a name.

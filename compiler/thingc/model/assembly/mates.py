@@ -29,7 +29,7 @@ UPSIDE_DOWN = turned_x(math.pi)
 
 
 def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
-    """Return all edges and the indices of the edges from `at`, which do not connect mounts.
+    """Return all edges of the mate graph, and the indices of the edges that come from `at` and do not connect mounts.
 
     The order for each assembly is: `attach` and `at` in component order, joints in written order, then nested assemblies.
     Edges with an invalid reference are omitted.

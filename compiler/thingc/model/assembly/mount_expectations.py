@@ -14,7 +14,7 @@ _NUMBER = re.compile(r"\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+")
 
 
 def check_expectations(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
-    """Warn of each mount that does not have the component for which its geometry was designed.
+    """Warn of each mount at which a component other than the expected one is attached.
 
     `laid` are the indices of mates from `at`, which do not connect mounts. Empty mounts are accepted if the top document exports them,
     because a parent assembly may use them.

@@ -231,7 +231,7 @@ class ResolveRun:
         return tuple(self.memo.same((what, document, *self.route, one.name), one) for one in made)
 
     def remember(self, top: DocumentScope) -> None:
-        """Cache the nested documents of this run for the next one, if nothing was reported.
+        """Cache the nested documents of this run for the next run, unless errors were reported.
 
         If all diagnostics are in the top document, nested documents are cached for other versions of the top document. (Failed parts and
         suppressed warnings prevent caching, because they are reported only once.)

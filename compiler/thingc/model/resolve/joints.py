@@ -1,4 +1,4 @@
-"""Resolve joints: kinds, references, limits, dynamics and drives. The module `mimics` resolves mimics."""
+"""Resolve the joints of a document: kinds, references, limits, dynamics and drives. The module `mimics` resolves mimics."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: P
 
 
 def _named(table: DocumentScope, scope: Scope, text: str) -> str | None:
-    """Return the component at the beginning of an invalid reference, if it exists."""
+    """Return the component with which an invalid reference begins, if this component exists."""
     first = text.split(".")[0]
     if scope.index is not None:
         first = first.replace("${" + scope.index[0] + "}", scope.index[1]).replace("$" + scope.index[0], scope.index[1])
@@ -144,7 +144,7 @@ def _coordinates(
 def _ball(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, mounts: tuple[Reference, Reference], layers: DefaultLayers,
 ) -> tuple[Joint, ...]:
-    """Return the coordinates of a ball joint.
+    """Resolve the coordinates of a ball joint.
 
     The limit and the dynamics apply to all coordinates. A ball joint has up to three drives. Each drive has its own axis and is stored with
     one of the coordinates.
@@ -225,7 +225,7 @@ def _resolve_joint(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[Reference, Reference],
     layers: DefaultLayers, number: int | None,
 ) -> Joint:
-    """Return a joint, or the coordinate `number` of the joint."""
+    """Resolve a joint, or the coordinate `number` of a joint."""
     scope, spec, path, name = item.scope, item.spec, item.path, CoordinateName(item.name)
     if number is not None:
         name = name.numbered(number)

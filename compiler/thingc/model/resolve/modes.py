@@ -1,4 +1,4 @@
-"""Resolve modes: merge `extends`, resolve names, convert numbers to SI, and resolve holds, cuts and feet.
+"""Resolve the modes of a document: merge `extends`, resolve names, convert numbers to SI units, and resolve holds, cuts and feet.
 
 The link of a root is determined in `model/assembly/modes.py`.
 """
@@ -48,7 +48,7 @@ def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Ho
 
 
 def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut, ...]:
-    """Return the joints at which a mode should cut loops, in written order. A fixed joint must close a loop.
+    """Return the joints at which a mode should cut loops, in the order of the document. A fixed joint can be cut only if it closes a loop.
 
     Report and omit invalid joints.
     """

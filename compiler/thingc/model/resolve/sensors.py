@@ -1,4 +1,4 @@
-"""Resolve sensors: their mounts and the measured joints, tendons, drives and links."""
+"""Resolve the sensors of a document: their mounts and the joints, tendons, drives and links that they measure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Resolve tendons: sums of coordinates, or paths through mounts, with springs, limits and drives."""
+"""Resolve the tendons of a document: sums of coordinates, or paths through mounts, with springs, limits and drives."""
 
 from __future__ import annotations
 

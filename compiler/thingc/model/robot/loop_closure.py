@@ -99,7 +99,7 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Repo
 
 
 def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
-    """Return the target pose of a hold's mount: for `here` its current pose, otherwise mated to the hold's pose like a root to `at`."""
+    """Return the pose at which a hold keeps its mount: the current pose for `here`, otherwise the pose that the hold specifies."""
     if hold.pose is not None:
         return hold.pose if hold.mount.of_component else hold.pose @ MATE
     return (where or {})[body] @ X_LM
@@ -125,7 +125,7 @@ def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -
 
 
 def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
-    """Return the joint loops relative to the placement tree, which is the same in every mode."""
+    """Return the loops of joints relative to the tree of placements in the documents, which is the same in every mode."""
     taken = placing(assembly)
     if not any(mate.loop is not None for mate in assembly.mates):
         return None

@@ -67,7 +67,7 @@ def _ends(assembly: Assembly, mate: Mate) -> tuple[int, int]:
 
 
 def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPriority]]:
-    """Yield the index and cut priority of each movable mate."""
+    """Yield the index and the cut priority of each mate that can move."""
     cut = {one.joint: rank for rank, one in enumerate(mode.cut)}
     mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
     followed = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}
@@ -85,7 +85,7 @@ def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPrior
 
 
 def _unclosable(mate: Mate) -> int:
-    """Rate how widely targets support a cut at this joint, from 0 (best) to 2.
+    """Rate how well targets support a loop that is cut at this joint, from 0 (best) to 2.
 
     All targets with loops support revolute and ball joints (0). Universal joints (1) need a tendon in MuJoCo. Some targets do not support
     other joints (2).

@@ -80,7 +80,7 @@ class Solution(FrozenStruct):
 
     @property
     def residual(self) -> tuple[float, float]:
-        """The largest |p| [m] and the largest |w| [rad] of all closures."""
+        """The largest position error |p| [m] and the largest rotation error |w| [rad] of all loops."""
         return maximum((p for p, _ in self.residuals), default=0.0), maximum((w for _, w in self.residuals), default=0.0)
 
 
@@ -132,7 +132,9 @@ class Loops:
         return frozenset(path for path, (leader, _) in self._moves.items() if leader not in moved)
 
     def alone(self, q: Mapping[str, float]) -> Loops:
-        """Return the loops without joints of other bodies, and without limits of joints `outside` if `q` is within these limits."""
+        """Return the loops without the joints that do not move them. These joints have no limits in the result if `q` is within their
+        limits.
+        """
         outside = self.outside
         if not all(c.lower <= q[c.path] <= c.upper for c in self.coordinates if c.path in outside):
             return self
@@ -141,7 +143,7 @@ class Loops:
         return Loops(bodies, self.closures, [free[path] if path in outside else one for path, one in self.joints.items()], self.base)
 
     def _above(self, body: int | None) -> tuple[int, ...]:
-        """Return a body and its ancestors, with the root last. Return an empty tuple for the world."""
+        """Return a body and all its parents in the tree, with the root last. For the world, return an empty tuple."""
         chain: list[int] = []
         while body is not None:
             chain.append(body)
@@ -180,7 +182,7 @@ class Loops:
         return A, at[closure.child] @ closure.X_CB
 
     def residuals(self, state: SolverState) -> tuple[tuple[float, float], ...]:
-        """Compute |p| [m] and |w| [rad] of every closure."""
+        """Compute the position error |p| [m] and the rotation error |w| [rad] of every loop closure."""
         return tuple((hypot(*p), hypot(*w)) for p, w in self._errors(state))
 
     def closed(self, state: SolverState) -> bool:
@@ -188,7 +190,9 @@ class Loops:
         return Solution(state=state, residuals=self.residuals(state)).closed
 
     def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
-        """Return p [m] and w [rad] of every closure, in world axes. A ball closure has no w."""
+        """Return the position error p [m] and the rotation error w [rad] of every loop closure, in world axes. The closure of a ball joint
+        has no rotation error.
+        """
         at = self._placed(state)
         errors = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
         return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, errors, strict=True)]
@@ -468,7 +472,7 @@ def rotation_vector(r: Matrix) -> Vector:
 
 
 def _turn(v: Vector) -> Matrix:
-    """Return the rotation matrix of a rotation vector [rad], its exponential."""
+    """Return the rotation matrix of a rotation vector [rad], which is its exponential map."""
     angle = hypot(*v)
     if angle == 0.0:
         return IDENTITY

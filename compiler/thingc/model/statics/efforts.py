@@ -1,4 +1,4 @@
-"""Efforts of drives against gravity and springs while nothing moves, and their margins.
+"""Compute the efforts with which drives hold a robot still against gravity and springs, and the margins of the drives.
 
 The coordinates of a robot are the joints that do not mimic others. Q is the load of gravity and springs on them, C the derivative of the
 closing conditions of the loops, N a basis of the motions that these conditions allow. The efforts t of the drives S balance the load if

@@ -1,4 +1,4 @@
-"""Static efforts by least squares, for loads that loops, holds and feet on the floor can share in several ways.
+"""Compute static efforts by least squares, for loads that loops, holds and feet on the floor can share in several ways.
 
 x are the coordinates of a robot (including the six coordinates of a floating base), Q the load of gravity and springs on them, N a basis of
 the motions that loops and holds allow, S the drives, and J the velocities of the feet. The efforts t and the forces f of the floor balance

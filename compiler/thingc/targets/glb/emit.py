@@ -171,7 +171,7 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
 
 
 def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
-    """Return a frame on the axis of a twist with z along the axis. For a ball, return a frame at its centre with unchanged axes."""
+    """Return a frame whose z axis lies on the axis of a twist. For a ball, return a frame at its centre with unchanged axes."""
     return shifted(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
 
 
@@ -233,7 +233,7 @@ def _glb_bytes(robot: Robot, drawn: _Drawn) -> bytes:
         scene.graph.update(**place, geometry=key)
 
     def finish(tree: dict[str, Any]) -> None:
-        """Set the values that trimesh cannot write: the generator, exact colours and mesh names."""
+        """Set values of the glTF file that trimesh cannot write: the generator, exact colours and mesh names."""
         tree["asset"]["generator"] = "thingc"
         tree["materials"] = list(materials.values())
         numbers = {name: number for number, name in enumerate(materials)}

@@ -1,4 +1,4 @@
-"""The hierarchical assembly graph as text: an indented tree for the terminal, DOT and Mermaid. `svg.py` draws it as a picture."""
+"""Write the hierarchical assembly graph as text: as an indented tree for the terminal, as DOT and as Mermaid."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def text(hag: Hag) -> str:
     return "\n".join(lines) + "\n"
 
 def _remark(definition: Definition) -> str:
-    """Return the kind of a definition ("" for a part) and, for a mirror image, its original."""
+    """Return a remark about a definition: its kind ("" for a part) and, for a mirror image, the original part."""
     kind = f" ({definition.kind})" if definition.kind != "part" else ""
     return kind if definition.plain is None else f"{kind} mirrors {escape_control(definition.plain.label)}"
 

@@ -85,7 +85,7 @@ def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
     return placements
 
 def short(definition: Definition) -> tuple[str, str, str]:
-    """Return `(name, where, parameters)` of a definition for a box: `("RotorBrace", "arm", "length=100 mm")`."""
+    """Return the texts `(name, where, parameters)` for the box of a definition, such as `("RotorBrace", "arm", "length=100 mm")`."""
     text = escape_control(definition.label).removesuffix(f" [{escape_control(definition.reference)}]")
     head, opening, rest = text.partition("(") if definition.kind != "file" else (text, "", "")
     parameters = rest[:-1] if opening and rest.endswith(")") else rest

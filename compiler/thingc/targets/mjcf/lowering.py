@@ -1,4 +1,4 @@
-"""Convert joints to MuJoCo joints. MuJoCo has hinges, slides and balls; a screw becomes a coupled hinge and slide."""
+"""Convert joint coordinates to MuJoCo joints: hinges, slides and balls. A screw becomes a coupled hinge and slide."""
 
 from __future__ import annotations
 

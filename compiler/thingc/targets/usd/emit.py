@@ -76,7 +76,7 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
 
 
 def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
-    """Yield a loss for each number of a joint that is too large for a float in USD."""
+    """Yield an export loss for each number of a joint that is too large for a float in USD."""
     turns, drive, dynamics = joint.twist.turns, joint.actuator, joint.dynamics
     q, push = ("rad", "N m") if turns else ("m", "N")
     for what, value, unit in (

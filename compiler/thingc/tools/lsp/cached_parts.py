@@ -82,7 +82,7 @@ class CachedParts:
 
     @property
     def decisions(self) -> Mapping[str, BuildReason]:
-        """The reason for each record, by definition text."""
+        """The reason why each part record was built or reused, by definition text."""
         return self.service.decisions
 
     @property
@@ -104,7 +104,7 @@ class CachedParts:
         return answers
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """Return the modules reachable from `module:Class` that hide others of the same name."""
+        """Return the modules that `module:Class` depends on and that hide other modules of the same name."""
         return self.service.hiding(reference)
 
     def realize(
@@ -166,7 +166,7 @@ class AvailableNames:
 
 
 class _Parts:
-    """The available parts with cached results. This source requests missing schemas from workers, and does not build parts."""
+    """The parts that a workspace can use, with cached results. Missing schemas are requested from workers, and parts are not built."""
 
     def __init__(self, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
         self._at_hand = at_hand
@@ -200,7 +200,7 @@ Answered = Callable[["Workspace", Mapping[str, PartFailure], Mapping[str, PartFa
 
 
 class BackgroundWorkers:
-    """A thread that sends the latest requests to workers and calls `answered` with the results."""
+    """A thread that sends the latest requests to workers, and calls `answered` when their results are in the store."""
 
     def __init__(self, workspace: Workspace, store: Store, options: Options, answered: Answered) -> None:
         self.workspace = workspace

@@ -1,4 +1,4 @@
-"""Complete keys, names, words, mounts, units, and names in expressions.
+"""Compute completions of keys, names, mounts and units in documents.
 
 Most items are from the schema of the document (`tools/schemas/`) at the path of the cursor. Other items require the robot: frames of
 mounts, units of the right physical dimension, and numbered items of a `repeat`.
@@ -39,7 +39,7 @@ COMPOUND = (
     "mm^2", "cm^2", "m^2", "mm^3", "cm^3", "m^3", "kg/m^3", "g/cm^3", "mm/s", "m/s", "deg/s", "rad/s", "m/s^2", "N*m", "N*mm", "kgf*cm",
     "kg*m^2", "g*cm^2", "N*m*s/rad", "N*s/m", "N*m/rad", "N*m/deg", "N/m", "N/mm", "mm/rad", "mm/rev", "rad/m",
 )
-"""Compound units that are offered. Documents can also use others."""
+"""The compound units that completion offers. Documents can also use others."""
 _DIMENSIONS: dict[str, Dimension] = {
     **{name: unit[2] for name, unit in UNITS.items()}, **{name: parse_quantity(f"1 {name}").dimension for name in COMPOUND},
 }
@@ -68,7 +68,7 @@ class CompletionItem(FrozenStruct):
 
 
 def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the LSP completion list for a position."""
+    """Return the completion list for a position in a document, in the format of LSP."""
     lines = analysis.lines()
     offered = items(analysis, text, lines.index(place))
     answer = [
@@ -111,7 +111,7 @@ class _Asked:
     # --- keys ---------------------------------------------------------------------------------------------------------
 
     def keys(self) -> Iterator[CompletionItem]:
-        """Yield the keys that can be added to the mapping."""
+        """Yield completion items for the keys that can be added to a mapping."""
         for number, offer in enumerate(self.walk.key_offers(self.cursor.path)):
             if self.cursor.header and not offer.mapping:
                 continue
@@ -145,7 +145,7 @@ class _Asked:
     # --- values -------------------------------------------------------------------------------------------------------
 
     def values(self) -> Iterator[CompletionItem]:
-        """Yield the possible values that match the typed text."""
+        """Yield completion items for the values that match the typed text."""
         typed = self.cursor.typed
         if typed.lstrip().startswith("="):
             yield from self._in_expression()
@@ -173,7 +173,7 @@ class _Asked:
                     yield self._item(f"={name}", self._quoted(f"={name}"), _VARIABLE, rank=100, detail=quantity.shown(6))
 
     def _word(self, word: str, *, rank: int, description: str) -> CompletionItem:
-        """Create an item for a word of the schema, such as a name, a part or a document."""
+        """Create a completion item for a word in the schema, such as a name, a part or a document."""
         kind, detail, text = _VALUE, "", self._quoted(word)
         if self.cursor.path[-1:] == ("part",):
             kind, detail = _CLASS, ", ".join(self.walk.parameters_of(word))
@@ -244,7 +244,7 @@ class _Asked:
                 )
 
     def _own(self, word: str) -> bool:
-        """Return whether a word refers to the element itself, for example to a mount of the same component."""
+        """Return whether a suggested word refers to the element that is being written, for example to a mount of the same component."""
         path = self.cursor.path
         if path[:1] == ("components",) and len(path) > 2 and path[2] in ("attach", "at"):
             return path[-1] != "mount" and re.fullmatch(rf"{re.escape(str(path[1]))}(_(\d+|\$\w+))?", word.partition(".")[0]) is not None

@@ -23,7 +23,7 @@ _LINE_OF_TABLE = re.compile(
 
 @dataclass(slots=True)
 class TomlScan(Scan):
-    """Scanner of TOML that may not be parsable. It reads headers of tables, lines `key = value`, and as much other text as possible."""
+    """A scanner for TOML text that may not be valid. It reads table headers, lines `key = value`, and as much other text as possible."""
 
     table: Path = ()
     counts: dict[Path, int] = field(default_factory=dict)
@@ -142,7 +142,7 @@ class _Frame:
 
 @dataclass(slots=True)
 class YamlScan(Scan):
-    """Scanner of YAML that may not be parsable. It reads blocks by their columns, and as much other text as possible."""
+    """A scanner for YAML text that may not be valid. It reads blocks by their columns, and as much other text as possible."""
 
     stack: list[_Frame] = field(default_factory=lambda: [_Frame(0, (), False)])
 

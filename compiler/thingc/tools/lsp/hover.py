@@ -22,7 +22,7 @@ _CODES = {code.code: code for code in all_codes()}
 
 
 def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the LSP hover at a position, or None."""
+    """Return the hover text at a position, in the format of LSP, or None."""
     lines = analysis.lines()
     cursor = cursor_at(text, lines.index(place), toml=analysis.path.lower().endswith(".toml"))
     if cursor is None or cursor.start == cursor.end:
@@ -78,7 +78,7 @@ def _of_name(analysis: Analysis, path: Path) -> str:
 
 
 def _referred(analysis: Analysis, path: Path, written: str) -> str:
-    """Describe the target of a reference."""
+    """Describe the element to which a reference refers."""
     key = path[-1] if not isinstance(path[-1], int) else path[-2] if len(path) > 1 else ""
     if key in ("pose", "poses"):
         return _of_pose(analysis, written)

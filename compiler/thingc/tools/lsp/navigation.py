@@ -1,4 +1,4 @@
-"""Navigation and renaming of names in documents and in modules of parts, and symbols, folding and semantic tokens of a document.
+"""Navigate to names and rename them in documents and part modules, and compute symbols, folding ranges and semantic tokens.
 
 If the text cannot be parsed, this module uses the names of the last parsable text on lines that have not changed. In this case, renaming is
 not possible.
@@ -33,7 +33,7 @@ MAX_SYMBOLS = 500
 
 
 class _Names:
-    """The names visible from one document, with spans in its current text."""
+    """The names that a document can use, with spans in its current text."""
 
     def __init__(self, analysis: Analysis, sight: WorkspaceIndex) -> None:
         self.analysis = analysis
@@ -59,7 +59,7 @@ class _Names:
 
 
 def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:
-    """Return the names visible from a document, or None if it is not in a workspace.
+    """Return the names that a document can use, or None if the document is not in a workspace.
 
     If `near` is true, search only the document and the documents to which it refers.
     """

@@ -86,7 +86,7 @@ class OpenDocuments:
             self._note(path)
 
     def saved(self, path: str) -> None:
-        """Update after a file on disk has changed. The text of an open document is still the text in the editor."""
+        """Update analyses after a file on disk has changed. Open documents keep their text from the editor."""
         with self._lock:
             if path not in self.texts or not is_document_path(path):
                 for root in [root for root, one in self._at_hand.items() if path in one.inputs]:
@@ -159,7 +159,7 @@ class OpenDocuments:
             return Analysis(path=path, open=texts, findings=(self._refused(fault),), whole=False, last=known and known.known)
 
     def _ours(self, path: str, texts: Mapping[str, OpenText], known: Analysis | None) -> bool:
-        """Return whether a file is a document. Other YAML files are ignored.
+        """Return whether a file is a document of thingc. Other YAML files are ignored.
 
         While the user edits the first line of a document, the file is still a document. A file is also a document if another document
         refers to it.
@@ -222,7 +222,7 @@ class OpenDocuments:
         return known
 
     def _ask_workers(self) -> None:
-        """Send the requests without results to workers."""
+        """Send requests for missing results to workers."""
         with self._lock:
             for root, workers in self._workers.items():
                 wanted = PendingRequests()
@@ -279,7 +279,7 @@ class _SupersededMemo(Memo):
         return super().__call__(place, function, *inputs)
 
     def until(self, superseded: Callable[[], bool]) -> None:
-        """Set the function that decides whether to raise `Superseded`."""
+        """Set the function that decides whether a running analysis must be interrupted."""
         self._superseded = superseded
 
     def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:

@@ -28,7 +28,7 @@ class TextPlace(FrozenStruct):
 
 
 class TextLines:
-    """A text and the offsets of its lines. Only line feeds and carriage returns end a line."""
+    """A text with the offsets of its lines. Only line feeds and carriage returns end a line."""
 
     __slots__ = ("starts", "text")
 

@@ -1,4 +1,4 @@
-"""Common code of the YAML and TOML scanners for text that may not be parsable.
+"""Code that the scanners for YAML and TOML share. The scanned text may not be valid.
 
 A scanner raises no errors. It collects as many keys and scalars as possible, by path, and finds the context of the cursor.
 """
@@ -55,7 +55,7 @@ class CursorPlace(FrozenStruct):
 
 @dataclass(slots=True)
 class Scan(ABC):
-    """One pass over a text, with the cursor at the offset `target`.
+    """A scan of the text of a document, with the cursor at the offset `target`.
 
     `keys` are the keys of every mapping with their offsets, and `scalars` the texts of all plain and quoted values. `place` is the context
     of the cursor, or None if nothing can be completed (in a comment or a block scalar).
@@ -81,7 +81,7 @@ class Scan(ABC):
 
     @abstractmethod
     def line(self, at: int) -> int:
-        """Read the line at `at`. Return the start of the next line."""
+        """Read the line at an offset, and return the start of the next line."""
 
     @abstractmethod
     def key_tokens(self, at: int) -> tuple[list[Token], int]:
@@ -100,12 +100,12 @@ class Scan(ABC):
     # --- results ----------------------------------------------------------------------------------------------------------
 
     def gap(self, low: int, high: int, role: Role, path: Path, *, either: bool = False, flow: bool = False) -> None:
-        """Process an empty range from `low` to `high`, inclusive. A cursor in this range starts a key or a value at `path`."""
+        """Process an empty range of the text from `low` to `high`, inclusive. A cursor in this range starts a key or a value at `path`."""
         if low <= self.target <= high and self.place is None:
             self.place = CursorPlace(role=role, path=path, start=self.target, end=self.target, either=either, flow=flow)
 
     def token(self, place: CursorPlace, high: int) -> None:
-        """Process a token. Spaces after the token, up to `high`, are part of the typed text."""
+        """Process a key or value token. Spaces after the token, up to `high`, are part of the typed text."""
         if place.start <= self.target <= high:
             self.place = replace(place, end=max(place.end, self.target))
 
@@ -120,7 +120,7 @@ class Scan(ABC):
     # --- helper methods ---------------------------------------------------------------------------------------------------
 
     def after(self, pattern: re.Pattern[str], at: int) -> int:
-        """Return the end of a match of the pattern at `at`, or `at` if it does not match."""
+        """Return the end of a match of a pattern at the offset `at`, or `at` if the pattern does not match."""
         match = pattern.match(self.text, at)
         return at if match is None else match.end()
 
@@ -143,7 +143,7 @@ class Scan(ABC):
         return end
 
     def rest(self, at: int) -> int:
-        """Skip the rest of a line, which may contain a comment. Return the start of the next line."""
+        """Skip the rest of a line, including a comment, and return the start of the next line."""
         end = self.line_end(at)
         comment = self.text.find("#", at, end)
         return self.after_break(end if comment < 0 else self.comment(comment))
@@ -205,7 +205,7 @@ class Scan(ABC):
         return here
 
     def entry(self, at: int, path: Path, column: int) -> int:
-        """Read one `key: value` in braces. Return its end."""
+        """Read an entry `key: value` inside braces, and return its end."""
         tokens, end = self.key_tokens(at)
         after = self.spaces(end)
         separated = self.text.startswith(self.SEPARATOR, after)

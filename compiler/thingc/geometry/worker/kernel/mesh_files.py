@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 PLAIN = (".stl", ".obj", ".ply", ".off")
-"""Formats without a unit."""
+"""The suffixes of file formats that do not specify a unit."""
 GLTF = (".glb", ".gltf")
-"""Formats in metres, with y up."""
+"""The suffixes of file formats in metres whose y axis points up."""
 SUFFIXES = (*PLAIN, *GLTF, ".3mf")
 
 NEAR = 1e-6
@@ -42,7 +42,7 @@ _BUILD = "what is built"
 
 
 class BadPartFile(ValueError):
-    """The reason why a file cannot be a part."""
+    """Raised if a file cannot be used as a part. The message is the reason."""
 
 
 def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str, ...]]:
@@ -78,7 +78,7 @@ def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str
 
 
 def reads_with_trimesh(path: str) -> bool:
-    """Return whether trimesh reads a file of this type. Importing trimesh is slow."""
+    """Return whether trimesh reads files of this type, without importing trimesh, which is slow."""
     return path.lower().endswith((*PLAIN, *GLTF))
 
 
@@ -93,7 +93,7 @@ def _from_trimesh(path: str, suffix: str, data: bytes) -> Triangles:
 
 
 def _welded(corners: NDArray[np.float64]) -> Triangles:
-    """Merge equal corners (one per row, three rows for each triangle) into vertices."""
+    """Merge equal corners of triangles into vertices. `corners` has three rows for each triangle."""
     unique, inverse = np.unique(corners + 0.0, axis=0, return_inverse=True)
     return without_slivers(unique, np.asarray(inverse).reshape(-1, 3).astype(np.int64))
 
@@ -232,7 +232,7 @@ def _read_3mf(model: bytes) -> tuple[str, dict[str, _Object3mf]]:
 
 
 def _placed_3mf(objects: Mapping[str, _Object3mf], name: str, transform: NDArray[np.float64]) -> list[Triangles]:
-    """Return the surfaces in an object and its components, transformed."""
+    """Return the transformed surfaces of a 3MF object and of its components."""
     item, surfaces = objects[name], list[Triangles]()
     points, faces = np.array(item.points).reshape(-1, 3), np.array(item.faces, dtype=np.int64).reshape(-1, 3)
     if faces.size and (faces.min() < 0 or faces.max() >= len(points)):

@@ -1,4 +1,4 @@
-"""Triangle meshes and their conversion to files."""
+"""Represent triangle meshes, and convert them to files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Triangles(FrozenStruct, kw_only=False):
-    """Vertices `(n, 3)` and triangles `(m, 3)` as vertex indices, counter-clockwise seen from outside."""
+    """A triangle mesh: vertices `(n, 3)`, and triangles `(m, 3)` as vertex indices, counter-clockwise as seen from outside."""
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
@@ -49,7 +49,7 @@ class Triangles(FrozenStruct, kw_only=False):
         return abs(self.volume) <= 1e-9 * diagonal**3
 
     def scaled(self, factor: float) -> Triangles:
-        """Return the mesh in another unit."""
+        """Return the mesh with its coordinates converted to another unit."""
         return Triangles(self.vertices * factor, self.faces)
 
     def outward(self) -> Triangles:
@@ -149,12 +149,12 @@ def obj(mesh: Triangles) -> bytes:
 
 
 def double(mesh: Triangles) -> bytes:
-    """Return a mesh in 64-bit floats: the number of vertices, the vertices, and the triangles."""
+    """Convert a mesh to bytes in 64-bit floats: the number of vertices, the vertices, and the triangles."""
     return len(mesh.vertices).to_bytes(8, "little") + mesh.vertices.astype("<f8").tobytes() + mesh.faces.astype("<u4").tobytes()
 
 
 def read_double(data: bytes) -> Triangles:
-    """Read a mesh in 64-bit floats. This is the inverse of `double`."""
+    """Convert bytes in 64-bit floats to a mesh. This function is the inverse of `double`."""
     count = int.from_bytes(data[:8], "little")
     faces = np.frombuffer(data, dtype="<u4", offset=8 + 24 * count).astype(np.int64)
     return Triangles(np.frombuffer(data, dtype="<f8", count=3 * count, offset=8).reshape(-1, 3), faces.reshape(-1, 3))

@@ -24,17 +24,17 @@ SAME_PLACE = 1e-9
 
 
 class SolidMirror(Mirror):
-    """A mirror that can also mirror solids."""
+    """A mirror plane that can also reflect solids of the CAD kernel."""
 
     def keeps(self, pose: Pose) -> bool:
-        """Return whether the image of a mount has the same place and the same z axis."""
+        """Return whether the mirror image of a mount has the same position and the same z axis as the mount."""
         image = self.mount(pose)
         return dist(image.translation, pose.translation) <= SAME_PLACE and all(
             abs(new[2] - old[2]) <= SAME_PLACE for new, old in zip(image.rotation, pose.rotation, strict=True)
         )
 
     def shape(self, shape: TopoDS_Shape) -> TopoDS_Shape:
-        """Return the image of a shape."""
+        """Return the mirror image of a shape."""
         from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
         from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
 
@@ -62,7 +62,7 @@ class SolidMirror(Mirror):
 
 
 def _integrals(solid: TopoDS_Shape, size: float) -> NDArray[np.float64]:
-    """Return the integrals over each face about the origin, in units of the part's size, as `(faces, 10)`.
+    """Return ten integrals over each face of a solid about the origin, in units of the part's size, as `(faces, 10)`.
 
     The columns are the area, three first moments and six second moments (xx, yy, zz, xy, xz, yz).
     """

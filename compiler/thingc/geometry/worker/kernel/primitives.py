@@ -169,7 +169,7 @@ def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
 
 
 def _made(shape: PrimitiveShape, size: tuple[float, ...], rotation: Matrix, centre: Vector) -> Primitive:
-    """Return a primitive in metres from lengths in mm."""
+    """Create a primitive in metres from lengths in mm."""
     x, y, z = (round(coordinate, DECIMALS) for coordinate in centre)
     return Primitive(
         shape=shape, size=tuple(convert.length(round(length, DECIMALS)) for length in size),

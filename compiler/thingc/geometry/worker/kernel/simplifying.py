@@ -65,7 +65,7 @@ def _by_quadrics(mesh: Triangles, faces: int) -> Triangles:
 
 
 def _by_tolerance(solid: Any, faces: int) -> Triangles:
-    """Simplify with the smallest sufficient tolerance of a doubling sequence."""
+    """Simplify a mesh with the smallest tolerance, in a doubling sequence, that gives few enough triangles."""
     tolerance = FLAT * SIZE
     fewer = solid
     while fewer.num_tri() > faces and tolerance < SIZE:

@@ -115,7 +115,7 @@ def _turned_up(up: tuple[float, float, float]) -> NDArray[np.float64]:
 
 
 def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: float) -> tuple[list[Region], NDArray[np.float64]]:
-    """Return the cut in the middle of each layer, from the bed up, and its height `(n,)`.
+    """Cut a mesh in the middle of each layer, from the bed up, and return the outlines and the heights `(n,)` of the cuts.
 
     Equal cuts between upright walls are the same object.
     """
@@ -140,7 +140,7 @@ def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: fl
 
 
 def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return a number for each cut.
+    """Number the cuts, so that equal cuts have the same number.
 
     Cuts with the same number are equal: all walls between these cuts are upright, and no surface begins between them.
     """
@@ -164,7 +164,7 @@ def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArra
 
 
 class _Lengths:
-    """The lengths [mm] that a slicing defines.
+    """The lengths [mm] that the print settings define, such as line widths.
 
     `bridge` (for infill) and `overhang` (for walls) are the amounts of material of bridges, relative to the region that the bridges cover.
     """
@@ -193,7 +193,7 @@ class _Slicer:
         self.once = _Once()
 
     def layers(self, outlines: list[Region]) -> list[_Laid]:
-        """Return the material of each layer."""
+        """Return the printed material of each layer."""
         once = self.once
         above = [*outlines[1:], NOTHING]
         below = [NOTHING, *outlines[:-1]]
@@ -246,7 +246,7 @@ class _Slicer:
         return _without(self.opening(outline, above), bottom)
 
     def kinds(self, filled: Region, top: Region, bottom: Region) -> _Kinds:
-        """Return the infill of a layer by kind."""
+        """Return the infill regions of a layer by kind."""
         within = _without(_without(filled, top), bottom)
         wide_bottom = self.around(bottom, filled)
         wide_top = _without(self.around(top, filled), wide_bottom)
@@ -300,7 +300,7 @@ class _Slicer:
         return _without(walls, _grown(below, self.lengths.nozzle / 2.0))
 
     def laid(self, walls: Region, inside: Region, kind: _Kinds, sparse: Region, below: Region | None, *spanned: Region) -> _Laid:
-        """Return the material of a layer.
+        """Return the printed material of a layer.
 
         `below` is the outline of the layer below (None: the bed). `spanned` are the sparse regions of the layers that the strands of a
         bridge pass through.
@@ -317,7 +317,7 @@ class _Slicer:
 
 
 class _Kinds:
-    """The infill of one layer by kind: open above, open below (both with their margins), inside, and small pieces of the inside."""
+    """The infill regions of a layer by kind: open above, open below (both with their margins), inside, and small pieces of the inside."""
 
     __slots__ = ("bottom", "inside", "small", "top")
 
@@ -329,7 +329,7 @@ class _Kinds:
 
 
 class _Laid(FrozenStruct):
-    """The material of a layer: `solid` regions, each with its amount relative to a full region, and `lines`, the sparse infill."""
+    """The printed material of a layer: `solid` regions, each with its amount relative to a full region, and `lines`, the sparse infill."""
 
     solid: tuple[tuple[float, Region], ...]
     lines: Region
