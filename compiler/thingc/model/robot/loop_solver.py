@@ -132,9 +132,7 @@ class Loops:
         return frozenset(path for path, (leader, _) in self._moves.items() if leader not in moved)
 
     def alone(self, q: Mapping[str, float]) -> Loops:
-        """Return the loops without the joints that do not move them. These joints have no limits in the result if `q` is within their
-        limits.
-        """
+        """Return the loops without joints that do not move them, and without limits of such joints if `q` is within them."""
         outside = self.outside
         if not all(c.lower <= q[c.path] <= c.upper for c in self.coordinates if c.path in outside):
             return self
@@ -190,9 +188,7 @@ class Loops:
         return Solution(state=state, residuals=self.residuals(state)).closed
 
     def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
-        """Return the position error p [m] and the rotation error w [rad] of every loop closure, in world axes. The closure of a ball joint
-        has no rotation error.
-        """
+        """Return the position error p [m] and the rotation error w [rad] of every closure, in world axes. A ball has no w."""
         at = self._placed(state)
         errors = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
         return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, errors, strict=True)]
