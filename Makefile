@@ -18,11 +18,11 @@ demo: $(VENV)/.thingc
 	@echo "  build/arm/bom.csv                 what to buy and print"
 	@echo "  build/arm/hag.svg                 its assembly graph"
 
-# During the type check, pytest compiles all tests once on the other core; otherwise, each worker would compile them.
+# mypy runs beside the tests, on whatever core is free. First, pytest compiles all tests once; otherwise, each worker would compile them.
 test: $(VENV)/.thingc-dev
 	$(BIN)/ruff check .
-	$(BIN)/pytest --collect-only -qq > /dev/null & $(BIN)/mypy; types=$$?; wait; exit $$types
-	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+	$(BIN)/mypy & types=$$!; $(BIN)/pytest --collect-only -qq > /dev/null; \
+	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder; tests=$$?; wait $$types && exit $$tests
 
 lint: $(VENV)/.thingc-dev
 	$(BIN)/ruff check .

@@ -106,11 +106,15 @@ def is_template(path: str) -> bool:
 
 def code_lines(text: str, tree: ast.Module) -> int:
     """Return the number of lines of a module without comments, docstrings and empty lines."""
+    lines = text.splitlines()
     docstrings = {
         line for node in statements(tree) if isinstance(body := getattr(node, "body", None), list)
         for one in body if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant) and isinstance(one.value.value, str)
         for line in range(one.lineno, one.end_lineno + 1)
     }
+    others = [line.strip() for number, line in enumerate(lines, 1) if number not in docstrings]
+    if not any('"""' in line or "'''" in line for line in others):  # without strings of several lines, tokens need not be searched
+        return sum(bool(line) and not line.startswith("#") for line in others)
     layout = (tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
     code = {
         line for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type not in layout

@@ -18,6 +18,9 @@ LINEAR = 0.1
 
 def main() -> None:
     """Create parts until the end of the input."""
+    from thingc.geometry.worker.lazy_build123d import import_cheaply
+
+    import_cheaply("build123d")  # as the processes that model parts
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.BRepTools import BRepTools
 

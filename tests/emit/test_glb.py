@@ -163,17 +163,16 @@ def test_a_robot_without_anything_to_see_has_no_file(store: Store) -> None:
 
 
 def test_the_same_bytes_every_time(store: Store) -> None:
-    """In other processes, with other hash seeds."""
+    """In another process, with another hash seed."""
     script = (
         "import hashlib, sys; from thingc.geometry.store.local import Store; from emit.small_robot import assembly, request;"
         "from thingc.targets.glb.emit import emit; s = Store(sys.argv[1]);"
         "print(*(hashlib.sha256(f).hexdigest() for f in emit(request(assembly(s), s)).files.values()))"
     )
     here = " ".join(hashlib.sha256(data).hexdigest() for data in emit(request(assembly(store), store)).files.values())  # type: ignore[arg-type]
-    for seed in ("1", "2"):
-        environment = {"PYTHONHASHSEED": seed, "PYTHONPATH": str(Path(small_robot.__file__).parents[1])}
-        words = [sys.executable, "-c", script, store.root]
-        assert subprocess.run(words, env=environment, check=True, capture_output=True, text=True).stdout.strip() == here
+    environment = {"PYTHONHASHSEED": "1", "PYTHONPATH": str(Path(small_robot.__file__).parents[1])}
+    words = [sys.executable, "-c", script, store.root]
+    assert subprocess.run(words, env=environment, check=True, capture_output=True, text=True).stdout.strip() == here
 
 
 # --- every kind of joint, as MuJoCo has it ----------------------------------------------------------------------------

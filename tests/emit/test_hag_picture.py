@@ -169,7 +169,7 @@ def check(boxes: list[Size], lines: list[Line], drawing: Drawing) -> None:
         assert all(a[1] < b[0] for a, b in pairwise(route.stretches))
 
 
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(pictures())
 def test_any_acyclic_graph(picture: tuple[list[Size], list[Line]]) -> None:
     boxes, lines = picture

@@ -73,7 +73,7 @@ def emitted(tree: Tree, emit: Callable[[EmitRequest], Artifacts]) -> tuple[dict[
     return chosen, made
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(trees)
 def test_every_occurrence_and_frame_is_where_the_matrices_say(tree: Tree) -> None:
     chosen, made = emitted(tree, emit)

@@ -112,7 +112,7 @@ def with_slides(made: Artifacts, name: str, q: dict[str, float]) -> dict[str, fl
     return q
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(trees)
 def test_mujoco_puts_every_occurrence_and_frame_where_the_matrices_say(tree: Tree) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -132,7 +132,7 @@ def test_mujoco_puts_every_occurrence_and_frame_where_the_matrices_say(tree: Tre
             assert body_pose(data, f"c{k}_origin") == pytest.approx(moved @ expected[k], abs=1e-9)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(trees)
 def test_every_link_has_a_mass_and_moving_children_come_first(tree: Tree) -> None:
     """PyBullet gives 1 kg to a link without `<inertial>`, and ikpy follows the first joint of a link."""
@@ -152,7 +152,7 @@ def test_every_link_has_a_mass_and_moving_children_come_first(tree: Tree) -> Non
         assert all(kind != "fixed" or kinds[parent] == {"fixed"} for parent, kind in first.items())
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(WITHOUT_LEAD)))
 def test_masses_mass_matrix_and_gravity_are_those_of_mjcf(tree: Tree) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -80,19 +80,19 @@ _pieces = st.sampled_from([
 ])
 
 
-@settings(max_examples=250)
+@settings(max_examples=120)
 @given(st.integers(0, len(GOOD) - 1), st.integers(0, 12), st.lists(_pieces, max_size=3).map("".join))
 def test_mutations_of_a_good_document(at: int, cut: int, put: str) -> None:
     run((GOOD[:at] + put + GOOD[at + cut :]).encode())
 
 
-@settings(max_examples=150)
+@settings(max_examples=80)
 @given(st.lists(_pieces, max_size=25).map("".join))
 def test_mixtures(text: str) -> None:
     run(("thingc: assembly/1\n" + text).encode())
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(st.binary(max_size=60))
 def test_bytes(data: bytes) -> None:
     run(data)
@@ -100,7 +100,7 @@ def test_bytes(data: bytes) -> None:
     run(b'thingc = "assembly/1"\n' + data, ".toml")
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(st.integers(0, GOOD.count("\n") - 1), st.integers(0, GOOD.count("\n") - 1))
 def test_lines_in_other_places(first: int, second: int) -> None:
     lines = GOOD.split("\n")

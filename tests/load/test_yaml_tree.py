@@ -289,7 +289,7 @@ _values = st.recursive(
 )
 
 
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(st.dictionaries(_keys, _values, min_size=1, max_size=4), st.booleans())
 def test_what_ruamel_writes_is_read_back(value: dict[str, Any], flow: bool) -> None:
     yaml = YAML(typ="safe", pure=True)

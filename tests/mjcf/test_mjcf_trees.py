@@ -57,7 +57,7 @@ def pose_of(data: mujoco.MjData, link: str) -> np.ndarray:
     return found
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(trees)
 def test_mujoco_puts_every_occurrence_where_the_matrices_say(tree: Tree) -> None:
     inside = in_link(tree.assembly)
@@ -69,7 +69,7 @@ def test_mujoco_puts_every_occurrence_where_the_matrices_say(tree: Tree) -> None
             assert pose_of(data, link) @ as_matrix(inside[position]) == pytest.approx(expected[k], abs=1e-9)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(trees)
 def test_sites_stand_where_the_roots_are(tree: Tree) -> None:
     """Every root of every mode is a site in every file."""
@@ -82,7 +82,7 @@ def test_sites_stand_where_the_roots_are(tree: Tree) -> None:
                 assert data.site(site).xmat.reshape(3, 3) == pytest.approx((expected[k] @ local)[:3, :3], abs=1e-9)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(trees)
 def test_whole_robot_in_mujoco_and_in_ours(tree: Tree) -> None:
     """Mass, centre and inertia of the robot at q: the free base's own part of MuJoCo's mass matrix."""
@@ -104,7 +104,7 @@ def test_whole_robot_in_mujoco_and_in_ours(tree: Tree) -> None:
         assert matrix[3:6, 3:6] == pytest.approx(about_root, rel=1e-9, abs=1e-9 * np.abs(about_root).max())
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(trees)
 def test_dynamics_with_a_link_held_still_do_not_depend_on_the_root(tree: Tree) -> None:
     """Mass matrix and gravity torque of the mode bolted at L, from every free mode with L made to stand still."""

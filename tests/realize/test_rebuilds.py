@@ -213,7 +213,8 @@ def geometry(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     folder = tmp_path_factory.mktemp("geometry")
     script = (
-        "import sys; from build123d import *\n"
+        "import sys; from thingc.geometry.worker.lazy_build123d import import_cheaply; import_cheaply('build123d')\n"
+        "from build123d import *\n"
         "for h in (5, 6):\n"
         "    b = Box(10, 10, h); f = sys.argv[1] + f'/{h}'\n"
         "    export_step(b, f + '.step'); export_brep(b, f + '.brep'); export_stl(b, f + '.stl')\n"

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import thingc
+from conformance.harness import thingc_here
 from thingc.base.diagnostics import Code
 from thingc.documents.spec.settable_values import ChoicePath, parse
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
-from variants.robots import PENDULUM, environment, workspace
-from variants.robots import thingc as run
+from variants.robots import PENDULUM, workspace
 
 FAMILY = """
     thingc: assembly/1
@@ -140,12 +141,12 @@ def test_an_assembly_that_is_not_there(tmp_path: Path, shared_store: str) -> Non
 def test_commands_and_the_library_take_them(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, family=FAMILY)
     words = ("--set", "components.row.material=heavy")
-    env = environment(shared_store)
-    assert run("build", "family.yaml", *words, "--emit", "bom", cwd=here, env=env).returncode == 0
+    run = partial(thingc_here, cwd=here, store=shared_store)
+    assert run("build", "family.yaml", *words, "--emit", "bom").code == 0
     manifest = json.loads((here / "build/family/manifest.json").read_text())
     assert manifest["choice"]["choices"] == {"components.row.material": "heavy"}
-    assert run("build", "family.yaml", "--emit", "bom", cwd=here, env=env).stderr.count("nothing changed") == 0  # another build
-    info = json.loads(run("info", "family.yaml", *words, "--format", "json", cwd=here, env=env).stdout)
+    assert run("build", "family.yaml", "--emit", "bom").err.count("nothing changed") == 0  # another build
+    info = run("info", "family.yaml", *words, "--format", "json").answer
     same = thingc.compile(str(here / "family.yaml"), choices={"components.row.material": "heavy"}, store=shared_store)
     assert info["mass"] == same.properties.mass == pytest.approx(500 * (5 * CUBE - 2 * CUBE + 2 * DISC) + 3 * 5000 * DISC, rel=1e-9)
 

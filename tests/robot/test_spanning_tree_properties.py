@@ -174,7 +174,7 @@ def world_of(tree: Tree, mode_name: str) -> list[Array]:
 trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 7))
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(trees)
 def test_every_occurrence_is_where_the_matrices_say_in_every_mode(tree: Tree) -> None:
     plain = poses(tree.assembly, tree.q)
@@ -273,7 +273,7 @@ def held(robot: Robot, q: dict[str, float], held_link: int, down: Array) -> tupl
     return names, matrix, torque
 
 
-@settings(max_examples=40)
+@settings(max_examples=16)
 @given(trees, st.integers(0, 6))
 def test_with_a_link_held_still_the_dynamics_do_not_depend_on_the_root(tree: Tree, which: int) -> None:
     if not tree.q:
