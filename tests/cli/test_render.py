@@ -53,12 +53,12 @@ FLOOR, WALL, CEILING = (0.0, 0.0, -9.81), (-9.81, 0.0, 0.0), (0.0, 0.0, 9.81)
 
 JOBS: dict[str, dict[str, Any]] = {
     "home": {"mode": "bench", "pose": "home", "size": [320, 240], "gravity": FLOOR, "lamps": 3},
-    "tall": {"mode": "bench", "pose": "stretched", "size": [150, 400], "gravity": FLOOR, "azimuth": 200.0, "elevation": -40.0},
+    "tall": {"pose": "down", "size": [150, 400], "gravity": FLOOR, "azimuth": 200.0, "elevation": -40.0},
     "wide": {"mode": "drawing", "pose": "writing", "size": [500, 120], "gravity": FLOOR, "azimuth": 90.0, "elevation": 0.0},
     "below": {"mode": "drawing", "pose": "stretched", "size": [320, 240], "gravity": FLOOR},
     "top": {"mode": "adrift", "pose": "folded", "size": [240, 240], "gravity": FLOOR, "elevation": -90.0},
     "wall": {"mode": "adrift", "pose": "home", "size": [320, 240], "gravity": WALL},
-    "ceiling": {"mode": "adrift", "pose": "home", "size": [320, 240], "gravity": CEILING},
+    "ceiling": {"pose": "down", "size": [320, 240], "gravity": CEILING},
     "primitives": {"pose": "down", "size": [320, 240], "gravity": FLOOR},
 }
 
