@@ -121,25 +121,6 @@ def test_after_a_fork_workers_stay_the_parent_s(tmp_path: Path) -> None:
         workers.close()
 
 
-def test_the_client_stays_light_and_a_second_run_starts_nothing(client: Callable[..., Any]) -> None:
-    first = answer(client())
-    assert first["heavy"] == []
-    assert len(first["modelled"]) == 6
-    second = answer(client())
-    assert second["heavy"] == []
-    assert not second["processes"]
-    assert second["modelled"] == []
-    assert sorted(second["reused"]) == sorted(first["modelled"])
-    assert (second["records"], second["step"]) == (first["records"], first["step"])
-
-
-def test_two_clients_at_once_share_a_store(client: Callable[..., Any], place: Any) -> None:
-    both = [client(), client()]
-    one, other = (answer(process) for process in both)
-    assert (one["records"], one["step"]) == (other["records"], other["step"])
-    assert answer(client())["modelled"] == []
-
-
 def descendants(process: psutil.Process) -> list[psutil.Process]:
     try:
         return process.children(recursive=True)
@@ -151,16 +132,23 @@ def gone(processes: list[psutil.Process], within: float) -> list[psutil.Process]
     return [process for process in psutil.wait_procs(processes, timeout=within)[1] if process.status() != psutil.STATUS_ZOMBIE]
 
 
-def test_nothing_is_alive_after_the_end(client: Callable[..., Any]) -> None:
-    process = client()
+def test_two_clients_at_once_share_a_store_and_nothing_is_alive_after_their_end(client: Callable[..., Any]) -> None:
+    both = [client(), client()]
     seen: dict[int, psutil.Process] = {}
-    while process.poll() is None:
-        for child in descendants(psutil.Process(process.pid)):
+    while running := [process for process in both if process.poll() is None]:
+        for child in (child for process in running for child in descendants(psutil.Process(process.pid))):
             seen.setdefault(child.pid, child)
         time.sleep(0.01)
-    process.communicate()
-    assert len(seen) >= 2  # the server and at least one of its children
+    one, other = map(answer, both)
+    assert len(seen) >= 4  # of each, the server and at least one of its children
     assert [child for child in seen.values() if child.is_running() and child.status() != psutil.STATUS_ZOMBIE] == []
+    assert one["heavy"] == other["heavy"] == [] and len({*one["modelled"], *other["modelled"]}) == 6
+    assert (one["records"], one["step"]) == (other["records"], other["step"])
+
+    third = answer(client())
+    assert third["heavy"] == third["modelled"] == [] and not third["processes"], "another run starts nothing"
+    assert sorted(third["reused"]) == sorted(third["records"]) and len(third["reused"]) == 6
+    assert (third["records"], third["step"]) == (one["records"], one["step"])
 
 
 @pytest.mark.parametrize("moment", ["loading", "modelling"])
