@@ -74,10 +74,10 @@ UNITS = {
 }
 
 
-@pytest.mark.parametrize(("mode", "count"), [("standing", 12), ("hanging", 12), ("loose", 12), ("stuck", 12)])
-def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str, count: int) -> None:
+@pytest.mark.parametrize("mode", ["standing", "hanging", "loose", "stuck"])
+def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str) -> None:
     """What is held where it is in a pose takes a search, in the last mode."""
-    many = settings(count, 1)
+    many = settings(6, 1)
     for one, model in zip(many, everything.models(many, mode=mode, share=True, visual=True), strict=True):
         assert isinstance(model, mujoco.MjModel)
         assert different_fields(model, compiled(everything, one, mode)) == []

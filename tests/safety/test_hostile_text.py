@@ -158,7 +158,7 @@ def test_check_without_code_and_with_a_hostile_lock(hostile: Path, capsys: pytes
 def test_what_is_written_holds_nothing_hidden(hostile: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Every text file of a build, a batch, a lock and an editor's schemas: people open those in a terminal, too."""
     monkeypatch.setenv("THINGC_STORE", str(hostile.parent / "store"))  # the journal of the batch has what the part prints
-    for words in (["batch", "many.yaml", "--pictures", "none"], ["build", "odd.yaml"], ["schema", "--no-model"]):
+    for words in (["batch", "many.yaml", "--pictures", "none", "--jobs", "1"], ["build", "odd.yaml"], ["schema", "--no-model"]):
         code, text = printed(capsys, *words)
         assert code == 0, text
         harmless(text)

@@ -45,7 +45,7 @@ def search(root: Path, output: Path, store: str, *words: str) -> str:
 
 
 @pytest.mark.slow
-def test_the_page_names_a_robot_that_stands(root: Path, tmp_path: Path, shared_store: str, one_kernel: None) -> None:
+def test_the_page_names_a_robot_that_stands(root: Path, tmp_path: Path, shared_store: str) -> None:
     page = (root / "docs" / "variants_search.md").read_text()
     command = re.search(r"^thingc build .*$", page, re.MULTILINE)
     row = re.search(r"^\| `bridge_search_\d+` \|[^|]*\|[^|]*\| (\S+) mm \| (\S+) \|", page, re.MULTILINE)

@@ -186,7 +186,7 @@ def test_what_failed_is_built_again_when_it_is_asked_for(tmp_path: Path, shared_
     assert len(built) == 6 and built == {place.name for place in (here / "build/faults/variants").iterdir()}
 
 
-def test_a_part_that_crashed_is_modelled_again_when_it_is_asked_for(tmp_path: Path, one_kernel: None) -> None:
+def test_a_part_that_crashed_is_modelled_again_when_it_is_asked_for(tmp_path: Path) -> None:
     """The part ends its process as long as a file is there that it does not read, so that its key knows nothing of it."""
     mood = tmp_path / "bad mood"
     mood.touch()

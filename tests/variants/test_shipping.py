@@ -203,7 +203,7 @@ def unpacked(events: list[list[str]]) -> Counter[str]:
 
 
 @pytest.mark.slow
-def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_path: Path, shared_store: str, one_kernel: None) -> None:
+def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_path: Path, shared_store: str) -> None:
     here = workspace(apart.driver / "stands", faults=STANDS)
     local = built_in_this_process(here, shared_store)
     assert Counter(line["status"] for line in local[5]) == {"built": 5, "kept_out": 3} and len(local[1]) > 5
@@ -228,7 +228,7 @@ def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_pat
 
 
 @pytest.mark.slow
-def test_workers_that_see_nothing_pack_what_is_packed_here(apart: Apart, tmp_path: Path, shared_store: str, one_kernel: None) -> None:
+def test_workers_that_see_nothing_pack_what_is_packed_here(apart: Apart, tmp_path: Path, shared_store: str) -> None:
     here = workspace(apart.driver / "packed", faults=STANDS + "    layout: packed\n")
 
     def written() -> dict[str, bytes]:
@@ -317,7 +317,7 @@ def beside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Apart]:
 
 @pytest.mark.slow
 def test_workers_open_nothing_of_the_drivers_folder(
-    beside: Apart, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, one_kernel: None,
+    beside: Apart, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """With a driver in this process: nothing larger than a piece is fetched at once, and each file by itself where it is. Chunks have
     several variants that share a mesh which nobody has met before."""
@@ -347,7 +347,7 @@ def test_workers_open_nothing_of_the_drivers_folder(
 
 
 @pytest.mark.slow
-def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str, one_kernel: None) -> None:
+def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str) -> None:
     """What workers model is sent there, and comes to the driver from there. Without `--ship` they write into the batch's folder."""
     here = workspace(beside.driver / "ftp", faults=STANDS)
     (tmp_path / "outside.txt").write_text("10")

@@ -34,11 +34,18 @@ def chromium() -> Iterator[Any]:
         browser.close()
 
 
+LATER = """globalThis.waiting = [];
+  globalThis.frames_of_browser = globalThis.requestAnimationFrame.bind(globalThis);
+  globalThis.requestAnimationFrame = (draw) => waiting.push(draw);"""
+"""A page draws nothing until it is asked to: without a graphics card, a picture takes long, and most tests ask for numbers."""
+
+
 @contextmanager
 def opened(browser: Any, address: str, size: tuple[int, int] = (760, 480)) -> Iterator[Any]:
-    """A page that has been read to its end and shows its robot; nothing may go wrong in it, and nothing be asked of a network. Of a browser
-    it has a process of its own; a context of one keeps that, and what was compiled in it, from page to page."""
+    """A page that has been read to its end, and shows its robot as soon as it is `drawn`; nothing may go wrong in it, and nothing be asked of
+    a network. Of a browser it has a process of its own; a context of one keeps that, and what was compiled in it, from page to page."""
     page = browser.new_page()
+    page.add_init_script(LATER)
     page.set_viewport_size({"width": size[0], "height": size[1]})
     page.emulate_media(reduced_motion="reduce")
     faults: list[str] = []
@@ -46,7 +53,7 @@ def opened(browser: Any, address: str, size: tuple[int, int] = (760, 480)) -> It
     page.on("console", lambda said: faults.append(said.text) if said.type == "error" else None)
     page.on("request", lambda asked: faults.append(asked.url) if not asked.url.startswith(OWN) else None)
     page.goto(address)
-    page.wait_for_function("() => globalThis.thingc?.ready")
+    page.wait_for_function("() => globalThis.thingc?.ready", polling=50)
     yield page
     assert faults == []
     page.close()
@@ -57,14 +64,10 @@ def address(path: Path, fragment: str = "") -> str:
     return path.resolve().as_uri() + fragment
 
 
-def undrawn(page: Any) -> None:
-    """Draw nothing from now on: what is asked of the page is numbers, and a picture takes a machine without a graphics card long."""
-    page.evaluate("() => { globalThis.requestAnimationFrame = () => 0; }")
-
-
 def drawn(page: Any) -> None:
-    """Wait until what has changed is in the picture."""
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    """Draw from now on, and wait until what has changed is in the picture."""
+    page.evaluate("""() => { globalThis.requestAnimationFrame = frames_of_browser; waiting.splice(0).forEach(requestAnimationFrame);
+      return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))); }""")
 
 
 def links(page: Any) -> dict[str, list[float]]:

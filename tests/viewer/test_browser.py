@@ -28,7 +28,7 @@ from thingc.model.statics.efforts import loads
 from thingc.targets.html.emit import Page
 from thingc.targets.html.mesh_packing import PackedMeshes
 from thingc.targets.html.viewer_data import describe
-from viewer.browser import address, drawn, links, needed, opened, spot, undrawn
+from viewer.browser import address, drawn, links, needed, opened, spot
 from viewer.conftest import Pages
 from viewer.test_page import element
 
@@ -58,7 +58,6 @@ def undrawn_pages(browser: Any, pages: Pages) -> Iterator[dict[str, Any]]:
         found = {}
         for robot in ("arm", "minchw"):
             found[robot] = stack.enter_context(opened(browser, address(getattr(pages, robot) / f"html/{robot}.html")))
-            undrawn(found[robot])
         yield found
 
 
@@ -83,7 +82,6 @@ def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_p
     joined = compiled(tmp_path, LEGS + MODES).compilation.assembly
     assert joined is not None and len(joined.between) == 4
     with opened(browser, address(pages.arm / "html/arm.html")) as page:
-        undrawn(page)
         for assembly, far in ((joined, 0.5), *((build(seed, 6).assembly, 2.0) for seed in range(4))):
             made = robots(assembly)
             told = describe(assembly, list(made.values()), small_robot.WORKSPACE, PackedMeshes(Store(str(tmp_path))))
@@ -289,6 +287,7 @@ def test_a_link_restores_everything(browser: Any, pages: Pages) -> None:
           viewer.stage.camera.position.set(0.5, 0.4, 0.6);
           viewer.stage.controls.update();
         }""")
+        drawn(page)
         page.wait_for_function("() => location.hash.includes('explode') && location.hash.includes('0.6%2C')")
         fragment = page.evaluate("location.hash")
         state = """(() => { const { mode, options, choice, stage } = thingc.viewer;
@@ -474,6 +473,7 @@ def test_keys_do_what_the_help_says(browser: Any, pages: Pages) -> None:
 
 def test_the_picture_can_be_kept(browser: Any, pages: Pages) -> None:
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
+        drawn(page)
         with page.expect_download() as waiting:
             page.get_by_role("button", name="Save the view as a PNG image").click()
         assert waiting.value.suggested_filename == "arm_bench.png"
@@ -545,7 +545,6 @@ def test_gravity_and_root_have_labels_beside_the_robot(browser: Any, pages: Page
 def test_a_robot_is_followed_out_of_the_picture(browser: Any, pages: Pages) -> None:
     """By as much as it goes into a pose; not where it stays in the picture, and not where the picture was of a detail."""
     with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=front_foot&pose=stretched")) as page:
-        undrawn(page)
         there = """({ stage }) => { const middle = stage.world.localToWorld(stage.bounds().min.clone().lerp(stage.bounds().max, 0.5));
           return [middle, stage.controls.target].map((point) => point.toArray()); }"""
         def pose(name: str, aside: float, zoom: float) -> tuple[Any, Any]:
@@ -570,7 +569,6 @@ def test_a_robot_is_followed_out_of_the_picture(browser: Any, pages: Pages) -> N
 def test_what_grows_out_of_the_picture_is_fetched_back(browser: Any, pages: Pages) -> None:
     """A robot that is loaded again, larger: seen from where it was seen, as a whole; where the picture was of a detail, it stays."""
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
-        undrawn(page)
         grown = """([scale, zoom]) => { const { viewer } = thingc, { stage } = viewer, told = structuredClone(viewer.robot);
           viewer.load(viewer.robot, []); stage.frame([1, -1, 0.5]); stage.camera.position.lerp(stage.controls.target, zoom);
           const before = stage.from();
@@ -592,7 +590,6 @@ def test_what_grows_out_of_the_picture_is_fetched_back(browser: Any, pages: Page
 def test_another_mode_is_in_the_picture(browser: Any, pages: Pages) -> None:
     """As a whole, as the one before was; where the picture was of a detail, it stays as near."""
     with opened(browser, address(pages.minchw / "html/minchw.html"), (1280, 800)) as page:
-        undrawn(page)
         shown = """(zoom) => { const { viewer } = thingc, { stage } = viewer, found = {};
           for (const mode of viewer.robot.modes) { viewer.setMode("front_foot"); viewer.reset();
             stage.camera.position.lerp(stage.controls.target, zoom);

@@ -228,6 +228,7 @@ def test_a_base_that_floats_can_be_moved_and_is_in_the_link(browser: Any, folder
           viewer.pull(link, zero, zero.clone().set(0.1, 0.2, 0.3)); return viewer.links(); }"""
         before = page.evaluate(moved)
         assert np.allclose(np.array(before["one"]).reshape(4, 4)[:3, 3], [0.1, 0.2, 0.3])
+        drawn(page)
         page.wait_for_function("() => location.hash.includes('base=')")
         fragment = page.evaluate("location.hash")
     with page_of(browser, folder, FINGER, fragment) as page:

@@ -68,6 +68,7 @@ def test_a_motion_is_played_between_two_poses(browser: Any, tmp_path: Path) -> N
                       " if (pose !== null && pose.name !== seen.at(-1)) seen.push(pose.name); }); }")
         page.get_by_label("Duration").select_option("1 s")
         page.get_by_label("back and forth").check()
+        drawn(page)
         page.locator("#canvas").focus()
         page.keyboard.press(" ")
         page.wait_for_function("() => seen.length >= 2")
