@@ -42,8 +42,8 @@ LATER = """globalThis.waiting = [];
 
 @contextmanager
 def opened(browser: Any, address: str, size: tuple[int, int] = (760, 480)) -> Iterator[Any]:
-    """A page that has been read to its end, and shows its robot as soon as it is `drawn`; nothing may go wrong in it, and nothing be asked of
-    a network. Of a browser it has a process of its own; a context of one keeps that, and what was compiled in it, from page to page."""
+    """A page that has been read to its end, and shows its robot when it is `drawn`; nothing may go wrong in it, and nothing be asked of a
+    network. Of a browser it has a process of its own; a context of one keeps that, and what was compiled in it, from page to page."""
     page = browser.new_page()
     page.add_init_script(LATER)
     page.set_viewport_size({"width": size[0], "height": size[1]})
