@@ -78,92 +78,93 @@ class Reader:
 READERS = (
     Reader(
         "mujoco", ("URDF",),
-        note="Does not read mimics, so joints that mimic others are set to their values. Fixes a floating base to the world.",
+        note="MuJoCo ignores mimics in URDF, so the study sets mimic joints to their values. A floating base is fixed to the world.",
     ),
     Reader(
         "pinocchio", ("URDF",), ("pin==4.1.0",),
-        "Loaded without mimics; joints that mimic others are set to their values. The study sums the masses of all links, "
-        "because the total of pinocchio excludes links that are fixed to the world.",
+        "The study loads URDF without mimics and sets joints that mimic others to their values. It adds up the masses of all "
+        "links, because the total mass in pinocchio excludes links that are fixed to the world.",
     ),
     Reader(
         "yourdfpy", ("URDF",), ("yourdfpy==0.0.60", "trimesh==5.2.0", "lxml==6.1.3", "six==1.17.0", "numpy==2.4.6"),
-        "Computes only kinematics. The study sets the leaders, and yourdfpy computes the joints that mimic them.", alone=True,
+        "yourdfpy computes only kinematics. The study sets the independent joints, and yourdfpy computes the mimic joints.", alone=True,
     ),
     Reader(
         "pybullet", ("URDF",), ("pybullet==3.2.7", "numpy==2.4.6"),
-        "Loaded with a fixed base; joints that mimic others are set to their values. Link poses are in single precision.", floats=True,
+        "The base is fixed, and the study sets mimic joints to their values. Link poses are in single precision.", floats=True,
     ),
     Reader(
         "urdf_parser_py", ("URDF", "ROS"), ("urdf-parser-py==0.0.4", "lxml==6.1.3", "PyYAML==6.0.4"),
-        "Only parses. Every message counts as an error, except that `<mujoco>` (in URDF) and `<ros2_control>` (in packages) are "
-        "unknown tags.",
+        "urdf_parser_py only parses. Every message counts as an error, except messages that the tags `<mujoco>` (in URDF) and "
+        "`<ros2_control>` (in packages) are unknown.",
     ),
     Reader(
         "ikpy", ("URDF",), ("ikpy==4.2.1",),
-        "Computes only kinematics, of the chain from the root to each leaf. Joints that mimic others are set to their values. "
-        "The chain that ikpy selects automatically must move.",
+        "ikpy computes only kinematics, of the chain from the root to each leaf. The study sets joints that mimic others to their "
+        "values. The chain that ikpy selects automatically must contain a moving joint.",
     ),
     Reader(
         "drake", ("MJCF", FOR_DRAKE, "URDF", "SDF"), ("drake==1.51.1",),
-        "Does not support loops, so joints that close loops or hold mounts are removed first. Joints that mimic others are set "
-        "to their values. Does not report mimics, so the study moves the leaders with a force and observes the other joints for "
-        "0.4 s. Reports efforts of joints with one axis; except in SDF, each has a drive of the same name. A floating base is "
-        "placed at the origin. Does not read sites and mimics in MJCF. Without `--compat drake`, it reads a command range as an "
-        "effort, which is not compared. It then also uses the axes of the parent for several joints of one body, which changes "
-        "the robot if the body is rotated.",
+        "Drake does not support loops, so the study removes joints that close loops or hold mounts. Drake does not report mimics, "
+        "so the study moves the independent joints with a force and observes the other joints for 0.4 s. For kinematics, joints "
+        "that mimic others are set to their values. Efforts are reported for joints with one axis; except in SDF, each of these "
+        "joints has a drive of the same name. A floating base is placed at the origin. In MJCF, Drake ignores sites and mimics. "
+        "Without `--compat drake`, command ranges are read as efforts, which are not compared. Several joints of one body then use "
+        "the axes of the parent, which changes the robot if the body is rotated.",
         refuses="several joints of one body",
     ),
     Reader(
         "libsdformat", ("SDF",), note=(
-            "Reads and checks models and worlds for Gazebo; warnings count as errors. Does not compute kinematics."
+            "libsdformat reads and checks models and worlds for Gazebo; warnings count as errors. It does not compute kinematics."
         ),
         needs=("g++ --version", "pkg-config --exists sdformat12"), refuses="is newer than",
     ),
     Reader(
-        "check_urdf", ("URDF",), note="The URDF parser of ROS. It must accept the file and find every link.",
+        "check_urdf", ("URDF",), note="check_urdf is the URDF parser of ROS. It must accept the file and find every link.",
         needs=("sh -c 'command -v check_urdf'",),
     ),
-    Reader("catkin_pkg", ("ROS",), ("catkin_pkg==1.1.1",), "Used by colcon to read manifests. It must accept them without warnings."),
+    Reader("catkin_pkg", ("ROS",), ("catkin_pkg==1.1.1",), "colcon reads manifests with catkin_pkg, which must not report warnings."),
     Reader(
         "pinocchio_srdf", ("ROS",), ("pin==4.1.0",),
-        "pinocchio with URDF and SRDF. The study compares frames in every pose, with mimics and continuous joints set to their "
-        "values. At 200 configurations, it also checks whether links with disabled collisions collide.",
+        "The study loads URDF and SRDF with pinocchio, and compares frames in every pose, with mimics and continuous joints set to "
+        "their values. At 200 configurations, it also checks whether links with disabled collisions collide.",
     ),
     Reader(
         "pymjcf", (COMPAT,), ("dm_control==1.0.50", "mujoco==3.17.0"),
-        "Loads models and scenes that are written with `--compat pymjcf`; MuJoCo compiles its output.",
+        "PyMJCF loads models and scenes that are written with `--compat pymjcf`, and MuJoCo compiles the output of PyMJCF.",
     ),
     Reader(
         "mjx", (COMPAT,), ("mujoco-mjx==3.17.0", "mujoco==3.17.0"),
-        "Loads models and scenes that are written with `--compat mjx`, and computes in double precision here. Steps are "
+        "MJX loads models and scenes that are written with `--compat mjx`, and computes in double precision. Simulation steps are "
         "compared without contacts, because MJX compiles a function for every pair of meshes. They use pyramidal cones, because "
         "MJX supports elliptic cones only with contacts.",
         refuses="mjTRN_BODY",
     ),
     Reader(
         "warp", ("MJCF",), ("mujoco-warp==3.17.0", "mujoco==3.17.0"),
-        "MuJoCo Warp with the default models. Computes in single precision on a CPU. Steps are compared without contacts.",
+        "MuJoCo Warp loads the default models, and computes in single precision on a CPU. Simulation steps are compared without contacts.",
         floats=True,
     ),
     Reader(
         "newton", ("URDF", "USD"), (
             "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
         ),
-        "Computes in single precision on a CPU; joints that mimic others are set to their values. A floating base is placed at "
-        "the origin. Joints that close loops and holds are not in its tree. Frames of USD are read from the file, on the links "
-        "of Newton. Efforts and meshes are compared for USD only.",
+        "Newton computes in single precision on a CPU. The study sets joints that mimic others to their values, and places a "
+        "floating base at the origin. The tree in Newton does not contain holds and joints that close loops. Frames of USD are "
+        "read from the file, on the links of Newton. Efforts and meshes are compared for USD only.",
         floats=True,
     ),
     Reader(
         "mujoco-usd", ("USD",), ("mujoco-usd==4.0.0", "mujoco==4.0.0"),
-        "The USD reader of MuJoCo; the format stores values in single precision. Supports revolute and prismatic joints, "
-        "replaces all others by welds, and drops drives and mimics. Frames are read from the file, on its links.",
+        "mujoco-usd is the USD reader of MuJoCo; USD stores values in single precision. The reader supports revolute and prismatic "
+        "joints, replaces all other joints by welds, and drops drives and mimics. Frames are read from the file, on the links of "
+        "the reader.",
         refuses="are read as welds", floats=True,
     ),
     Reader(
         "usdchecker", ("USD",), ("usd-core==26.11", "numpy==2.4.6"),
-        "Runs all validators of usd-core, including UsdPhysics, which must not report anything. It must find one articulation "
-        "and every link, frame and joint.",
+        "usdchecker runs all validators of usd-core, including UsdPhysics, which must not report anything. The study also checks "
+        "that the file contains one articulation and every link, frame and joint.",
         floats=True,
     ),
 )

@@ -53,17 +53,17 @@ def written(robots: dict[str, list[Result]], steps: int) -> str:
         *names_table(robots), "", *[f"- wrong: {text}" for r in every for text in r.wrong],
         "## Faces selected by plain selectors", "", SHARES, "", *picks_table(robots, FACES), "",
         "## Edges selected by plain selectors", "",
-        "For each hole, the edge is the circle at its opening.", "", *picks_table(robots, EDGES), "",
+        "The selected edge of a hole is the circle at its opening.", "", *picks_table(robots, EDGES), "",
         "## Results by kind of feature", "",
-        "The table combines all parts. A plane is an outermost plane if no other face of its solid is beyond it.", "",
+        "The table combines all parts. An outermost plane is a plane beyond which the solid has no other face.", "",
         *groups_table(every), "",
         "## Selectors that work for all values", "",
-        "The table shows how many of the chosen selectors select the same feature in all members of their part.", "",
+        "The table shows how many of the selectors select the same feature in all members of their part.", "",
         *lasting_table(every), "",
         *reading(every), "",
         "## Missing features", "",
-        "Some members do not have a feature: a servo without an idler has no idler holes, and a tray for two cells has no third bay. "
-        "In these cases, a lookup must fail.", "",
+        "Some settings remove a feature: a servo without an idler does not have idler holes, and a tray for two cells does not have a "
+        "third bay. If a removed feature is looked up, the lookup must fail.", "",
         *gone_table(every), "",
     ]
     return "\n".join(lines)
@@ -120,7 +120,7 @@ def lasting_table(results: list[Result]) -> list[str]:
 
 def reading(results: list[Result]) -> list[str]:
     """Return, for each selector, the parts in which all of its picks last."""
-    lines = ["In these parts, all selectors of a kind work for all values:", ""]
+    lines = ["For each kind of selector, this list shows the parts in which all selectors work for all values:", ""]
     for selector in (*FACES, *EDGES):
         having = [r for r in results if r.chosen[selector]]
         good = [r.part for r in having if r.lasting[selector] == r.chosen[selector]]
@@ -162,29 +162,28 @@ def _wrapped(text: str) -> list[str]:
 
 
 MEASURED = """
-Part code names features such as mounts and screw holes, and a name must identify the same feature for all parameters of the part. This
-study compares such names with selectors of faces and edges. It covers all parts of the arm and of MInchW, including bought parts. It
-varies one parameter at a time over its range, in {steps} steps including both ends, with the other parameters at their defaults. For a
-count, a choice or a flag, it uses every value. Each accepted setting is a *member* of the part. Settings that the part rejects with a
-message are counted as refused.
+Part code names features such as mounts and screw holes. A name must identify the same feature for all parameters of the part. This study
+compares such names with selectors of faces and edges, for all parts of the arm and of MInchW, including bought parts. The study varies one
+parameter at a time over its range, in {steps} steps including both ends, with the other parameters at their defaults. For a count, a choice
+or a flag, it uses every value. Each setting that the part accepts is a *member* of the part. Settings that the part rejects with a message
+are counted as refused.
 
-**Names.** A table lists every mount of every part, and the screw holes that a part takes over from the parts that it holds. The table
-contains the kind of each feature, and its position as a formula of the parameters. It was written by hand from the drawings
-(`benchmarks/naming/intents_*.py`). A name is right if its frame has the position and direction of the table within 1e-6 mm, and the
-finished solid has the feature there. For a mount, the feature is a planar face with the normal of the frame that contains its origin. For
-a hole, it is a cylindrical face around the same axis with the standard diameter and with material outside. `features.py` defines all
-kinds of features. Features are found in the faces of the kernel, not in the code of the part. The study has two limits. The table was
-written with the parts at hand, so a mistake in both is not found. Other attributes than mounts and screw holes (sketches, numbers, whole
-solids) are not checked.
+**Names.** A table lists every mount of every part, and the screw holes for other parts. The table contains the kind of each feature, and
+its position as a formula of the parameters. The table was written by hand from the drawings (`benchmarks/naming/intents_*.py`). A name is
+right if its frame has the position and direction of the table within 1e-6 mm, and the finished solid has the feature there. For a mount,
+the feature is a planar face that contains the origin of the frame and has its normal. For a hole, the feature is a cylindrical face around
+the same axis with the standard diameter and with material outside. Features are found in the faces of the CAD kernel, not in the code of
+the part. The study does not find a mistake that is in both the part and the table. It does not check attributes other than mounts and screw
+holes (sketches, numbers, whole solids).
 
-**Plain selectors.** At the default parameters, each selector is set to select the feature that the name identifies (for the seat of a
-screw: its hole). Then it is applied for all other values. The study uses the best axis for each selector. This is the axis X, Y or Z (or
-the pair of axes, for selectors with two steps) along which the feature differs most from its neighbours. Indices count from the nearer
-end. `T` is the kind of surface. A pick selects the `same` feature, silently `another` one, or `fails` with an `IndexError`. Plain
-selectors work if a change moves faces without creating, splitting or swapping faces, so results for one part do not apply to other parts.
-Changing several parameters at once is not measured.
+**Plain selectors.** For the default parameters, each selector is set up to select the feature that the name identifies (for the seat of a
+screw: its hole). Then the same selector is applied for all other values. The study uses the best axis for each selector: the axis X, Y or Z
+(or the pair of axes, for selectors with two steps) along which the feature differs most from its neighbours. Indices count from the nearer
+end. `T` is the kind of surface. A selector returns the `same` feature, silently returns `another` feature, or `fails` with an `IndexError`.
+Plain selectors work if a change moves faces without creating, splitting or swapping faces, so results for one part do not apply to other
+parts. The study does not change several parameters at once.
 """
-SHARES = "The columns show the shares of the outcomes in percent: same / another / fails."
+SHARES = "The columns show how often each outcome occurs, in percent: same / another / fails."
 
 
 if __name__ == "__main__":
