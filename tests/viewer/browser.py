@@ -53,10 +53,15 @@ def opened(browser: Any, address: str, size: tuple[int, int] = (760, 480)) -> It
     page.on("console", lambda said: faults.append(said.text) if said.type == "error" else None)
     page.on("request", lambda asked: faults.append(asked.url) if not asked.url.startswith(OWN) else None)
     page.goto(address)
-    page.wait_for_function("() => globalThis.thingc?.ready", polling=50)
+    until(page, "() => globalThis.thingc?.ready")
     yield page
     assert faults == []
     page.close()
+
+
+def until(page: Any, condition: str) -> None:
+    """Wait for a condition, which is otherwise asked whenever the page draws."""
+    page.wait_for_function(condition, polling=50)
 
 
 def address(path: Path, fragment: str = "") -> str:

@@ -28,7 +28,7 @@ from thingc.model.statics.efforts import loads
 from thingc.targets.html.emit import Page
 from thingc.targets.html.mesh_packing import PackedMeshes
 from thingc.targets.html.viewer_data import describe
-from viewer.browser import address, drawn, links, needed, opened, spot
+from viewer.browser import address, drawn, links, needed, opened, spot, until
 from viewer.conftest import Pages
 from viewer.test_page import element
 
@@ -288,7 +288,7 @@ def test_a_link_restores_everything(browser: Any, pages: Pages) -> None:
           viewer.stage.controls.update();
         }""")
         drawn(page)
-        page.wait_for_function("() => location.hash.includes('explode') && location.hash.includes('0.6%2C')")
+        until(page, "() => location.hash.includes('explode') && location.hash.includes('0.6%2C')")
         fragment = page.evaluate("location.hash")
         state = """(() => { const { mode, options, choice, stage } = thingc.viewer;
           const camera = stage.camera.position.toArray().map((x) => x.toFixed(4));
@@ -404,7 +404,7 @@ def test_what_is_exploded_stays_in_the_picture(browser: Any, pages: Pages) -> No
         assert page.evaluate(camera) == pytest.approx(before, abs=1e-9)
         # a link that says nothing of the camera shows all of it, too, and cuts it at the same place as the page that it came from
         page.evaluate("location.hash = '#mode=bench&pose=home&explode=1&section=x:0.4'")
-        page.wait_for_function("thingc.viewer.options.explode === 1")
+        until(page, "thingc.viewer.options.explode === 1")
         assert page.evaluate(camera) == pytest.approx(exploded, abs=1e-9)
         framed = "[...thingc.viewer.stage.framed.min.toArray(), ...thingc.viewer.stage.framed.max.toArray()]"
         box = page.evaluate(framed)
@@ -431,7 +431,7 @@ def test_a_robot_stays_in_a_window_that_gets_narrower(browser: Any, pages: Pages
         assert page.evaluate(shown) == [True, False]
         page.set_viewport_size({"width": 400, "height": 800})
         page.get_by_role("button", name="Show or hide the panels").click()
-        page.wait_for_function("() => thingc.viewer.stage.camera.aspect < 0.9")
+        until(page, "() => thingc.viewer.stage.camera.aspect < 0.9")
         assert page.evaluate(shown) == [True, True]
 
 

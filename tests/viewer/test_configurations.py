@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from loops.robots import Built, compiled, pose_of
 from thingc.tools.cli.main import main
-from viewer.browser import address, drawn, needed, opened
+from viewer.browser import address, drawn, needed, opened, until
 
 pytestmark = [needed, pytest.mark.slow]
 
@@ -229,7 +229,7 @@ def test_a_base_that_floats_can_be_moved_and_is_in_the_link(browser: Any, folder
         before = page.evaluate(moved)
         assert np.allclose(np.array(before["one"]).reshape(4, 4)[:3, 3], [0.1, 0.2, 0.3])
         drawn(page)
-        page.wait_for_function("() => location.hash.includes('base=')")
+        until(page, "() => location.hash.includes('base=')")
         fragment = page.evaluate("location.hash")
     with page_of(browser, folder, FINGER, fragment) as page:
         after = page.evaluate("thingc.viewer.links()")

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from viewer.browser import address, drawn, needed, opened, spot
+from viewer.browser import address, drawn, needed, opened, spot, until
 from viewer.conftest import Pages
 from viewer.test_browser import picture
 from viewer.test_configurations import FOUR_BAR, gap, page_of, q_of
@@ -48,7 +48,7 @@ def test_parts_are_hidden_isolated_and_made_transparent(browser: Any, pages: Pag
         assert page.evaluate(VISIBLE) == ["hand/pen"]
         page.get_by_role("tab", name="Parts").click()
         assert page.locator("#panel-tree .hidden", has_text="plate").count() > 0
-        page.wait_for_function("() => location.hash.includes('hidden=') && location.hash.includes('transparent=')")
+        until(page, "() => location.hash.includes('hidden=') && location.hash.includes('transparent=')")
         fragment = page.evaluate("location.hash")
     with opened(browser, address(pages.arm / "html/arm.html", fragment)) as page:
         assert page.evaluate(VISIBLE) == ["hand/pen"] and "1 transparent" in page.locator("#visibility").inner_text()
@@ -71,7 +71,7 @@ def test_a_motion_is_played_between_two_poses(browser: Any, tmp_path: Path) -> N
         drawn(page)
         page.locator("#canvas").focus()
         page.keyboard.press(" ")
-        page.wait_for_function("() => seen.length >= 2")
+        until(page, "() => seen.length >= 2")
         assert page.evaluate("seen.slice(0, 2)") == ["at_200", "at_20"] and page.locator("#play").inner_text() == "Pause"
         page.keyboard.press(" ")
         assert page.locator("#play").inner_text() == "Play" and gap(page) < 1e-3
