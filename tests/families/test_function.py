@@ -17,6 +17,7 @@ from thingc.batch.families.evaluation import Evaluation
 from thingc.batch.plans import derivatives
 from thingc.batch.results import FamilyError
 from thingc.driver.pipeline import UnknownChoice
+from thingc.geometry.worker.kernel.slicing import JOINED
 from variants.robots import workspace as parts_workspace
 
 KINKED = f"""\
@@ -177,6 +178,28 @@ def test_numbers_beside_those_of_a_part_have_exact_derivatives(tmp_path: Path, s
         ]
         assert found[:, 1:] == pytest.approx(np.array(exact)[:, 1:], rel=1e-9, abs=1e-15)
         assert np.all(np.abs(found - exact)[:, 0] <= found.error[:, 0] + 1e-9 * np.abs(exact)[:, 0])
+
+
+def test_derivatives_by_the_size_of_a_printed_part(tmp_path: Path, shared_store: str) -> None:
+    """The layers of a plate have a formula: walls and lids, lines of infill between them, and their joins along the walls."""
+    process = "process: {kind: fdm, layer: 0.2 mm, line_width: 0.45 mm, walls: 3, top: 4, bottom: 4, infill: 20 %}"
+    document = PLATED.replace("kg/m^3}}", f"kg/m^3, {process}}}}}").replace("0.2 kg, high: 50 mm", "5 g, high: 5 mm")
+    with thingc.family(parts_workspace(tmp_path, plated=document) / "plated.yaml", store=shared_store) as family:
+        function = family.function(["side"], ["mass", "centre.x"])
+        side = 0.04  # the default of the part
+        found = function.jacobian([side])
+        spacing = 0.45 - 0.2 * (1.0 - np.pi / 4.0)
+        rounding, bridge = (0.45 - spacing) / 2.0, np.pi / 4.0 * 0.4**2 / (0.45 * 0.2)
+        wall = rounding + 3.0 * spacing
+        edge = np.polynomial.Polynomial([1e3 * side, 1e3])  # of the change of the side [m]
+        filled, inner = edge - 2.0 * (wall - 0.25 * spacing), edge - 2.0 * (wall + 0.25 * spacing)
+        lids = 50 * ((edge - 2.0 * rounding) ** 2 - (edge - 2.0 * wall) ** 2) + (7.0 + bridge) * filled**2
+        plate = 500e-9 * 0.2 * (lids + 42 * (0.2 * inner**2 + JOINED * spacing * 4.0 * inner))
+        mass, slope = plate(0.0) + 0.005, plate.deriv()(0.0)
+        exact = np.array([slope, 0.0025 / mass - 0.0025 * side * slope / mass**2])
+        assert function.value([side])[0] == pytest.approx(mass, rel=1e-9)
+        assert found.error is not None and np.all(np.abs(found[:, 0] - exact) <= found.error[:, 0])
+        assert np.all(found.error[:, 0] <= 1e-5 * np.abs(exact))
 
 
 @pytest.mark.parametrize("mode", ["standing", "footed"])

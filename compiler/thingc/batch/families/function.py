@@ -26,8 +26,10 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-STEPS = (4e-3, 2.5e-4)
-"""Distance of two settings from which a derivative is estimated, relative to the number; the second if the first is not `FINE`."""
+STEPS = (4e-3, 2.5e-4, 1.5e-5)
+"""Distances of two settings from which a derivative is estimated, relative to the number. A smaller one is used if a result is not `FINE`,
+for example because one layer more is printed at one of the settings.
+"""
 FINE = 1e-4
 """Relative error of an estimate that needs no smaller steps."""
 
@@ -293,41 +295,53 @@ class FamilyFunction:
         """Return the derivatives by one name from five settings near `x`, and the estimates of their errors."""
         low, high = self.bounds[place]
         width = high - low if np.isfinite(low) and np.isfinite(high) else np.inf
-        best, errors = np.zeros(len(self.outputs)), np.full(len(self.outputs), np.inf)
+        results = np.abs(np.asarray(self.value(x)))
         for share in STEPS:
             step = min(share * (abs(x[place]) or min(width, 1.0)), width / 4.0)
-            middle = min(max(x[place], low + 2.0 * step), high - 2.0 * step)
-            nodes = middle + step * np.arange(-2.0, 3.0)
-            nodes[np.argmin(np.abs(nodes - x[place]))] = x[place]
-            points = np.tile(x, (5, 1))
-            points[:, place] = nodes
-            weights = _weights(nodes - x[place])
-            slopes = self._through_parts(x, place, points, weights)
+            slopes = self._through_parts(x, place, step)
             if slopes is None or np.isnan(slopes).any():
+                points, weights = self._stencil(x, place, step)
                 whole = weights @ self._sound(points, place)
-                slopes = whole if slopes is None else np.where(np.isnan(slopes), whole, slopes)
-            error = np.abs(slopes[1:] - slopes[0]).sum(axis=0) + ROUNDING * np.abs(np.asarray(self.value(x))) / step
-            best, errors = np.where(error < errors, slopes[0], best), np.minimum(error, errors)
-            if (errors <= FINE * np.abs(best)).all():
+                slopes = whole if slopes is None else np.where(np.isnan(slopes), np.vstack([whole, whole[:1]]), slopes)
+            best, error = slopes[0], np.abs(slopes[1:] - slopes[0]).sum(axis=0) + ROUNDING * results / step
+            if (error <= FINE * np.abs(best) + NOISE * results / step).all():
                 break
-        return best, errors
+        return best, error
 
-    def _through_parts(self, x: Floats, place: int, points: Floats, weights: Floats) -> Floats | None:
-        """Return the derivatives `(4, m)` by a name on which parts depend, for each row of the weights, or None.
+    def _stencil(self, x: Floats, place: int, step: float) -> tuple[Floats, Floats]:
+        """Return five settings within the bounds, one of which is `x`, and the weights of their results."""
+        low, high = self.bounds[place]
+        nodes = min(max(x[place], low + 2.0 * step), high - 2.0 * step) + step * np.arange(-2.0, 3.0)
+        nodes[np.argmin(np.abs(nodes - x[place]))] = x[place]
+        points = np.tile(x, (5, 1))
+        points[:, place] = nodes
+        return points, _weights(nodes - x[place])
+
+    def _through_parts(self, x: Floats, place: int, step: float) -> Floats | None:
+        """Return the derivatives `(5, m)` by a name on which parts depend, for each row of the weights and with noise, or None.
 
         Only the numbers of the parts are combined with the weights, and the chain rule gives the derivatives of the results.
         """
-        for one, given in self._known(self._item(x)[1]):
-            rows = [one.plan.given(self._item(point)[1].values) for point in points] if place in one.modelled else [None]
-            if any(row is None for row in rows):
+        low, high = self.bounds[place]
+        for offset in (0.0, SPECIAL * step, -SPECIAL * step) if any(place in one.modelled for one in self._plans.values()) else ():
+            here = x.copy()
+            here[place] += offset
+            if not low <= here[place] <= high or self._derivatives_at(self._item(here)[1]) is None:
                 continue
-            try:
-                slopes = weights @ np.array(rows)[:, len(one.plan.free) :]
-                found = [one.through_parts[place]((*given, *row, given[one.modelled[place]])) for row in slopes.tolist()]
-            except (NotSmooth, ArithmeticError, ValueError):
-                continue
-            if all(row is not None and not row.special for row in found):
-                return np.array([row.jacobian[:, 0] for row in found if row is not None])
+            points, weights = self._stencil(here, place, step)
+            for one, given in self._known(self._item(here)[1]):
+                rows = [one.plan.given(self._item(point)[1].values) for point in points] if place in one.modelled else [None]
+                if any(row is None for row in rows):
+                    continue
+                numbers = np.array(rows)[:, len(one.plan.free) :]
+                noise = NOISE * np.abs(weights[0]) @ (np.abs(numbers) * (np.ptp(numbers, axis=0) > 0.0))
+                slopes = np.vstack([weights @ numbers, weights[0] @ numbers + noise * (-1.0) ** np.arange(len(noise))])
+                try:
+                    found = [one.through_parts[place]((*given, *row, given[one.modelled[place]])) for row in slopes.tolist()]
+                except (NotSmooth, ArithmeticError, ValueError):
+                    continue
+                if all(row is not None and not row.special for row in found):
+                    return np.array([row.jacobian[:, 0] for row in found if row is not None])
         return None
 
     def _sound(self, points: Floats, place: int) -> Floats:
@@ -402,6 +416,10 @@ BESIDE = 1e-6
 """Relative distance of the values on both sides of a special value of a number."""
 SAME = 1e-3
 """Relative difference up to which the derivatives on both sides of a special value are treated as equal."""
+SPECIAL = 1e-6
+"""Distance from a number that may be special, such as the default of a part, relative to the step."""
+NOISE = 1e-9
+"""Relative noise of what is measured of a part: slicing rounds to 1e-8 mm."""
 ROUNDING = 1e-15
 """Relative rounding error of a value, which limits the accuracy of a difference quotient."""
 
