@@ -22,7 +22,7 @@ from thingc.base.memo import Memo
 from thingc.base.numeric import dist, inf, maximum, minimum
 from thingc.base.pose import Pose, Vector
 from thingc.base.suggestions import did_you_mean
-from thingc.base.units import ANGLE, INERTIA, LENGTH, MASS, NUMBER, Dimension
+from thingc.base.units import ANGLE, LENGTH, MASS, NUMBER, Dimension
 from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.kinematics import placed_bodies
@@ -43,8 +43,6 @@ TORQUES = "torque_margin"
 
 TEST = "tests."
 """Prefix of the names of values that document tests measure."""
-DIMENSIONS = {"mass": MASS, "inertia": INERTIA, TORQUES: NUMBER}
-"""Dimensions of results by the first part of the name; the other results are lengths."""
 TESTED: Mapping[str, Mapping[str, Dimension]] = {
     "mass": {"mass": MASS}, "centre": {"centre": LENGTH}, "reach": {"reach": LENGTH}, "point": {"distance": LENGTH, "angle": ANGLE},
     "ground_clearance": {"clearance": LENGTH}, "torque_margin": {"margin": NUMBER},

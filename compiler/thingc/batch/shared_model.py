@@ -74,7 +74,7 @@ class StructuresDiffer(FamilyError):
     """Raised if the variants cannot share a model. `field` is the first field that differs and cannot be changed."""
 
     def __init__(self, field: str, message: str) -> None:
-        super().__init__(f"{message}; use separate models instead: `thingc.batch.load`")
+        super().__init__(message, "use separate models with `thingc.batch.load`")
         self.field = field
 
 

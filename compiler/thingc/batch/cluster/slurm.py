@@ -64,12 +64,11 @@ def settings_of(text: str) -> SlurmSettings:
         if name not in known or not equals or not value:
             help = did_you_mean(name, known, what="settings")
             raise BatchFault(Code.COMMAND_LINE, f"slurm: expected NAME=VALUE with a valid NAME, found `{piece}`", help)
-        if name == "cpus" or name == "memory":
-            if not value.isdigit() or int(value) < 1:
-                message = f"slurm: expected a whole number of at least 1 for `{name}`, found `{value}`"
-                raise BatchFault(Code.COMMAND_LINE, message, f"write `{name}=8`")
-            settings.update({"cpus": int(value)} if name == "cpus" else {})
-            more.update({_MORE[name]: value} if name == "memory" else {})
+        if name in ("cpus", "memory") and (not value.isdigit() or int(value) < 1):
+            message = f"slurm: expected a whole number of at least 1 for `{name}`, found `{value}`"
+            raise BatchFault(Code.COMMAND_LINE, message, f"write `{name}=8`")
+        if name == "cpus":
+            settings["cpus"] = int(value)
         elif name == "time":
             settings["minutes"] = _minutes(value)
         elif name == "cluster":

@@ -11,9 +11,10 @@ import numpy as np
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import ScalarNode, Span
-from thingc.base.units import LENGTH, Dimension, Quantity
+from thingc.base.units import Dimension, Quantity
 from thingc.batch.families.function import FamilyFunction, NotDifferentiable
-from thingc.batch.measurements import DIMENSIONS, TEST, TESTED
+from thingc.batch.measurements import TEST, TESTED
+from thingc.batch.rules import dimension_of
 from thingc.batch.values import unit_in
 
 
@@ -99,6 +100,6 @@ def _derivative(function: FamilyFunction, x: float) -> tuple[float, float, NotDi
 def _dimension_of(result: str, kinds: Mapping[str, str]) -> Dimension:
     words = result.split(".")
     if not result.startswith(TEST):
-        return DIMENSIONS.get(words[0], LENGTH)
+        return dimension_of(result)
     keys = TESTED[kinds[words[1]]]
     return keys.get(words[-1], next(iter(keys.values())))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -280,21 +281,16 @@ class Arrays:
             self._statistics.write(prepared.statistics, index)
 
 
+@dataclass(slots=True)
 class Prepared:
     """The computed array entries of several variants.
 
     Each variant has a row of array entries, a value per option, and statistics if MuJoCo recomputes constants.
     """
 
-    __slots__ = ("options", "statistics", "writes")
-
-    def __init__(
-        self, writes: list[tuple[Array, Array, Array]], options: list[tuple[Any, str, list[float]]],
-        statistics: Mapping[str, list[Any]] | None,
-    ) -> None:
-        self.writes = writes
-        self.options = options
-        self.statistics = statistics
+    writes: list[tuple[Array, Array, Array]]
+    options: list[tuple[Any, str, list[float]]]
+    statistics: Mapping[str, list[Any]] | None
 
 
 class Bodies:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 from msgspec.structs import replace
 
@@ -103,18 +103,17 @@ class _Parser:
         return Binary(operator=operator, left=left, right=right, offset=left.offset, end=right.end)
 
     def sum(self) -> Term:
-        left = self.product()
-        while (operator := self.peek()) in ("+", "-"):
-            self.at += 1
-            right = self.product()
-            left = Binary(operator=operator, left=left, right=right, offset=left.offset, end=right.end)
-        return left
+        return self.chain(("+", "-"), self.product)
 
     def product(self) -> Term:
-        left = self.unary()
-        while (operator := self.peek()) in ("*", "/"):
+        return self.chain(("*", "/"), self.unary)
+
+    def chain(self, operators: tuple[str, str], operand: Callable[[], Term]) -> Term:
+        """Parse operands between operators of the same precedence, from left to right."""
+        left = operand()
+        while (operator := self.peek()) in operators:
             self.at += 1
-            right = self.unary()
+            right = operand()
             left = Binary(operator=operator, left=left, right=right, offset=left.offset, end=right.end)
         return left
 
