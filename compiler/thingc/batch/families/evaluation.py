@@ -14,7 +14,7 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.memo import Memo
 from thingc.batch.families.results import Evaluated
 from thingc.batch.measurements import Results, UnknownMount, measure, measure_tests
-from thingc.batch.plans.numeric_plan import MOST, NumericPlan, PlanCache, PlanCaches, TracedResults, Tracing
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults, Tracing
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.refusals import Refusals
 from thingc.batch.plans.searches import SearchMemo
@@ -144,7 +144,8 @@ class Evaluation:
         known = form.plan_for(read)
         plan = self._plan(read, form) if known is None and form.refused is None else None
         if plan is not None and (outputs := plan.outputs(read.values)) is not None:
-            form.plans, known = [plan, *form.plans[: MOST - 1]], (plan, outputs)
+            form.add(plan)
+            known = plan, outputs
         return (None if known is None else known[0]), "; ".join(f"`{name}`: {why}" for name, why in form.why.items()) or form.refused or ""
 
     def _plan(self, read: ParsedSettings, form: PlanCache[ResultsShape]) -> NumericPlan[ResultsShape] | None:

@@ -146,20 +146,9 @@ class PlanCache(Generic[Made]):
         self._seen[held] = seen = self._seen.get(held, 0) + 1
         return len(self.why) < len(read.names) and seen >= self.patience and seen & (seen - 1) == 0
 
-    def planned(
-        self, read: ParsedSettings, make: Callable[[], NumericPlan[Made] | None], is_refused: Callable[[ParsedSettings], bool],
-    ) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """Return the plan for these settings, as `plan_for` does. A missing plan is created if it is `worth_it` and the settings are not
-        known to be refused.
-        """
-        known = self.plan_for(read)
-        if known is not None or is_refused(read) or not self.worth_it(read):
-            return known
-        plan = make()
-        if plan is None:
-            return None
+    def add(self, plan: NumericPlan[Made]) -> None:
+        """Add a plan, and drop the least recently used one if there are too many."""
         self.plans = [plan, *self.plans[: MOST - 1]]
-        return self.plan_for(read)
 
     def give_up(self, names: Collection[str], why: str) -> None:
         """Stop tracing these numbers. Without numbers, stop creating plans."""
@@ -195,13 +184,21 @@ class PlanCaches(Generic[Made]):
     def planned(
         self, read: ParsedSettings, make: Callable[[ParsedSettings, PlanCache[Made]], NumericPlan[Made] | None],
     ) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """Return the plan for settings and its outputs, as `PlanCache.planned` does. Return None if the settings are refused or contain no
-        numbers.
+        """Return the plan for settings and its outputs; None if the settings contain no numbers, or no plan applies to them.
+
+        If there is no plan, and the settings are not known to be refused, make one if it is worth it.
         """
         if read.report is not None or not read.names:
             return None
         form = self.of(read)
-        return form.planned(read, partial(make, read, form), self._is_refused)
+        known = form.plan_for(read)
+        if known is not None or self._is_refused(read) or not form.worth_it(read):
+            return known
+        plan = make(read, form)
+        if plan is None:
+            return None
+        form.add(plan)
+        return form.plan_for(read)
 
 
 class TracedResults:

@@ -11,7 +11,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
-from thingc.batch.plans.numeric_plan import MOST, NumericPlan, PlanCache, Tracing
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, Tracing
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.tape import Tape
 from thingc.batch.plans.text_templates import NumberSlots, TextTemplate
@@ -72,7 +72,7 @@ class Refusals:
         form = self.causes.pop(key, None) or PlanCache(PATIENCE)
         self.causes = dict([*self.causes.items(), (key, form)][-CAUSES:])
         if form.worth_it(read) and (plan := self._plan(read, problems, form)) is not None:
-            form.plans = [plan, *form.plans[: MOST - 1]]
+            form.add(plan)
 
     def _problems(self, read: ParsedSettings) -> Diagnostics | None:
         for key, form in reversed(self.causes.items()):
