@@ -19,7 +19,7 @@ from thingc.batch.folder import BatchFault, in_words, read_batch, whole
 from thingc.batch.folder_layout import Line
 from thingc.batch.packed_layout import Chunk, Chunks, numbers, packed
 from thingc.batch.planning import Plan, Variant
-from thingc.targets.artifact import Content, StoredArtifact
+from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 
 MESHES = "mjcf/assets/"
 """Folder of the meshes of models in the folder of a variant."""
@@ -80,8 +80,8 @@ def _chunks(folder: str) -> Iterator[Chunk]:
 
 
 def _is_there(folder: str, id: str) -> bool:
-    """Return whether the files of a variant with the status `built` exist."""
-    return packed(folder) or os.path.isfile(folder_layout.manifest_of(folder, id))
+    """Return whether the files of a variant with the status `built` exist. Its manifest is written last."""
+    return packed(folder) or os.path.isfile(os.path.join(folder_layout.variant_folder(folder, id), MANIFEST))
 
 
 class BuildRecords:

@@ -197,7 +197,7 @@ def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
     for name in (folder_layout.JOURNAL, folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE):
         with contextlib.suppress(FileNotFoundError):
             os.unlink(os.path.join(folder, name))
-    old = os.path.join(folder, folder_layout.set_aside())
+    old = os.path.join(folder, f".old-{os.getpid()}-{os.urandom(4).hex()}")
     os.mkdir(old)
     for inner in INNER:
         with contextlib.suppress(FileNotFoundError):

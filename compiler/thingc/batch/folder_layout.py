@@ -23,7 +23,7 @@ from typing import Any
 from thingc.base.filesystem import check_tree, hash_name, listing, write_new
 from thingc.base.safe_text import json_text
 from thingc.driver.output import Blobs
-from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
+from thingc.targets.artifact import Content, StoredArtifact
 
 BATCH = "batch.json"
 JOURNAL = "journal.jsonl"
@@ -45,19 +45,9 @@ _OWN_END = f"{os.getpid()}-{os.urandom(4).hex()}"
 """Suffix of names of temporary files. The suffix is unique across machines that share the folder."""
 
 
-def set_aside() -> str:
-    """Return a new name for a folder that is set aside to be deleted."""
-    return f".old-{os.getpid()}-{os.urandom(4).hex()}"
-
-
 def variant_folder(folder: str, id: str) -> str:
     """Return the path of the folder of a variant. Raises `BadPath` if the id is invalid."""
     return os.path.join(folder, VARIANTS, hash_name(id, 12))
-
-
-def manifest_of(folder: str, id: str) -> str:
-    """Return the path of the manifest of a variant. The variant is complete if this file exists."""
-    return os.path.join(variant_folder(folder, id), MANIFEST)
 
 
 def pictured(folder: str) -> frozenset[str]:

@@ -20,12 +20,11 @@ MESH_BYTES = 256 * 2**20
 class MeshFiles:
     """A cache of mesh files by identity, so that variants share meshes.
 
-    Above `most` bytes, the least recently used files are removed. The last virtual file system is also cached. This class is thread-safe. A
+    Above `MESH_BYTES`, the least recently used files are removed. The last virtual file system is also cached. This class is thread-safe. A
     copy in another process starts empty.
     """
 
-    def __init__(self, most: int = MESH_BYTES) -> None:
-        self._most = most
+    def __init__(self) -> None:
         self._size = 0
         self._kept: OrderedDict[File, bytes] = OrderedDict()
         self._lock = threading.Lock()
@@ -33,7 +32,7 @@ class MeshFiles:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Support pickling, which workers of environments and process pools require."""
-        return MeshFiles, (self._most,)
+        return MeshFiles, ()
 
     def of(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
         """Return the contents of files by name, given the identity and path of each file."""
@@ -50,7 +49,7 @@ class MeshFiles:
                 self._size += len(data)
             self._kept.move_to_end(file)
             contents[name] = data
-        while self._size > self._most and len(self._kept) > len(contents):
+        while self._size > MESH_BYTES and len(self._kept) > len(contents):
             self._size -= len(self._kept.popitem(last=False)[1])
         return contents
 

@@ -14,13 +14,9 @@ from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.validation_messages import within
 
 RESULTS: dict[str, Dimension] = {
-    "mass": MASS,
-    "centre.x": LENGTH, "centre.y": LENGTH, "centre.z": LENGTH,
-    "inertia.xx": INERTIA, "inertia.yy": INERTIA, "inertia.zz": INERTIA,
-    "inertia.xy": INERTIA, "inertia.xz": INERTIA, "inertia.yz": INERTIA,
-    "box.x": LENGTH, "box.y": LENGTH, "box.z": LENGTH,
-    "reach": LENGTH,
-    "torque_margin": NUMBER,
+    "mass": MASS, **dict.fromkeys(("centre.x", "centre.y", "centre.z"), LENGTH),
+    **dict.fromkeys(("inertia.xx", "inertia.yy", "inertia.zz", "inertia.xy", "inertia.xz", "inertia.yz"), INERTIA),
+    **dict.fromkeys(("box.x", "box.y", "box.z"), LENGTH), "reach": LENGTH, "torque_margin": NUMBER,
 }
 """The results of every variant, with their physical dimensions.
 

@@ -39,14 +39,14 @@ def at_least(least: int, **numbers: Any) -> None:
             raise FamilyError(f"expected `{name}` to be a whole number of at least {least}, found {value}")
 
 
-def as_names(**given: Any) -> tuple[Any, ...]:
+def as_names(**given: Any) -> tuple[str, ...]:
     """Convert names to a tuple. A single name can be a string. Raises `FamilyError` for other values."""
     ((argument, names),) = given.items()
     if isinstance(names, str):
         return (names,)
     if not isinstance(names, Iterable):
         raise FamilyError(f"expected `{argument}` to be a list of names, found `{names}`")
-    return tuple(names)
+    return tuple(map(str, names))
 
 
 class RunOptions(FrozenStruct):

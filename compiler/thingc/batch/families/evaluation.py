@@ -80,15 +80,14 @@ class Evaluation:
                     if planned is not None and id(planned[0]) not in used:
                         used.add(id(planned[0]))
                         ready.update(self._together(planned[0], chunk, place, ready))
+                if planned is not None and planned[0].is_due(self.verify) and not self.confirms(*planned, read):
+                    ready.clear()
+                    planned = None
                 if planned is None:
                     yield self._passed(settings, read, tests)
-                    continue
-                plan, outputs = planned
-                if plan.is_due(self.verify) and not self.confirms(plan, outputs, read):
-                    ready.clear()
-                    yield self._passed(settings, read, tests)
-                    continue
-                yield self._judged(settings, read, plan.made.of(outputs), plan.made.problems)
+                else:
+                    plan, outputs = planned
+                    yield self._judged(settings, read, plan.made.of(outputs), plan.made.problems)
 
     def confirms(self, plan: NumericPlan[ResultsShape], outputs: Sequence[float], read: ParsedSettings) -> bool:
         """Compile settings, and return whether the results are those of a plan. If not, drop all plans for such settings."""

@@ -23,7 +23,7 @@ from thingc.batch.plans.build_templates import Builds
 from thingc.batch.plans.numeric_plan import PlanCache
 from thingc.batch.plans.refusals import Refusals
 from thingc.batch.results import FamilyError
-from thingc.batch.run_options import at_least, is_whole
+from thingc.batch.run_options import as_names, at_least, is_whole
 from thingc.batch.values import unit_in
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
 from thingc.documents.expressions.terms import Expression, ExpressionError
@@ -260,14 +260,14 @@ class RobotFamily:
         """
         from thingc.batch.families.function import FamilyFunction
 
-        wanted = _as_names(outputs)
+        wanted = as_names(outputs=outputs)
         sites = tuple(dict.fromkeys(name[len(SITE):] for name in wanted if name.startswith(SITE)))
         tests = tuple(dict.fromkeys(name.split(".")[1] for name in wanted if name.startswith(TEST)))
         self._check_tests(tests, alone=all(name.startswith(TEST) for name in wanted))
         evaluation = self._evaluation_of(self.mode if mode is None else self._known(mode), sites, TORQUES in wanted, tests)
         limits = of_parameters(self._spec, self._reader.parameters, self._bound)
         again = partial(self.function, names, outputs, mode=mode, at=at)
-        return FamilyFunction(evaluation, self._reader, limits, _as_names(names), wanted, {} if at is None else at, again)
+        return FamilyFunction(evaluation, self._reader, limits, as_names(names=names), wanted, {} if at is None else at, again)
 
     def sensitivity(
         self, outputs: Sequence[str] | str = ("mass", "centre"), names: Sequence[str] | str = (), *, mode: str | None = None,
@@ -282,7 +282,7 @@ class RobotFamily:
 
         given = dict(at or {})
         numeric = [one.name for one in self.space if isinstance(one.value, float)]
-        by = _as_names(names) or list(self._written(numeric))
+        by = as_names(names=names) or list(self._written(numeric))
         kinds = {name: test.kind for name, test in self._spec.tests.items()}
         fixed = {name: value for name, value in given.items() if name not in by}
         x: dict[str, float] = {}
@@ -291,7 +291,7 @@ class RobotFamily:
             return self.function(name, result, mode=mode, at={**fixed, **{other: value for other, value in x.items() if other != name}})
 
         found: list[Sensitivity] = []
-        for results in results_by_function(_as_names(outputs), kinds):
+        for results in results_by_function(as_names(outputs=outputs), kinds):
             function = self.function(by, results, mode=mode, at=fixed)
             read = self._reader.read({**dict(zip(by, function.start.tolist(), strict=True)), **given})
             x.update(zip(read.names, read.values, strict=True))
@@ -472,10 +472,6 @@ def is_single(settings: Any) -> bool:
 def as_many(settings: Any) -> Iterable[Any]:
     """Convert an argument to an iterable of sets of settings."""
     return [settings] if is_single(settings) else settings
-
-
-def _as_names(names: Sequence[str] | str) -> Sequence[str]:
-    return [names] if isinstance(names, str) else [str(name) for name in names]
 
 
 def _given(value: ExpressionValue | str) -> Any:

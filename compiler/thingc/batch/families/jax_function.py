@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from typing import Any
@@ -65,7 +64,7 @@ def _value(argument: Argument, known: Mapping[int, Any]) -> Any:
 
 
 def _hypot(*components: Any) -> Any:
-    return jnp.sqrt(reduce(operator.add, [one * one for one in components]))
+    return jnp.sqrt(sum(one * one for one in components))
 
 
 def _remainder(x: Any, y: Any) -> Any:
@@ -78,11 +77,11 @@ def _moments(*entries: Any) -> Any:
 
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    **OPERATORS, "abs": jnp.abs, "sqrt": jnp.sqrt,
-    "sin": jnp.sin, "cos": jnp.cos, "tan": jnp.tan, "asin": jnp.arcsin, "acos": jnp.arccos, "atan": jnp.arctan, "atan2": jnp.arctan2,
-    "radians": jnp.radians, "degrees": jnp.degrees, "copysign": jnp.copysign, "remainder": _remainder, "round": jnp.round,
-    "isfinite": jnp.isfinite, "isinf": jnp.isinf, "hypot": _hypot, "_fsum": lambda *values: reduce(operator.add, values),
-    "min": lambda *values: reduce(jnp.minimum, values), "max": lambda *values: reduce(jnp.maximum, values),
+    **OPERATORS, "abs": jnp.abs, "sqrt": jnp.sqrt, "sin": jnp.sin, "cos": jnp.cos, "tan": jnp.tan, "asin": jnp.arcsin, "acos": jnp.arccos,
+    "atan": jnp.arctan, "atan2": jnp.arctan2, "radians": jnp.radians, "degrees": jnp.degrees, "copysign": jnp.copysign,
+    "remainder": _remainder, "round": jnp.round, "isfinite": jnp.isfinite, "isinf": jnp.isinf, "hypot": _hypot,
+    "_fsum": lambda *values: sum(values), "min": lambda *values: reduce(jnp.minimum, values),
+    "max": lambda *values: reduce(jnp.maximum, values),
     "quarter_exact": lambda angle: (jnp.cos(angle), jnp.sin(angle)), "_principal_moments": _moments,
 }
 """The JAX functions for the operations of programs, by name. Decisions within them, such as exact quarter turns, are not repeated, so last

@@ -47,8 +47,6 @@ class ModeSimulation:
     `spans` are the lower and upper bounds of its controls, and `controls` the index of each control in an action.
     """
 
-    __slots__ = ("controls", "data", "model", "name", "spans")
-
     def __init__(self, name: str, model: mujoco.MjModel, data: mujoco.MjData, spans: tuple[Array, Array], controls: Any = None) -> None:
         self.name = name
         self.model = model
@@ -63,11 +61,6 @@ class Episode:
     Call `begin` first, and then `ask`, `run` and `judge` for each action. `run` executes the simulation. It can be called for several
     episodes in parallel threads.
     """
-
-    __slots__ = (
-        "_before", "_delayed", "_rules", "_source", "_started", "action", "mode", "refused", "robot", "simulations", "start", "steps",
-        "unstable", "variant",
-    )
 
     def __init__(self, simulations: Sequence[ModeSimulation], variant: Any, rules: EnvRules, robot: Modes | None = None) -> None:
         self.simulations = simulations

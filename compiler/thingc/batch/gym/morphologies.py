@@ -42,8 +42,6 @@ class Morphology:
     `robot` switches between the modes, if there are several. Robots with equal `layout` (sizes and names) can share an `MjData`.
     """
 
-    __slots__ = ("described", "layout", "models", "robot", "settings", "spans")
-
     def __init__(self, models: Sequence[mujoco.MjModel], robot: Modes | None, settings: Settings, described: Array) -> None:
         self.models = models
         self.robot = robot

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from itertools import repeat
 from typing import Any
 
@@ -253,22 +254,17 @@ def _power(base: float, exponent: float) -> float:
     return result
 
 
-def _minimum(first: Any, *others: Any) -> Any:
-    """Return the first of the smallest values, as `min` does. The order matters for zeros with different signs and for NaN."""
+def _extreme(replaces: Callable[[Any, Any], Any], first: Any, *others: Any) -> Any:
+    """Return the first of the smallest or largest values, as `min` does. The order matters for zeros with different signs and for NaN."""
     for one in others:
-        first = np.where(np.less(one, first), one, first)
-    return first
-
-
-def _maximum(first: Any, *others: Any) -> Any:
-    for one in others:
-        first = np.where(np.greater(one, first), one, first)
+        first = np.where(replaces(one, first), one, first)
     return first
 
 
 EXACT: dict[str, Callable[..., Any]] = {
     **{name: OPERATORS[name] for name in ("+", "-", "*", "<", "<=", ">", ">=", "==", "!=")},
-    "abs": operator.abs, "copysign": np.copysign, "isfinite": np.isfinite, "isinf": np.isinf, "min": _minimum, "max": _maximum,
+    "abs": operator.abs, "copysign": np.copysign, "isfinite": np.isfinite, "isinf": np.isinf,
+    "min": partial(_extreme, np.less), "max": partial(_extreme, np.greater),
 }
 """Operations that never fail and have the same results in NumPy."""
 ONE_BY_ONE: dict[str, Callable[..., Any]] = {"**": _power, "%": operator.mod, "round": round}
