@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import Any
 
@@ -12,8 +12,8 @@ try:
 except ImportError as fault:  # pragma: no cover - reported with a help text
     raise ImportError("functions of JAX need JAX: `pip install thingc[jax]`") from fault
 
-from thingc.batch.plans.program import Argument, Operation, Program
-from thingc.batch.plans.tape import OPERATORS, Ref
+from thingc.batch.plans.program import Operation, Program, value_in
+from thingc.batch.plans.tape import OPERATORS
 from thingc.batch.results import FamilyError
 
 JaxFunction = Callable[[Any], "tuple[Any, Any]"]
@@ -48,19 +48,15 @@ def jax_function(program: Program, by: Sequence[int], values: Sequence[float], d
         known: dict[int, Any] = dict(zip(program.variables, given, strict=True))
         ok = jnp.asarray(True)
         for one in program.statements:
-            arguments = [_value(argument, known) for argument in one.arguments]
+            arguments = [value_in(argument, known) for argument in one.arguments]
             result = arguments[0][arguments[1]] if one.operation == "item" else FUNCTIONS[one.operation](*arguments)
             if isinstance(one, Operation):
                 known[one.target] = result
             else:
                 ok = ok & (jnp.asarray(result, dtype=bool) == one.outcome)
-        return jnp.stack([jnp.asarray(_value(one, known), dtype=dtype) for one in program.outputs]), ok
+        return jnp.stack([jnp.asarray(value_in(one, known), dtype=dtype) for one in program.outputs]), ok
 
     return run
-
-
-def _value(argument: Argument, known: Mapping[int, Any]) -> Any:
-    return known[int(argument)] if isinstance(argument, Ref) else argument.value
 
 
 def _hypot(*components: Any) -> Any:

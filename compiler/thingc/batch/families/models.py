@@ -93,14 +93,13 @@ class ModelsOfMode:
         """Return a plan for the XML that applies to settings, if no modelled part depends on them. Otherwise, return None and the reason.
         """
         form: PlanCache[Arrays | ModelTemplate] = PlanCache()
-        for nearby in (True, False):
-            plan = self.plan(read, form, text=True, nearby=nearby)
-            if plan is not None and plan.outputs(read.values) is not None:
-                return cast(NumericPlan[ModelTemplate], plan), "; ".join(f"`{name}`: {why}" for name, why in form.why.items())
+        plan = self.plan(read, form, text=True)
+        if plan is not None and plan.outputs(read.values) is not None:
+            return cast(NumericPlan[ModelTemplate], plan), "; ".join(f"`{name}`: {why}" for name, why in form.why.items())
         return None, form.refused or "thingc decides differently there"
 
     def plan(
-        self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate], *, text: bool = False, nearby: bool = True,
+        self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate], *, text: bool = False,
     ) -> NumericPlan[Arrays | ModelTemplate] | None:
         """Create a plan that gives the same models as compilations. With `text`, the plan only creates XML.
 
@@ -133,7 +132,7 @@ class ModelsOfMode:
             assets=None if text else itemgetter(1),
         )
         while True:
-            plan = tracing.plan(read, finish, form, nearby=nearby)
+            plan = tracing.plan_for(read, finish, form) if text else tracing.plan(read, finish, form)
             if plan is None:
                 return None
             wrong = self._compared(plan, tracing.samples(read, form), first)

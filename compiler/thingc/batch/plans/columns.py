@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from thingc.base import numeric
-from thingc.batch.plans.program import Argument, Guard, Operation, Program
+from thingc.batch.plans.program import Guard, Operation, Program, value_in
 from thingc.batch.plans.tape import OPERATORS, Ref
 
 Floats = npt.NDArray[np.float64]
@@ -59,7 +59,7 @@ def column_function(program: Program) -> ColumnFunction:
                     columns.pop(index, None)
         outputs = np.empty((len(values), len(program.outputs)))
         for place, one in enumerate(program.outputs):
-            outputs[:, place] = _value(one, columns)
+            outputs[:, place] = value_in(one, columns)
         return outputs, ok
 
     return run
@@ -82,7 +82,7 @@ def _execute(
 
     A guard also excludes rows for which values `near` the exact ones do not decide it.
     """
-    arguments = [_value(one, columns) for one in statement.arguments]
+    arguments = [value_in(one, columns) for one in statement.arguments]
     if isinstance(statement, Operation):
         approximate = statement.operation == MOMENTS and statement.target in near
         columns[statement.target] = _moments(arguments, ok) if approximate else _operation(statement.operation, arguments, ok, functions)
@@ -90,10 +90,6 @@ def _execute(
     ok &= np.asarray(_operation(statement.operation, arguments, ok, functions), dtype=np.bool_) == statement.outcome
     if len(arguments) == 2 and any(int(one) in near for one in statement.arguments if isinstance(one, Ref)):
         ok &= np.abs(np.subtract(*arguments)) > _DECIDED * np.maximum(*map(np.abs, arguments))
-
-
-def _value(argument: Argument, columns: dict[int, Any]) -> Any:
-    return columns[int(argument)] if isinstance(argument, Ref) else argument.value
 
 
 def _operation(name: str, arguments: Sequence[Any], ok: Booleans, functions: Mapping[str, Callable[..., Any]]) -> Any:

@@ -114,6 +114,11 @@ def expression(operation: str, arguments: Sequence[Argument]) -> str:
     return f"{operation}({', '.join(words)})"
 
 
+def value_in(argument: Argument, values: Mapping[int, Any]) -> Any:
+    """Return the value of an argument: an entry of `values`, or a constant."""
+    return values[int(argument)] if isinstance(argument, Ref) else argument.value
+
+
 def word(argument: Argument) -> str:
     """Format an argument as a Python expression: the name of a value, or a constant."""
     return f"v{int(argument)}" if isinstance(argument, Ref) else f"({argument.text})"

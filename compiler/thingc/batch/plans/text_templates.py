@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 
 from thingc.base.numeric import FORMATTERS
 from thingc.batch.plans.tape import SLOT, Tape, Traced
@@ -39,12 +38,8 @@ class NumberSlots:
             if not line.isdecimal() or int(line) >= len(tape.lines) or not (form in FORMATTERS or form.startswith(":")):
                 raise NotTraceable("a string looks like a placeholder of a number")
             self.outputs.append(Traced(tape, int(line), tape.values[int(line)]))
-            self._formatters.append(FORMATTERS[form] if form in FORMATTERS else partial(_formatted, form[1:]))
+            self._formatters.append(FORMATTERS.get(form, f"{{{form}}}".format))
 
     def words(self, values: Sequence[float]) -> dict[str, str]:
         """Format the values of `outputs`, and return the formatted words by slot."""
         return {name: write(value) for name, write, value in zip(self.names, self._formatters, values, strict=True)}
-
-
-def _formatted(form: str, value: float) -> str:
-    return format(value, form)
