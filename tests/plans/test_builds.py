@@ -121,7 +121,7 @@ def test_builds_are_those_of_every_pass(session: Session, monkeypatch: pytest.Mo
         files = whole.files()
         assert {path for path, content in build.files().items() if content != files[path]} == set() and [*build.files()] == [*files]
         assert (build.results, build.problems, build.losses, build.parts) == (whole.results, whole.problems, whole.losses, whole.parts)
-        assert f'"what": "its velocity limit of {5 + k / 7:.6g} rad/s"' in bytes(files[MANIFEST]).decode()  # type: ignore[arg-type]
+        assert f'"what": "the velocity limit of {5 + k / 7:.6g} rad/s"' in bytes(files[MANIFEST]).decode()  # type: ignore[arg-type]
     masses = [build.results["mass"] for build in planned.values() if build is not None]
     assert len(set(masses)) == 6 and all(type(mass) is float for mass in masses)
 
