@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from conformance.harness import build
+from conformance.harness import ROOT, build_here
 from viewer.browser import chromium
 
 
@@ -31,7 +31,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Pages:
         fcntl.flock(lock, fcntl.LOCK_EX)
         for document, out in (("assemblies/arm.yaml", built.arm), ("assemblies/minchw/minchw.yaml", built.minchw)):
             if not out.exists():
-                build(document, "--output", folder, "--emit", "html,mjcf", store=shared_store)
+                build_here(document, "--output", folder, "--emit", "html,mjcf", store=shared_store, cwd=ROOT)
     return built
 
 
