@@ -85,7 +85,7 @@ def test_modes_that_differ_are_a_fault(folder: Path, shared_store: str):
     import verdicts
     from drawing import Design, write
 
-    design = Design(number=0, parameters={"front_leg": "70 mm"}, edits=(), broken=())
+    design = Design(number=0, parameters={"front_leg": "80 mm"}, edits=(), broken=())
     document = write(design, folder)
     compiled = thingc.compile(str(document), parameters=design.parameters, modes=["crawl", "front_foot", "bridge"], store=shared_store)
     models = {name: mode.model() for name, mode in compiled.modes.items()}

@@ -142,7 +142,7 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_exit_codes(arm: Path, shared_store: str, tmp_path: Path, case: str) -> None:
     words, code = WRONG[case]
-    ran = thingc(*(word.replace("{tmp}", str(tmp_path)) for word in words), store=shared_store)
+    ran = thingc_here(*(word.replace("{tmp}", str(tmp_path)) for word in words), store=shared_store, cwd=ROOT)
     assert ran.code == code, ran.out + ran.err
     assert ran.err + ran.out and "Traceback" not in ran.err and list(tmp_path.iterdir()) == []
 
