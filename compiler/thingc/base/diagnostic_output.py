@@ -1,4 +1,4 @@
-"""Format diagnostics as text with source lines, and as JSON (`--format json`)."""
+"""Format diagnostics for the terminal, with the source lines that they refer to, and as JSON for `--format json`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OPTIONS = ("-p ", SET, "set ")
 
 
 def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
-    """Convert diagnostics to the objects of `--format json` (the keys are documented in `docs/`)."""
+    """Convert each diagnostic to a dictionary that can be serialized as JSON, as for `--format json`. `docs/` documents the keys."""
 
     def place(span: Span | None) -> dict[str, object]:
         if span is None:
@@ -33,9 +33,9 @@ def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
 
 
 def as_text(diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bool = False, texts: Mapping[str, str] | None = None) -> str:
-    """Format diagnostics as text: position, source line with carets, notes and help.
+    """Format diagnostics as text for a terminal. Each diagnostic shows its location, the source line with carets, its notes and its help.
 
-    `texts` contains the text of documents that are not files, by the name in their spans.
+    Source lines are read from files. `texts` maps file names to contents for documents that do not exist as files.
     """
     lines: list[str] = []
     sources = {file: re.split("\r\n|\r|\n", text) for file, text in (texts or {}).items()}
@@ -60,7 +60,9 @@ def as_text(diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bo
 
 
 def summary(diagnostics: Sequence[Diagnostic]) -> str:
-    """Return a summary such as `2 errors, 1 warning`, or an empty string without errors and warnings."""
+    """Return the number of errors and warnings, such as `2 errors, 1 warning`. Return an empty string if there are no errors and no
+    warnings.
+    """
     parts: list[str] = []
     for severity in (Severity.ERROR, Severity.WARNING):
         count = sum(1 for d in diagnostics if d.severity is severity)

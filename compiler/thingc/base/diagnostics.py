@@ -28,7 +28,7 @@ class Severity(str, Enum):
 
 
 class Stage(str, Enum):
-    """The command that reports all warnings with a certain code."""
+    """The commands that can report a warning. Each diagnostic code that can be a warning belongs to one of these commands."""
 
     CHECK = "check"
     BUILD = "build"
@@ -38,10 +38,12 @@ class Stage(str, Enum):
 
 
 class DiagnosticCode(Enum):
-    """A diagnostic code: `NAME = ("code", "title", "fix")`. Codes are never reused or renumbered.
+    """A diagnostic code, such as `TC407`, with its title and a general hint on how to fix the problem. Codes are never reused or
+    renumbered.
 
-    If a code can be a warning about an assembly document, its fourth value is the command that reports the warning. Documents can suppress
-    these warnings, and export losses, at their location (`allow: {TC407: reason}`).
+    The value of a member is `(code, title, fix)`. For a code that can be a warning about an assembly document, the fourth value is the
+    command that reports the warning. Documents can suppress these warnings, and export losses, by an entry such as
+    `allow: {TC407: reason}`.
     """
 
     def __init__(self, code: str, title: str, cure: str, warned_by: Stage | None = None) -> None:
@@ -52,10 +54,10 @@ class DiagnosticCode(Enum):
 
 
 class Code(DiagnosticCode):
-    """The codes of thingc, except the codes of kinds of tests (`thingc.documents.checks.all_codes`).
+    """All diagnostic codes of thingc except the codes of document tests, which `thingc.documents.checks.all_codes` adds.
 
-    TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly,
-    TC6xx modes (TC65x tests), TC7xx targets, TC8xx folders and files, TC9xx variants (TC95x import).
+    TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly, TC6xx modes (TC65x tests),
+    TC7xx targets, TC8xx folders and files, TC9xx variants (TC95x import).
     """
 
     # --- TC1xx: reading files (load) -------------------------------------------------------------------------------
@@ -270,7 +272,7 @@ class Code(DiagnosticCode):
 
 
 class Note(OneLineRepr, FrozenStruct):
-    """A second location or additional information, such as "mount declared here".
+    """Additional information about a diagnostic, with an optional second location, such as "mount declared here".
 
     `Note` shortens its message in the same way as `Diagnostic`.
     """
@@ -283,7 +285,7 @@ class Note(OneLineRepr, FrozenStruct):
 
 
 def noted(message: str, origin: Origin) -> tuple[Note, ...]:
-    """Return a note at the innermost location of `origin`, or no notes if `origin` is empty."""
+    """Create a note with the text `message` at the innermost location of `origin`. Return an empty tuple if `origin` is empty."""
     return (Note(message=message, span=origin[0]),) if origin else ()
 
 
@@ -313,10 +315,11 @@ class Diagnostic(OneLineRepr, FrozenStruct):
 
 
 class Allowance(FrozenStruct, eq=False):
-    """An entry of `allow:`, which suppresses warnings of `code` with a location in one of `nodes`.
+    """An entry of `allow:` in a document, which suppresses the warnings with one diagnostic code in a part of the document.
 
-    `nodes` contains the mapping with the entry, with the span of its key. For a mode, `nodes` also contains the mappings that are merged
-    over this mapping. `where` is the location of the entry, and `path` the path of its mapping in the document.
+    The entry suppresses a warning of `code` if the location of the warning is inside one of the mappings in `nodes`. `nodes` contains each
+    mapping together with the span of its key. For a mode, `nodes` also contains the mappings that are merged over this mapping. `where` is
+    the location of the entry itself. `path` is the key path of the mapping that contains `allow:`.
     """
 
     code: DiagnosticCode
@@ -326,12 +329,14 @@ class Allowance(FrozenStruct, eq=False):
     nodes: tuple[tuple[Span, Node], ...]
 
     def covers(self, code: DiagnosticCode, places: Collection[Span]) -> bool:
-        """Return whether this entry suppresses a warning of `code` at `places`. One of the places must be in the mapping."""
+        """Return whether this entry suppresses a warning of `code` that has at least one of its locations `places` in the mapping of the
+        entry.
+        """
         return code is self.code and any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
 
 
 def allow_hint(code: DiagnosticCode) -> str:
-    """Return a hint on how to suppress a warning."""
+    """Return the help text that shows the user how to suppress warnings with this diagnostic code."""
     return f'if this is intended, write `allow: {{{code.code}: "the reason"}}`'
 
 
@@ -339,8 +344,8 @@ def allow_hint(code: DiagnosticCode) -> str:
 class Report:
     """Collects the diagnostics of all passes. A report is the only mutable object that passes share.
 
-    The `allowances` suppress the warnings that they cover. `needed` contains the allowances that were used, and `allowed` is the number of
-    suppressed warnings.
+    The report suppresses each warning that one of its `allowances` covers. `needed` contains the allowances that suppressed a warning, and
+    `allowed` is the number of suppressed warnings.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -355,7 +360,8 @@ class Report:
     ) -> bool:
         """Add a diagnostic at the location `where`. For an `Origin`, the location is the innermost span, and the other spans become notes.
 
-        If the message or the help is an unambiguous `Suggestion`, the diagnostic gets a fix. Return False if the warning is suppressed.
+        If the message or the help text is an unambiguous `Suggestion`, the diagnostic gets an automatic fix. Return False if an `allow`
+        entry of the document suppresses the diagnostic, otherwise True.
         """
         span: Span | None
         extra: list[Note] = list(notes)
@@ -371,7 +377,7 @@ class Report:
         return self.say(diagnostic)
 
     def say(self, diagnostic: Diagnostic) -> bool:
-        """Add a diagnostic, unless it is a duplicate. Return False if the diagnostic is suppressed."""
+        """Add a diagnostic, unless the report already contains an equal one. Return False if an `allow` entry suppresses the diagnostic."""
         diagnostic = _of_option(diagnostic)
         places = [place for place in (diagnostic.span, *(note.span for note in diagnostic.notes)) if place is not None]
         if diagnostic.severity is Severity.WARNING and self.allows(diagnostic.code, places):
@@ -382,7 +388,7 @@ class Report:
         return True
 
     def allows(self, code: DiagnosticCode, places: Collection[Span]) -> bool:
-        """Return whether a warning with these locations is suppressed. If so, mark the allowances as needed."""
+        """Return whether an `allow` entry suppresses warnings with this code at one of these locations. If so, mark the entry as needed."""
         covering = [allowance for allowance in self.allowances if allowance.covers(code, places)]
         self.needed.update(covering)
         self.allowed += bool(covering)
@@ -396,14 +402,14 @@ class Report:
         return self.add(code, message, where, help=help, path=path, notes=notes, severity=Severity.WARNING)
 
     def continued(self) -> Report:
-        """Return a copy of this report that can be continued independently."""
+        """Return an independent copy of this report. Diagnostics that are added to the copy are not added to this report."""
         return Report(list(self.diagnostics), self.allowances, set(self.needed), self.allowed, set(self._known))
 
     def say_unneeded(self, document: str, stages: Collection[Stage]) -> None:
-        """Warn of each unnecessary allowance in `document` (an absolute path).
+        """Report a warning for each `allow` entry of a document that did not suppress any warning. `document` is an absolute path.
 
-        An allowance is unnecessary if it did not suppress a warning although one of the completed `stages` reports its code. Allowances of
-        nested documents are skipped, because other robots may need these allowances.
+        Only entries whose code is reported by one of the completed `stages` are checked. Entries of nested documents are skipped, because
+        other robots that use these documents may need them.
         """
         for allowance in self.allowances:
             if allowance.where.file == document and allowance.code.warned_by in stages and allowance not in self.needed:
@@ -417,25 +423,29 @@ class Report:
 
     @property
     def failed(self) -> bool:
-        """Return whether there is an error."""
+        """Return whether the report contains at least one error."""
         return any(d.severity is Severity.ERROR for d in self.diagnostics)
 
     def ordered(self) -> list[Diagnostic]:
-        """Return the diagnostics sorted by file, line, column and order of reporting. Diagnostics without a location are last."""
+        """Return the diagnostics sorted by file, line and column. Diagnostics at the same location keep the order in which they were added.
+
+        Diagnostics without a location are last.
+        """
         return sorted(
             self.diagnostics,
             key=lambda d: (d.span is None, d.span.file if d.span else "", *((d.span.line, d.span.column) if d.span else (0, 0))),
         )
 
     def judged(self, *, strict: bool) -> Report:
-        """Return this report or, with `strict`, a copy in which warnings are errors."""
+        """Return this report. With `strict`, return a copy of the report in which every warning has become an error."""
         return self if not strict else Report([
             replace(d, severity=Severity.ERROR) if d.severity is Severity.WARNING else d for d in self.diagnostics
         ])
 
 
 def _of_option(diagnostic: Diagnostic) -> Diagnostic:
-    """Replace locations in values of `--set` by the option itself, because these values are not in a file."""
+    """Replace the locations of values that the option `--set` specifies by the text of the option, because these values are not in a file.
+    """
     notes = tuple(
         Note(message=f"{note.message}: `{note.span.option}`") if note.span is not None and note.span.option is not None else note
         for note in diagnostic.notes

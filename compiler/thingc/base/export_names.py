@@ -1,6 +1,7 @@
-"""The types of fields that contain names which `names:` can change in exported files, and the rules for these names.
+"""Types for strings that refer to elements of a robot by path, and rules for the names of these elements in exported files.
 
-The type of such a field specifies what the path refers to, for `targets/custom_names.py`. Type checkers treat it as `str`.
+A document can change the exported names of elements with `names:`. The annotation of each type shows which kind of element a path refers
+to, so that `targets/custom_names.py` can replace the path. Type checkers treat these types as `str`.
 """
 
 from __future__ import annotations
@@ -32,5 +33,8 @@ TAKEN: dict[str, tuple[str, ...]] = {"components": ("world",), "mounts": ("world
 
 
 def is_file_name(text: str) -> bool:
-    """Return whether `text` is a valid name in files: one line of bounded length, without leading or trailing spaces."""
+    """Return whether `text` can be the name of an element in an exported file.
+
+    A valid name has 1 to `LONGEST` printable characters and does not begin or end with a space.
+    """
     return 0 < len(text) <= LONGEST and text == text.strip() and text.isprintable()

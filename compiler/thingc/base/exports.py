@@ -1,4 +1,4 @@
-"""Export the public names of a package whose modules are imported lazily (PEP 562)."""
+"""Import the modules of a package lazily, when one of the public names of the package is used for the first time (PEP 562)."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 
 
 def exported(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return a module-level `__getattr__` for a package, which imports a module when one of its names is first used.
+    """Return a function to use as the module-level `__getattr__` of a package. It imports a module when one of its names is first used.
 
-    `modules` maps public names to modules of the package. `xml:number` means that the object has the name `number` in the module `xml`.
-    Other names raise `AttributeError`.
+    `modules` maps each public name to the module of the package that defines the name. The value `xml:number` means that the object is
+    called `number` in the module `xml`. Names that are not in `modules` raise `AttributeError`.
     """
 
     def get(name: str) -> Any:

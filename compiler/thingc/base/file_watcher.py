@@ -1,7 +1,7 @@
-"""Detect changes of files by polling their status.
+"""Detect changes of files by checking their modification times and sizes at regular intervals.
 
-Polling of times and sizes works on every system and file system, even without change notifications (network drives, folders shared with
-containers). A poll takes 0.2 ms for a hundred files. A file with a new time and the same content has not changed.
+This method works on every system and file system, including network drives and folders shared with containers, which may not support change
+notifications. Checking a hundred files takes 0.2 ms. A file with a new modification time and the same content has not changed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ SHARE = 0.2
 
 
 def stat_of(path: str) -> Stat:
-    """Return the status of a file or folder without reading it. A new name in a folder changes the status of the folder."""
+    """Return the modification time, size and inode number of a file or folder, or None if it does not exist.
+
+    Adding a file to a folder changes the modification time of the folder.
+    """
     try:
         status = os.stat(path)
     except OSError:
@@ -34,7 +37,10 @@ def stat_of(path: str) -> Stat:
 
 
 def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iterator[Seen]:
-    """Call `look` repeatedly until `stop` is set, and yield the results. The pause is `pause` [s], or longer if `look` is slow."""
+    """Call `look` repeatedly until the event `stop` is set, and yield each result.
+
+    The pause between two calls is `pause` seconds, or longer if `look` takes long.
+    """
     while not stop.is_set():
         started = time.monotonic()
         seen = look()
@@ -44,9 +50,10 @@ def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iter
 
 
 class FileWatcher:
-    """Watches files and folders for changes since the last call of `changed`. The paths may be missing.
+    """Detects which files and folders have changed since the last call of `changed`. The files and folders need not exist.
 
-    If `content` is set, only changes of its return value count. `content` must return equal values for equal contents of a path.
+    If `content` is given, a path counts as changed only if the value of `content(path)` has changed. `content` must return equal values for
+    equal contents of a path.
     """
 
     def __init__(self, paths: Iterable[str] = (), content: Callable[[str], object] | None = None) -> None:
@@ -60,19 +67,19 @@ class FileWatcher:
         return frozenset(self._seen)
 
     def note(self, paths: Iterable[str]) -> None:
-        """Add paths to the files and folders that are watched."""
+        """Watch these paths in addition to the paths that are already watched."""
         for path in paths:
             if path not in self._seen:
                 self._seen[path] = self._state(path, stat_of(path))
 
     def only(self, paths: Iterable[str]) -> None:
-        """Watch only these paths. The recorded state of paths that were already watched does not change."""
+        """Watch only these paths from now on. Paths that were already watched are compared with the state that was recorded before."""
         before, self._seen = self._seen, {}
         self._seen = {path: before[path] for path in paths if path in before}
         self.note(paths)
 
     def changed(self) -> tuple[str, ...]:
-        """Return the paths that changed since the last call."""
+        """Return the watched paths that have changed since the last call of this method."""
         changed: list[str] = []
         for path, (stat, content) in self._seen.items():
             now = stat_of(path)

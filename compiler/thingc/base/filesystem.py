@@ -1,4 +1,4 @@
-"""Read regular files only, write trees of files safely, and exchange two folders atomically."""
+"""Read regular files, write several files into a folder safely, and exchange two folders atomically."""
 
 from __future__ import annotations
 
@@ -17,22 +17,26 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class NotARegularFile(OSError):
-    """Raised if a path is not a regular file, but for example a device or a pipe, which would block."""
+    """Raised if a path is not a regular file, but for example a device or a pipe. Reading a device or pipe could block the program."""
 
 
 class BadPath(OSError, ValueError):
-    """Raised if a path that was read from a file is not safe to use. The message contains the reason."""
+    """Raised if a path that was read from a file is unsafe, for example because it leads out of a folder. The message contains the reason.
+    """
 
 
 def hash_name(text: str, digits: int = 64) -> str:
-    """Validate and return a hash from a file (by default a SHA-256) for use in a path. Raises `BadPath` for an invalid hash."""
+    """Return `text` if it is a hexadecimal hash with `digits` digits, such as a SHA-256, and can therefore be used in a path.
+
+    Raises `BadPath` for any other string.
+    """
     if re.fullmatch(f"[0-9a-f]{{{digits}}}", str(text)) is None:
         raise BadPath(f"expected a hash of {digits} hex digits, found {str(text)[:100]!r}")
     return text
 
 
 def opened(path: str) -> BufferedReader:
-    """Open a file for reading bytes. Raises `OSError`, and `NotARegularFile` for pipes and devices."""
+    """Open a regular file for reading bytes. Raises `NotARegularFile` for pipes and devices, and `OSError` for other errors."""
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         raise NotARegularFile(errno.EINVAL, "It is not a regular file", path)
@@ -40,13 +44,13 @@ def opened(path: str) -> BufferedReader:
 
 
 def beginning(path: str, most: int) -> bytes:
-    """Return at most `most` bytes from the beginning of a file. Raises `OSError` as `opened` does."""
+    """Return the first `most` bytes of a file, or the whole file if it is shorter. Raises the same errors as `opened`."""
     with opened(path) as stream:
         return stream.read(most)
 
 
 def working_folder() -> str | None:
-    """Return the working folder, or None if it has been deleted."""
+    """Return the path of the current working directory, or None if the directory has been deleted."""
     try:
         return os.getcwd()
     except FileNotFoundError:
@@ -54,7 +58,7 @@ def working_folder() -> str | None:
 
 
 def listing(folder: str) -> list[str]:
-    """Return the sorted names in a folder. The result is empty if the folder cannot be read."""
+    """Return the sorted names of the files and folders in a folder. Return an empty list if the folder cannot be read."""
     try:
         return sorted(os.listdir(folder))
     except OSError:
@@ -62,9 +66,9 @@ def listing(folder: str) -> list[str]:
 
 
 def check_tree(paths: Iterable[str]) -> None:
-    """Check the relative paths (with `/`) of files and links before they are written below one folder.
+    """Check the relative paths of files and links before these are written into a folder. The separator of the paths is `/`.
 
-    Raises `BadPath` if a path leaves the folder, occurs twice, or is both a file and a folder.
+    Raises `BadPath` if a path leads out of the folder, occurs twice, or is used both as a file and as a folder.
     """
     files, folders = set[str](), set[str]()
     for path in paths:
@@ -78,9 +82,11 @@ def check_tree(paths: Iterable[str]) -> None:
 
 
 def write_tree(root: str, files: Mapping[str, bytes], links: Mapping[str, str]) -> None:
-    """Write files, then symbolic links with their targets, below a folder. Links are not followed, and no file is replaced.
+    """Write new files and symbolic links into the folder `root`. `files` maps relative paths to contents, and `links` maps paths to
+    targets.
 
-    Raises `OSError`, and `BadPath` as `check_tree` does.
+    Symbolic links in the folder are not followed, and existing files are not replaced. Raises `OSError`, and `BadPath` as `check_tree`
+    does.
     """
     check_tree((*files, *links))
     for path in (*files, *links):
@@ -97,7 +103,10 @@ def write_tree(root: str, files: Mapping[str, bytes], links: Mapping[str, str]) 
 
 
 def write_new(path: str, data: bytes, mode: int = 0o666) -> None:
-    """Write a file that does not exist yet, with as few system calls as possible. Raises `OSError`, also if the path is a link."""
+    """Create a new file with the content `data`. Raises `OSError` if `path` already exists, even if `path` is a symbolic link.
+
+    The function uses as few system calls as possible, because a batch writes very many files.
+    """
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
     try:
         rest = memoryview(data)
@@ -108,11 +117,10 @@ def write_new(path: str, data: bytes, mode: int = 0o666) -> None:
 
 
 def write_whole(path: str, data: bytes, check: Callable[[], None] = lambda: None) -> bool:
-    """Write a file beside `path`, call `check`, and rename the file to `path`, unless `path` already has this content.
+    """Replace the content of a file atomically, unless the file already has this content. Return whether the file was written.
 
-    Return whether the file was written.
-
-    The mode of an existing file is preserved. A link is replaced, not followed. Raises `OSError`.
+    The new content is first written to a temporary file in the same folder. Then `check` is called, and the temporary file is renamed to
+    `path`. The mode of an existing file is preserved. A symbolic link is replaced, not followed. Raises `OSError`.
     """
     with contextlib.suppress(OSError), opened(path) as stream:
         if stream.read() == data:

@@ -1,4 +1,4 @@
-"""The base class of the compiler's data: an immutable msgspec struct."""
+"""The base class for immutable data of the compiler, which is an msgspec struct."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ import msgspec
 
 
 class _KeywordOnly(msgspec.StructMeta):
-    """Makes fields keyword-only unless a class passes `kw_only=False`. (msgspec does not inherit this option.)"""
+    """A metaclass that makes all fields of a struct keyword-only. It is required because msgspec does not inherit the option `kw_only`.
+
+    A class can pass `kw_only=False` to allow positional fields.
+    """
 
     def __new__(
         mcls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], /, *, kw_only: bool = True, **options: Any,
@@ -18,7 +21,7 @@ class _KeywordOnly(msgspec.StructMeta):
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(msgspec.field,))
 class FrozenStruct(msgspec.Struct, metaclass=_KeywordOnly, frozen=True):
-    """A frozen struct with keyword-only fields. Its fields determine equality and the hash.
+    """Base class of immutable msgspec structs with keyword-only fields. Equality and hash are determined by the values of all fields.
 
-    A class can set the options `eq=False`, `kw_only=False` and `dict=True` (for `cached_property`). Equality compares every field.
+    A subclass can set the options `eq=False`, `kw_only=False` and `dict=True`. The option `dict=True` is required for `cached_property`.
     """

@@ -1,4 +1,4 @@
-"""Find cycles in graphs, and compute disjoint sets."""
+"""Find cycles in directed graphs, and merge disjoint sets."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ T = TypeVar("T", bound=Hashable)
 
 
 def find_cycles(starts: Iterable[T], after: Callable[[T], T | None]) -> Iterator[list[T]]:
-    """Yield every cycle of a graph once, starting at the member that the search reaches first.
+    """Yield each cycle of a directed graph in which every node has at most one successor. A cycle is a list of its nodes.
 
-    `after` returns the successor of a member, or None.
+    The search follows the successors of each node in `starts`. `after(node)` returns the successor of a node, or None. Each cycle is
+    yielded once, beginning with the node that the search reaches first.
     """
     done: set[T] = set()
     for start in starts:
@@ -30,7 +31,7 @@ def find_cycles(starts: Iterable[T], after: Callable[[T], T | None]) -> Iterator
 
 
 def circle_words(names: Sequence[str]) -> str:
-    """Format a cycle of names as a chain that ends with its first name. A long cycle is abbreviated in the middle."""
+    """Format a cycle of names as text, such as `a -> b -> a`, which ends with the first name. The middle of a long cycle is omitted."""
     shown = [f"`{name}`" for name in names]
     if len(shown) > MAX_CIRCLE:
         shown = [*shown[: MAX_CIRCLE - 2], f"... ({len(shown) - MAX_CIRCLE + 1} more)", shown[-1]]
@@ -38,19 +39,23 @@ def circle_words(names: Sequence[str]) -> str:
 
 
 class DisjointSets:
-    """Disjoint sets of the numbers 0 to `count` - 1 (union-find). The smallest number of a set represents it."""
+    """A union-find data structure that groups the numbers from 0 to `count` - 1 into disjoint sets.
+
+    The smallest number of each set represents the set.
+    """
 
     def __init__(self, count: int) -> None:
         self._above = list(range(count))
 
     def join(self, one: int, other: int) -> bool:
-        """Join the sets of two numbers. Return False if they were already in the same set."""
+        """Merge the set that contains `one` with the set that contains `other`. Return False if both numbers were already in the same set.
+        """
         one, other = self.representative(one), self.representative(other)
         self._above[max(one, other)] = min(one, other)
         return one != other
 
     def representative(self, number: int) -> int:
-        """Return the smallest number in the set of `number`."""
+        """Return the smallest number of the set that contains `number`."""
         while self._above[number] != number:
             self._above[number] = self._above[self._above[number]]
             number = self._above[number]

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia: transform, sum and check them in pure Python with double precision."""
+"""Compute with the mass, centre of mass and inertia of rigid bodies, in pure Python with double precision."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
     inertia: Matrix = ZERO
 
     def seen_from(self, pose: Pose) -> MassProperties:
-        """Transform properties from frame B to frame A; `pose` is `X_AB`."""
+        """Return these mass properties in the axes of frame A, given the pose `X_AB` of the frame B in which they are expressed now."""
         r = pose.rotation
         turned = multiply(multiply(r, self.inertia), transpose(r))
         return MassProperties(mass=self.mass, centre=pose.apply(self.centre), inertia=symmetric(turned))
 
     def about(self, point: Vector) -> Matrix:
-        """Return the inertia [kg m^2] about another point [m] in the same frame (parallel-axis theorem)."""
+        """Return the inertia [kg m^2] about another point [m] of the same frame, computed with the parallel-axis theorem."""
         x, y, z = (self.centre[k] - point[k] for k in range(3))
         m, i = self.mass, self.inertia
         return (
@@ -40,7 +40,10 @@ class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
         )
 
     def with_mass(self, mass: float) -> MassProperties:
-        """Return the properties of the same shape with another mass [kg]. The inertia is scaled (0 if the mass was 0)."""
+        """Return the mass properties of a body with the same shape and another mass [kg].
+
+        The inertia is scaled by the ratio of the masses. If the mass was 0, the inertia becomes 0.
+        """
         scale = mass / self.mass if self.mass > 0.0 else 0.0
         i = self.inertia
         scaled: Matrix = (
@@ -52,7 +55,7 @@ class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
 
 
 def total(bodies: Iterable[MassProperties]) -> MassProperties:
-    """Return the mass properties of several bodies together, all in the same frame."""
+    """Return the combined mass properties of several rigid bodies whose properties are all expressed in the same frame."""
     parts = list(bodies)
     mass = numeric.fsum(body.mass for body in parts)
     if mass > 0.0:
@@ -74,25 +77,27 @@ def total(bodies: Iterable[MassProperties]) -> MassProperties:
 
 
 def symmetric(a: Matrix) -> Matrix:
-    """Return the symmetric part of `a`, so that rounding errors cannot give two values for the same product of inertia."""
+    """Return the symmetric part `(a + a^T) / 2` of a matrix, so that rounding errors do not make an inertia matrix asymmetric."""
     xy, xz, yz = (a[0][1] + a[1][0]) / 2.0, (a[0][2] + a[2][0]) / 2.0, (a[1][2] + a[2][1]) / 2.0
     return ((a[0][0], xy, xz), (xy, a[1][1], yz), (xz, yz, a[2][2]))
 
 
 @lru_cache(maxsize=1024)
 def principal_moments(a: Matrix) -> Vector:
-    """Return the eigenvalues of a symmetric matrix, ascending."""
+    """Return the three eigenvalues of a symmetric 3 x 3 matrix in ascending order."""
     return _principal_moments(*a[0], *a[1], *a[2])
 
 
 def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
-    """Return the eigenvalues of a symmetric matrix and its eigenvectors, the columns of a proper rotation R: `a = R diag(values) R^T`.
+    """Return the eigenvalues of a symmetric 3 x 3 matrix, and the rotation matrix R whose columns are the eigenvectors.
 
-    Each eigenvector is as close as possible to the axis with the same index: for a diagonal matrix, R is the identity. Cyclic Jacobi
-    rotations (Golub and Van Loan, "Matrix Computations", section 8.5) are accurate to rounding even for equal moments, whereas the closed
-    formula would lose digits. `math.hypot` may differ between Python versions if the exact root is almost half way between two floats. This
-    can happen for round numbers, but the arguments here are quotients of sums. With `numeric.hypot`, evaluating the variants of a family
-    would take twice as long.
+    The matrix is `a = R diag(values) R^T`. Each eigenvector is as close as possible to the coordinate axis with the same index, so R is the
+    identity for a diagonal matrix.
+
+    The method is cyclic Jacobi rotations (Golub and Van Loan, "Matrix Computations", section 8.5). It is accurate to rounding even for
+    equal moments, for which the closed formula loses digits. `math.hypot` may differ between Python versions if the exact root is almost
+    half way between two floats. This can happen for round numbers, but the arguments here are quotients of sums. With `numeric.hypot`,
+    evaluating the variants of a family would take twice as long.
     """
     return _principal_axes(*a[0], *a[1], *a[2])
 
@@ -141,7 +146,7 @@ LEAST_MASS = 1e-15
 
 
 def physical_fault(a: Matrix) -> str | None:
-    """Return the reason why no rigid body can have this inertia, or None for a physical inertia.
+    """Return a message that explains why a rigid body cannot have the inertia matrix `a`, or None if the inertia is physical.
 
     The inertia must be positive definite, and no principal moment may exceed the sum of the other two moments (with a relative tolerance of
     1e-9).
@@ -150,7 +155,10 @@ def physical_fault(a: Matrix) -> str | None:
 
 
 def moments_fault(low: float, middle: float, high: float) -> str | None:
-    """Return the result of `physical_fault` for principal moments [kg m^2] in ascending order."""
+    """Return a message that explains why a rigid body cannot have these principal moments [kg m^2], or None if they are physical.
+
+    The principal moments are given in ascending order.
+    """
     if low <= 0.0:
         return f"its principal moments are {low:.6g}, {middle:.6g}, {high:.6g} kg m^2, but all must be above 0"
     if high > (low + middle) * (1.0 + 1e-9):
@@ -162,10 +170,10 @@ def moments_fault(low: float, middle: float, high: float) -> str | None:
 
 
 def within_triangle(a: Matrix) -> Matrix:
-    """Return the inertia of a body. For a flat body, the moments are increased by a relative 1e-12, so that they are physical despite
-    rounding.
+    """Return an inertia matrix that satisfies the triangle inequality of principal moments exactly, as MuJoCo requires.
 
-    MuJoCo computes the principal moments and requires A + B >= C exactly, but a plate has A + B = C.
+    MuJoCo requires A + B >= C for the principal moments. A flat plate has A + B = C, which rounding can violate. The moments of a flat body
+    are therefore increased by a relative 1e-12.
     """
     low, middle, high = principal_moments(a)
     short = high - low - middle

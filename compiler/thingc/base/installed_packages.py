@@ -1,4 +1,4 @@
-"""Find installed packages by name, without importing them."""
+"""Find installed Python packages by name without importing them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from thingc.base.filesystem import working_folder
 
 @cache
 def import_path() -> tuple[str, ...]:
-    """Return `sys.path` without the current folder and the folder of the script, so that these folders do not affect imports."""
+    """Return `sys.path` without the current working directory and the folder of the running script.
+
+    Files in these two folders therefore cannot hide an installed package.
+    """
     entries = list(sys.path)
     if entries and not getattr(sys.flags, "safe_path", False):
         here = working_folder() or os.sep
@@ -26,7 +29,10 @@ _PYTHONS_OWN = (importlib.machinery.PathFinder, importlib.machinery.BuiltinImpor
 
 
 def specification_of(name: str) -> importlib.machinery.ModuleSpec | None:
-    """Return the import spec of an installed top-level module, or None. Editable packages are also found."""
+    """Return the import specification of an installed top-level module, or None if the module is not installed.
+
+    Packages that are installed in editable mode are also found.
+    """
     specification = importlib.machinery.PathFinder.find_spec(name, list(import_path()))
     if specification is None or specification.origin is None and specification.submodule_search_locations:
         for finder in sys.meta_path:
@@ -41,14 +47,17 @@ def specification_of(name: str) -> importlib.machinery.ModuleSpec | None:
 
 
 def package_folder(name: str) -> str | None:
-    """Return the folder of an installed top-level package with an `__init__.py`, or None."""
+    """Return the folder of an installed top-level package that has an `__init__.py`. Return None if the package is not installed."""
     specification = specification_of(name)
     folders = list(specification.submodule_search_locations or ()) if specification is not None and specification.origin else []
     return folders[0] if folders else None
 
 
 def dotted_name(file: str) -> str:
-    """Return the dotted name of a file in a package, such as `thingc_stock.materials`. The name does not depend on the install location."""
+    """Return the dotted module name of a Python file in a package, such as `thingc_stock.materials`.
+
+    The name does not depend on the folder in which the package is installed.
+    """
     folder, name = os.path.split(os.path.splitext(file)[0])
     words = [name]
     while os.path.isfile(os.path.join(folder, "__init__.py")):

@@ -1,4 +1,4 @@
-"""Start child processes that exchange lines of JSON, such as workers that build parts."""
+"""Start child processes that exchange one JSON value per line over pipes, such as the worker processes that build parts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Lines = queue.SimpleQueue["tuple[JsonLinesProcess, Any]"]
 
 
 class ProcessLost(Exception):
-    """Raised if a process has died or does not answer (`hung`). `words` describes the cause."""
+    """Raised if a child process has ended, or if it does not answer in time (`hung`). `words` describes the cause."""
 
     def __init__(self, words: str, *, hung: bool = False) -> None:
         super().__init__(words)
@@ -33,10 +33,11 @@ class ProcessLost(Exception):
 
 
 class JsonLinesProcess:
-    """A child process `python -m MODULE WORDS` with pipes. Its own session protects it from interrupts in the terminal.
+    """A child process `python -m MODULE WORDS` that exchanges lines of JSON over its standard input and output.
 
-    A thread puts the output of the process into the queue `lines` as `(process, value)`, with None as the last value. Several processes may
-    share a queue. Raises `OSError` if the process cannot be started.
+    The process runs in its own session, so that Ctrl-C in the terminal does not interrupt it. A thread reads the output of the process and
+    puts each value into the queue `lines` as a tuple `(process, value)`. When the output ends, the thread puts `(process, None)` into the
+    queue. Several processes can share one queue. Raises `OSError` if the process cannot be started.
     """
 
     def __init__(
@@ -60,15 +61,16 @@ class JsonLinesProcess:
         return self._process.pid
 
     def ask(self, value: Any) -> None:
-        """Send a value to the process as a line of JSON. A broken pipe is ignored."""
+        """Send a value to the standard input of the process as one line of JSON. Errors because the process has ended are ignored."""
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):  # `answer` reports the death of the process
             self._process.stdin.write(json.dumps(value, separators=(",", ":")).encode() + b"\n")
             self._process.stdin.flush()
 
     def answer(self, timeout: float) -> Any:
-        """Return the next value that the process sends. Raises `ProcessLost` if the process dies or does not answer within `timeout` [s];
-        then call `close`.
+        """Wait for the next value that the process sends, and return this value.
+
+        Raises `ProcessLost` if the process ends or does not answer within `timeout` seconds. In this case, call `close`.
         """
         try:
             _, said = self._lines.get(timeout=timeout)
@@ -79,18 +81,21 @@ class JsonLinesProcess:
         return said
 
     def errors(self) -> str:
-        """Return the end of the standard error of the process."""
+        """Return the end of the output that the process has written to its standard error."""
         size = self._errors.seek(0, os.SEEK_END)
         self._errors.seek(max(0, size - KEPT))
         return self._errors.read().decode(errors="replace")
 
     def kill(self) -> None:
-        """Kill the process. Any thread can call this method."""
+        """Kill the process immediately. This method can be called from any thread."""
         with contextlib.suppress(OSError):
             self._process.kill()
 
     def close(self) -> None:
-        """Close the input, wait for the process (kill it after `FAREWELL` seconds), and release its resources."""
+        """Close the standard input of the process, wait until the process ends, and release its resources.
+
+        If the process does not end within `FAREWELL` seconds, it is killed.
+        """
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):
             self._process.stdin.close()
@@ -102,7 +107,10 @@ class JsonLinesProcess:
         self._errors.close()
 
     def _read(self) -> None:
-        """Put arriving lines into the queue. Replace lone surrogates by question marks, and drop an incomplete last line."""
+        """Read the output of the process line by line and put the decoded values into the queue. This method runs in a separate thread.
+
+        Lone surrogates are replaced by question marks. An incomplete last line is dropped.
+        """
         assert self._process.stdout is not None
         try:
             with self._process.stdout as stream:

@@ -1,4 +1,4 @@
-"""A cache for pure functions that keeps the last result per key."""
+"""A cache for the results of pure functions that stores only the most recent result for each key."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ PLACES = 100_000
 
 
 class Memo:
-    """A cache that keeps the last result and its inputs per key (`("geom", "hand/cap")`).
+    """A cache that stores, for each key, the most recent result of a function and the inputs of this call.
 
-    Few inputs change between two compilations of a document. The last result is therefore enough, and the cache does not grow with the
-    number of compilations. Functions must depend only on their inputs. Inputs and results are shared and must not be modified. The cache
-    compares inputs by value. The comparison of identical objects is fast. 0.0 and -0.0 are equal, which does not affect any output.
+    A key is for example `("geom", "hand/cap")`. Few inputs change between two compilations of a document, so the most recent result is
+    sufficient, and the cache does not grow with the number of compilations.
+
+    Functions must depend only on their inputs. Inputs and results are shared and must not be modified. The cache compares inputs by value,
+    which is fast for identical objects. 0.0 and -0.0 are equal, which does not affect any output.
     """
 
     __slots__ = ("_kept",)
@@ -25,7 +27,8 @@ class Memo:
         self._kept: dict[Hashable, tuple[tuple[Any, ...], Any]] = {}
 
     def __call__(self, place: Hashable, function: Callable[..., Answer], *inputs: Any) -> Answer:
-        """Return `function(*inputs)`, or the cached object if the last inputs for this key were equal."""
+        """Return `function(*inputs)`. If the most recent call for the key `place` had equal inputs, return the cached result of this call.
+        """
         known = self._kept.get(place)
         if known is not None and known[0] == inputs:
             kept: Answer = known[1]
@@ -35,22 +38,25 @@ class Memo:
         return answer
 
     def apart(self) -> Memo:
-        """Return a separate empty memo for results that are valid only in one run."""
+        """Return a new, empty cache for results that are valid only during one run of the compiler."""
         return Memo()
 
     def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
-        """Return the result that `keep` stored for equal inputs, otherwise None."""
+        """Return the result that `keep` stored for the key `place`, if it was stored with equal inputs, otherwise None."""
         known = self._kept.get(place)
         return known[1] if known is not None and known[0] == inputs else None
 
     def keep(self, place: Hashable, inputs: tuple[Any, ...], answer: Any) -> None:
-        """Store a result with the inputs from which it was computed."""
+        """Store the result `answer` of a function and the inputs of the call under the key `place`."""
         if len(self._kept) >= PLACES:
             self._kept.clear()
         self._kept[place] = (inputs, answer)
 
     def same(self, place: Hashable, value: Answer) -> Answer:
-        """Return the last object for this key if it equals `value`, otherwise `value`. Later comparisons of identical objects are fast."""
+        """Return the object that is cached under the key `place` if it equals `value`. Otherwise, cache `value` and return it.
+
+        Returning the same object for equal values makes later comparisons fast.
+        """
         kept: Answer | None = self.last(place, (value,))
         if kept is not None:
             return kept

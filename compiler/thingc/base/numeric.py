@@ -1,4 +1,4 @@
-"""Numeric operations with the same results in every Python version. The operations also accept recorded numbers."""
+"""Mathematical functions with the same results in every Python version. They also accept `Recorded` numbers, which record computations."""
 
 from __future__ import annotations
 
@@ -18,32 +18,39 @@ FORMATTERS: dict[str, Formatter] = {}
 
 
 class Recorded:
-    """A placeholder for numbers. Computations with a placeholder are recorded and can be repeated with other values."""
+    """Base class of numbers that record the computations in which they are used, so that the computations can be repeated for other values.
+    """
 
     __slots__ = ()
 
     def operate(self, name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """Return the result of `function`, one of `OPERATIONS`. At least one of the arguments is recorded."""
+        """Record the call `function(*arguments)` and return its result. `name` is the key of the function in `OPERATIONS`.
+
+        At least one of the arguments is a recorded number.
+        """
         raise NotImplementedError
 
     def slot(self, form: str) -> str:
-        """Return the placeholder for this number in files. `form` is one of `FORMATTERS`, or `:` and a format specification."""
+        """Return a placeholder text for this number, to be written into a file in place of the number.
+
+        `form` is the format of the number: a key of `FORMATTERS`, or `:` followed by a format specification.
+        """
         raise NotImplementedError
 
     def for_text(self) -> Any:
-        """Return this number if texts are recorded with placeholders, otherwise its value."""
+        """Return this recorded number if it can be written into texts as a placeholder. Otherwise, return its plain value."""
         raise NotImplementedError
 
 
 def for_text(value: float) -> float:
-    """Return a number for use in a text. If texts are not recorded, return the value of a recorded number."""
+    """Return a number that can be formatted in a text. A recorded number is replaced by its value unless texts can contain placeholders."""
     return cast("float", value.for_text()) if isinstance(value, Recorded) else value
 
 
 def one_operation(function: Function) -> Function:
-    """Decorate a function of numbers, so that calls are recorded as one operation.
+    """Decorate a function of numbers so that a call with recorded numbers is recorded as a single operation.
 
-    It must return a number, a boolean, or tuples of numbers.
+    The decorated function must return a number, a boolean, or nested tuples of numbers.
     """
     name = function.__name__
     OPERATIONS[name] = function
@@ -59,7 +66,10 @@ def one_operation(function: Function) -> Function:
 
 
 def formatter(form: str) -> Callable[[Formatter], Callable[[float | Recorded], str]]:
-    """Decorate a function that formats a number. The decorated function returns a placeholder for a recorded number."""
+    """Return a decorator for functions that format a number. For a recorded number, the decorated function returns a placeholder text.
+
+    `form` is the name under which the function is registered in `FORMATTERS`.
+    """
 
     def decorate(function: Formatter) -> Callable[[float | Recorded], str]:
         FORMATTERS[form] = function
@@ -74,7 +84,10 @@ def formatter(form: str) -> Callable[[Formatter], Callable[[float | Recorded], s
 
 
 def _extreme(function: Function) -> Function:
-    """Wrap `min` or `max` of numbers without a `key`. For recorded numbers, any argument may be the result."""
+    """Wrap the built-in function `min` or `max` so that a call with recorded numbers is recorded as a single operation.
+
+    The argument `key` is not supported.
+    """
     extreme = one_operation(function)
 
     def operation(*arguments: Any, **default: Any) -> Any:
@@ -94,21 +107,21 @@ remainder, isfinite, isinf = one_operation(math.remainder), one_operation(math.i
 
 @one_operation
 def rounded(value: float, digits: int) -> float:
-    """Round a number to significant digits."""
+    """Round a number to `digits` significant decimal digits."""
     return float(f"{value:.{digits}g}")
 
 
 def sum_of(values: Iterable[float]) -> float:
-    """Return the sum of floats, added from left to right with each addition rounded.
+    """Return the sum of floating-point numbers, added from left to right without compensation of rounding errors.
 
-    Since Python 3.12, `sum` compensates rounding errors. The compensation would change the last digits in files, and the results of `plans`
-    would differ from the results of the passes.
+    Since Python 3.12, the built-in `sum` compensates rounding errors. This would change the last digits of numbers in files, and the
+    results of `plans` would differ from the results of the passes.
     """
     return reduce(operator.add, values, 0)
 
 
 def fsum(values: Iterable[float]) -> float:
-    """Return the sum of floats, rounded once."""
+    """Return the exact sum of floating-point numbers, rounded once to the nearest float, as `math.fsum` does."""
     return _fsum(*values)
 
 
@@ -124,12 +137,14 @@ def dist(p: Iterable[float], q: Iterable[float]) -> float:
 
 @one_operation
 def hypot(*components: float) -> float:
-    """Return the Euclidean length of a vector, rounded once to the nearest float.
+    """Return the Euclidean norm of a vector. The exact norm is rounded once to the nearest float.
 
-    `math.hypot` and `math.dist` differ in the last digit between Python versions: for 0.075 m and 0.18 m the result is 0.195 m in 3.11, and
-    0.19499999999999998 m since 3.12. Floats are integers divided by a power of two, so the sum of squares is exact. The root has at least
-    64 bits. The last bit of an inexact root is set, so that the root is never mistaken for the middle of two floats. For values that are
-    not finite, and on overflow, the result is the same as from `math.hypot`.
+    `math.hypot` and `math.dist` differ in the last digit between Python versions. For 0.075 m and 0.18 m, the result is 0.195 m in Python
+    3.11 and 0.19499999999999998 m since Python 3.12.
+
+    Floats are integers divided by a power of two, so the sum of squares is exact. The root is computed with at least 64 bits. The last bit
+    of an inexact root is set, so that the root is never mistaken for the middle of two floats. If a value is not finite or the sum
+    overflows, the result is the same as from `math.hypot`.
     """
     try:
         ratios = [value.as_integer_ratio() for value in components]

@@ -1,4 +1,4 @@
-"""One-line representations of the compiler's data, and counts with nouns."""
+"""Represent objects of the compiler in one line for debugging, and format counts with their nouns."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ _WORD = 40
 
 
 class OneLineRepr:
-    """Base class of structs (or dataclasses with `repr=False`) with a one-line representation:
-    `Robot('arm', mode=LinkedMode('bench'), base='fixed', bodies=[7 Body])`.
+    """Base class that provides a `__repr__` in one line, such as `Robot('arm', mode=LinkedMode('bench'), base='fixed', bodies=[7 Body])`.
 
-    The representation contains the name, then the fields that are not empty, in order. Nested values are named or counted, not printed in
-    full.
+    The representation contains the name of the object and all fields that are not empty, in order. Nested objects are represented by their
+    names, and long collections by their lengths. The class is a base of structs, and of dataclasses with `repr=False`.
     """
 
     __slots__ = ()
@@ -32,7 +31,7 @@ class OneLineRepr:
 
 
 def counted(number: int, noun: str) -> str:
-    """Format a count with its noun: `1 document`, `2 documents`, `2 losses`."""
+    """Format a number with its noun in the singular or plural: `1 document`, `2 documents`, `2 losses`."""
     return f"{number} {noun}{'' if number == 1 else 'es' if noun.endswith(('s', 'sh')) else 's'}"
 
 
@@ -53,13 +52,13 @@ def _line(self: Any) -> str:
 
 
 def _called(value: object) -> str | None:
-    """Return the name of an object for its representation, or None."""
+    """Return the name, path, text or code of an object, for its representation. Return None if the object has none of these attributes."""
     names = (getattr(value, attribute, None) for attribute in ("name", "path", "text", "code"))
     return next((one for one in names if isinstance(one, str) and one), None)
 
 
 def _short_repr(value: Any) -> str:
-    """Return a short representation of a value."""
+    """Return a short representation of a field value for `OneLineRepr`."""
     if isinstance(value, (str, bytes)):
         return repr(value) if len(value) <= _WORD else f"{value[:_WORD]!r}..."
     if isinstance(value, Span):
@@ -77,10 +76,7 @@ def _short_repr(value: Any) -> str:
 
 
 def _listed(values: Sequence[Any]) -> str:
-    """Format a collection: `[bench, drawing]`, `[0, 0, -9.81]`, `[7 Body]`. A short collection of plain values is listed.
-
-    Other items are counted.
-    """
+    """Format a collection for `OneLineRepr`: a short list of plain values as `[bench, drawing]`, other collections as `[7 Body]`."""
     if len(values) <= LISTED and all(isinstance(one, (str, int, float)) and len(f"{one}") <= _WORD for one in values):
         return "[" + ", ".join(one if isinstance(one, str) else _short_repr(one) for one in values) + "]"
     kinds = {type(one).__name__ for one in values}

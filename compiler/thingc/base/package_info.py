@@ -1,4 +1,4 @@
-"""Metadata of ROS packages: maintainer, license and version."""
+"""Metadata of the generated ROS packages: maintainer, email address, license and version."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ KEYS = frozenset({"maintainer", "license", "version"})
 
 
 class PackageInfo(FrozenStruct):
-    """Metadata of a ROS package: its `maintainer`, the maintainer's `mail`, its `license` and its `version`."""
+    """Metadata of a generated ROS package: the name and email address of its maintainer, its license and its version."""
 
     maintainer: str = "TODO"
     mail: str = "todo@todo.todo"
@@ -27,11 +27,10 @@ class PackageInfo(FrozenStruct):
 
     @staticmethod
     def of(texts: Mapping[str, str]) -> PackageInfo:
-        """Create the metadata from strings of a workspace file, by key.
+        """Create the package metadata from the strings in the workspace file `thingc.toml`, by key.
 
-        For missing values, use the placeholders that `ros2 pkg create` writes.
-
-        Raises `ValueError` or `TypeError` for invalid strings.
+        Missing values are replaced by the placeholders that `ros2 pkg create` writes. Raises `ValueError` or `TypeError` for invalid
+        strings.
         """
         if not all(isinstance(text, str) for text in texts.values()):
             raise TypeError
@@ -47,5 +46,5 @@ class PackageInfo(FrozenStruct):
 
 
 def one_line(text: str) -> bool:
-    """Return whether a string is printable and not blank."""
+    """Return whether a string consists of printable characters on a single line and is not blank."""
     return bool(text.strip()) and text.isprintable()

@@ -1,6 +1,6 @@
-"""Compute with rigid poses in pure Python. `X_AB` is the pose of frame B in frame A, and `X_AC = X_AB @ X_BC`.
+"""Compute with rigid transformations in pure Python. `X_AB` is the pose of frame B in frame A, and `X_AC = X_AB @ X_BC`.
 
-Values are tuples of floats, because importing numpy would slow down `check`. Lengths are in metres, angles in radians.
+Vectors and matrices are tuples of floats, because importing numpy would slow down `thingc check`. Lengths are in metres, angles in radians.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def multiply(a: Matrix, b: Matrix) -> Matrix:
-    """Return the matrix product `a b`."""
+    """Return the product `a b` of two 3 x 3 matrices."""
     columns = transpose(b)
     return (
         (dot(a[0], columns[0]), dot(a[0], columns[1]), dot(a[0], columns[2])),
@@ -30,7 +30,7 @@ def multiply(a: Matrix, b: Matrix) -> Matrix:
 
 
 def transpose(a: Matrix) -> Matrix:
-    """Return the transpose of `a`."""
+    """Return the transpose of a 3 x 3 matrix."""
     return ((a[0][0], a[1][0], a[2][0]), (a[0][1], a[1][1], a[2][1]), (a[0][2], a[1][2], a[2][2]))
 
 
@@ -40,7 +40,7 @@ def dot(a: Vector, b: Vector) -> float:
 
 
 def added(a: Vector, b: Vector, factor: float) -> Vector:
-    """Return `a + factor b`."""
+    """Return the vector `a + factor b`."""
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
@@ -50,34 +50,37 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def rotate(a: Matrix, v: Vector) -> Vector:
-    """Return the product of a matrix and a vector."""
+    """Return the product `a v` of a 3 x 3 matrix and a vector."""
     return (dot(a[0], v), dot(a[1], v), dot(a[2], v))
 
 
 class Pose(FrozenStruct):
-    """The pose of a frame: rotation (a proper orthogonal matrix) and translation [m]."""
+    """The pose of a frame: a rotation (a proper orthogonal 3 x 3 matrix) and a translation [m]."""
 
     rotation: Matrix = IDENTITY
     translation: Vector = (0.0, 0.0, 0.0)
 
     def __matmul__(self, other: Pose) -> Pose:
-        """Return `X_AC`, given `X_AB` and `X_BC`."""
+        """Compose two poses. For `X_AB @ X_BC`, the result is `X_AC`."""
         return Pose(rotation=multiply(self.rotation, other.rotation), translation=self.apply(other.translation))
 
     def inverse(self) -> Pose:
-        """Return `X_BA`, given `X_AB`."""
+        """Return the inverse of this pose. The inverse of `X_AB` is `X_BA`."""
         back = transpose(self.rotation)
         x, y, z = rotate(back, self.translation)
         return Pose(rotation=back, translation=(-x, -y, -z))
 
     def apply(self, point: Vector) -> Vector:
-        """Transform a point from B to A [m]."""
+        """Transform the coordinates of a point [m] from frame B to frame A, where this pose is `X_AB`."""
         x, y, z = rotate(self.rotation, point)
         t = self.translation
         return (x + t[0], y + t[1], z + t[2])
 
     def around(self, box: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-        """Return the smallest box along the axes of A that contains a box along the axes of B, as lowest and highest corner [m]."""
+        """Return the axis-aligned bounding box in frame A of a box that is aligned with the axes of frame B.
+
+        A box is given by its lowest and its highest corner [m]. This pose is `X_AB`.
+        """
         (ax, ay, az), (bx, by, bz) = box
         x, y, z = self.apply(((ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0))
         u, v, w = (
@@ -86,15 +89,15 @@ class Pose(FrozenStruct):
         return (x - u, y - v, z - w), (x + u, y + v, z + w)
 
     def rows(self) -> tuple[tuple[float, float, float, float], ...]:
-        """Return the homogeneous 4 x 4 matrix as a tuple of rows."""
+        """Return this pose as a homogeneous 4 x 4 matrix, which is a tuple of rows."""
         r, t = self.rotation, self.translation
         return ((*r[0], t[0]), (*r[1], t[1]), (*r[2], t[2]), (0.0, 0.0, 0.0, 1.0))
 
     def quaternion(self) -> Quaternion:
-        """Return the rotation as a unit quaternion (w, x, y, z) whose first non-zero component is positive.
+        """Return the rotation of this pose as a unit quaternion (w, x, y, z). The first component that is not zero is positive.
 
-        Source: Shepperd, "Quaternion from rotation matrix", 1978. The largest component is computed first, so the result is exact
-        to rounding at every angle.
+        Source: Shepperd, "Quaternion from rotation matrix", 1978. The largest component is computed first, so the result is exact to
+        rounding at every angle.
         """
         r = self.rotation
         squares = (
@@ -125,9 +128,9 @@ NO_POSE = Pose()
 
 
 def turn_of(quaternion: Quaternion) -> Vector:
-    """Return the rotation vector, axis times angle [rad] from 0 to pi, of a nonzero quaternion (w, x, y, z).
+    """Convert a nonzero quaternion (w, x, y, z) to a rotation vector: the rotation axis times the angle [rad] from 0 to pi.
 
-    The result is accurate near 0 and near pi.
+    The result is accurate for angles near 0 and near pi.
     """
     w, x, y, z = quaternion if quaternion[0] >= 0.0 else (-quaternion[0], -quaternion[1], -quaternion[2], -quaternion[3])
     size = sqrt(x * x + y * y + z * z)
@@ -138,7 +141,7 @@ def turn_of(quaternion: Quaternion) -> Vector:
 
 
 def quaternion_of(turn: Vector) -> Quaternion:
-    """Return the unit quaternion (w, x, y, z) of a rotation vector [rad]."""
+    """Convert a rotation vector [rad] to a unit quaternion (w, x, y, z)."""
     angle = hypot(*turn)
     if angle == 0.0:
         return (1.0, 0.0, 0.0, 0.0)
@@ -155,7 +158,9 @@ would be another rotation.
 
 @one_operation
 def quarter_exact(angle: float) -> tuple[float, float]:
-    """Return (cos, sin) of an angle [rad]. The results are exact at multiples of 90 deg: a rotation by 90 deg has no entries like 6e-17."""
+    """Return the cosine and the sine of an angle [rad]. Both are exact at multiples of 90 degrees, where `math.cos` gives values such as
+    6e-17.
+    """
     quarters = angle / (math.pi / 2.0)
     nearest = round(quarters)
     if abs(quarters - nearest) < 1e-15 * max(1.0, abs(quarters)):
@@ -164,7 +169,10 @@ def quarter_exact(angle: float) -> tuple[float, float]:
 
 
 def turned_about(axis: Vector, angle: float) -> Matrix:
-    """Return a rotation [rad] about a unit axis through the origin: Rodrigues' formula `R = c 1 + s [a]x + (1 - c) a a^T`."""
+    """Return the matrix of a rotation by an angle [rad] about a unit vector through the origin.
+
+    Rodrigues' formula is `R = c 1 + s [a]x + (1 - c) a a^T` for the axis a, with the cosine c and the sine s of the angle.
+    """
     x, y, z = axis
     c, s = quarter_exact(angle)
     # 1 - cos without cancellation near 0
@@ -177,39 +185,39 @@ def turned_about(axis: Vector, angle: float) -> Matrix:
 
 
 def turned_x(angle: float) -> Pose:
-    """Return a rotation [rad] about x."""
+    """Return the pose of a frame that is rotated by an angle [rad] about the x axis."""
     c, s = quarter_exact(angle)
     return Pose(rotation=((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)))
 
 
 def turned_y(angle: float) -> Pose:
-    """Return a rotation [rad] about y."""
+    """Return the pose of a frame that is rotated by an angle [rad] about the y axis."""
     c, s = quarter_exact(angle)
     return Pose(rotation=((c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c)))
 
 
 def turned_z(angle: float) -> Pose:
-    """Return a rotation [rad] about z."""
+    """Return the pose of a frame that is rotated by an angle [rad] about the z axis."""
     c, s = quarter_exact(angle)
     return Pose(rotation=((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
 
 
 def shifted(x: float, y: float, z: float) -> Pose:
-    """Return the pose of a frame that is translated [m] without rotation."""
+    """Return the pose of a frame that is translated by (x, y, z) [m] without rotation."""
     return Pose(translation=(x, y, z))
 
 
 def placed(xyz: Vector, rpy: Vector) -> Pose:
-    """Return the pose with translation `xyz` [m] and rotation `rpy` [rad]: extrinsic roll, pitch, yaw about fixed x, y, z, as in URDF."""
+    """Return the pose with the translation `xyz` [m] and the roll, pitch and yaw angles `rpy` [rad], as in an `<origin>` of URDF."""
     roll, pitch, yaw = rpy
     turned = turned_z(yaw) @ turned_y(pitch) @ turned_x(roll)
     return Pose(rotation=turned.rotation, translation=xyz)
 
 
 def rotation_of(quaternion: Quaternion) -> Matrix:
-    """Return the rotation matrix of a nonzero quaternion (w, x, y, z) without a square root.
+    """Convert a nonzero quaternion (w, x, y, z) to a 3 x 3 rotation matrix.
 
-    Quarter turns about an axis are therefore exact.
+    The quaternion need not be normalized. No square root is computed, so quarter turns about a coordinate axis are exact.
     """
     w, x, y, z = quaternion
     squared = w * w + x * x + y * y + z * z
@@ -221,7 +229,10 @@ def rotation_of(quaternion: Quaternion) -> Matrix:
 
 
 def along(z: Vector, origin: Vector) -> Pose:
-    """Return a frame at a point [m] with a given unit vector as z axis. If z is a coordinate axis, x and y are also coordinate axes."""
+    """Return the pose of a frame at the point `origin` [m] whose z axis is the unit vector `z`.
+
+    If `z` is a coordinate axis, the x and y axes of the frame are also parallel to coordinate axes.
+    """
     least = min(range(3), key=lambda k: abs(z[k]))
     y = cross(z, IDENTITY[least])
     size = sqrt(dot(y, y))
@@ -230,9 +241,9 @@ def along(z: Vector, origin: Vector) -> Pose:
 
 
 def rpy_of(rotation: Matrix) -> Vector:
-    """Return roll, pitch and yaw [rad] of a rotation, as in `placed`.
+    """Convert a 3 x 3 rotation matrix to roll, pitch and yaw angles [rad], as in an `<origin>` of URDF.
 
-    At a pitch of 90 deg, yaw and roll are about the same axis. In this case, the yaw is arbitrary, and the roll is the rest of the
+    At a pitch of 90 degrees, yaw and roll rotate about the same axis. In this case, an arbitrary yaw is chosen, and roll is the remaining
     rotation.
     """
     (xx, xy, xz), (yx, yy, yz), (zx, _, _) = rotation
@@ -242,10 +253,11 @@ def rpy_of(rotation: Matrix) -> Vector:
 
 
 class Mirror:
-    """Reflection at the plane through the origin that is normal to `axis` (`x | y | z`).
+    """A reflection across the plane through the origin whose normal is the coordinate axis `axis` (`x`, `y` or `z`).
 
-    S is the reflection at the plane in a component's frame, and D reverses y of a mount's own frame. The image of a mount at X is at `S X
-    D`: its origin, x and z are mirrored, and y is chosen so that the frame is right-handed.
+    Let S be the reflection in the frame of a component, and D the matrix that reverses the y axis of a mount. The mirror image of a mount
+    with the pose X has the pose `S X D`. The origin and the x and z axes are mirrored, and the y axis is chosen so that the frame is
+    right-handed.
     """
 
     def __init__(self, axis: str) -> None:
@@ -253,26 +265,30 @@ class Mirror:
         self.signs: Vector = (x, y, z)
 
     def vector(self, value: Any) -> Vector:
-        """Reflect a point or a direction."""
+        """Return the mirror image of a point or a direction."""
         x, y, z = (entry * sign + 0.0 for entry, sign in zip(value, self.signs, strict=True))
         return (x, y, z)
 
     def matrix(self, value: Any) -> Matrix:
-        """Reflect an inertia matrix: `S I S`."""
+        """Return the mirror image `S I S` of an inertia matrix I."""
         a, b, c = (self.vector([entry * sign for entry in row]) for row, sign in zip(value, self.signs, strict=True))
         return (a, b, c)
 
     def mount(self, pose: Pose) -> Pose:
-        """Reflect a mount: origin, x and z are reflected, and y is chosen so that the frame stays right-handed."""
+        """Return the pose of the mirror image of a mount. The origin and the x and z axes are mirrored; y is chosen for a right-handed
+        frame.
+        """
         x, y, z = (self.vector(column) for column in zip(*pose.rotation, strict=True))
         a, b, c = ((x[k], -y[k] + 0.0, z[k]) for k in range(3))
         return Pose(rotation=(a, b, c), translation=self.vector(pose.translation))
 
     def frame(self, pose: Pose) -> Pose:
-        """Reflect a frame: `S X S`. The content of the frame must be reflected along the same axis of the frame."""
+        """Return the mirror image `S X S` of the pose X of a frame. Geometry in this frame must be mirrored along the same axis of the
+        frame.
+        """
         return Pose(rotation=self.matrix(pose.rotation), translation=self.vector(pose.translation))
 
     @property
     def origin(self) -> Pose:
-        """Pose of the mirror image of a mount at the origin."""
+        """The pose of the mirror image of a mount whose pose is the identity."""
         return self.mount(NO_POSE)

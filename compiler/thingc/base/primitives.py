@@ -1,4 +1,4 @@
-"""Geometric primitives: volume, mass properties and bounds, in pure Python."""
+"""Geometric primitives such as boxes and cylinders, and their volumes, mass properties and bounding boxes, in pure Python."""
 
 from __future__ import annotations
 
@@ -19,9 +19,12 @@ PrimitiveShape = Literal["box", "cylinder", "capsule", "sphere", "ellipsoid", "p
 class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
     """A geometric primitive, such as a box or a cylinder.
 
-    `size` [m] is as in MuJoCo. Box: half sizes; cylinder and capsule: radius, half length (of the straight part) along z; sphere: radius;
-    ellipsoid: half axes; plane: half sizes along x and y, 0 if infinite. `pose` is in the part's frame. The z axis of a plane points away
-    from its solid side. A plane has neither volume nor area.
+    `size` [m] has the same meaning as in MuJoCo. A box has three half sizes. A cylinder or capsule has a radius and the half length of its
+    straight part along z. A sphere has a radius, and an ellipsoid three half axes. A plane has half sizes along x and y, which are 0 for an
+    infinite plane.
+
+    `pose` is the pose of the primitive in the frame of the part. The z axis of a plane points away from its solid side. A plane has neither
+    volume nor area.
     """
 
     shape: PrimitiveShape
@@ -43,7 +46,8 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
     @property
     def area(self) -> float:
-        """Surface area [m^2]. Raises `ValueError` for an ellipsoid, because there is no closed formula for its area."""
+        """The surface area of the primitive [m^2]. Raises `ValueError` for an ellipsoid, because there is no closed formula for its area.
+        """
         if self.shape == "ellipsoid":
             raise ValueError("the area of an ellipsoid is an elliptic integral")
         if self.shape == "plane":
@@ -57,9 +61,9 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
     @property
     def matter(self) -> MassProperties:
-        """Mass properties at density 1, in the part's frame (standard formulas for homogeneous solids).
+        """The mass properties of the primitive at a density of 1 kg/m^3, in the frame of the part.
 
-        The mass is the volume [m^3]. The inertia [m^5] is about the centre [m].
+        The mass is equal to the volume [m^3]. The inertia [m^5] is about the centre of mass [m].
         """
         volume = self.volume
         a, b, c = (*self.size, 0.0, 0.0)[:3]
@@ -86,9 +90,10 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
         return MassProperties(mass=volume, inertia=inertia).seen_from(self.pose)
 
     def lowest(self, down: Vector) -> float:
-        """Return the minimum [m] over all points x of the dot product of x and `down`, a unit vector in the part's frame.
+        """Return the minimum of the dot product of `down` and all points of the primitive [m]. `down` is a unit vector in the frame of the
+        part.
 
-        The result is the negated support function of the opposite direction.
+        This minimum is the negative support function of the opposite direction.
         """
         x, y, z = (dot(down, column) for column in transpose(self.pose.rotation))
         middle, size = dot(down, self.pose.translation), self.size
@@ -109,6 +114,6 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
     @property
     def box(self) -> tuple[Vector, Vector]:
-        """Bounding box along the axes of the part's frame: lowest and highest corner [m]."""
+        """The axis-aligned bounding box of the primitive in the frame of the part: its lowest and its highest corner [m]."""
         low, high = ([sign * self.lowest((sign * (k == 0), sign * (k == 1), sign * (k == 2))) for k in range(3)] for sign in (1.0, -1.0))
         return (low[0], low[1], low[2]), (high[0], high[1], high[2])

@@ -1,4 +1,4 @@
-"""Parse Python source without running it."""
+"""Parse Python source code without running it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import warnings
 
 
 def parse_python(source: str | bytes) -> ast.Module:
-    """Return the syntax tree of a file. Warnings (such as for `"\\d"` since Python 3.12) are suppressed, because the code is not run.
+    """Parse the source code of a Python file, and return its syntax tree.
 
-    Raises `SyntaxError`, `ValueError`, `RecursionError` or `MemoryError`, as `ast.parse`, if the file is not valid Python.
+    Warnings of the parser are suppressed, such as the warning about `"\d"` since Python 3.12, because the code is not run. Raises the same
+    errors as `ast.parse` for invalid source code: `SyntaxError`, `ValueError`, `RecursionError` or `MemoryError`.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

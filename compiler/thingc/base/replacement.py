@@ -1,4 +1,4 @@
-"""Replace several files atomically, unless one of them has changed since it was read."""
+"""Replace the contents of several files together, unless one of these files has changed since it was read."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Commands that replace files hold the lock for less time than these attempts take
 
 
 class ReplacementRefused(Exception):
-    """Raised if files could not be replaced. `diagnostic` contains the reason."""
+    """Raised if files could not be replaced, for example because one of them has changed. `diagnostic` contains the reason."""
 
     def __init__(self, message: str, help: Hint | None = None) -> None:
         super().__init__(message)
@@ -30,13 +30,14 @@ class ReplacementRefused(Exception):
 
 
 def replace_files(changes: Mapping[str, Change]) -> None:
-    """Replace the contents of all files, or leave all files unchanged. Each replacement is an atomic rename.
+    """Replace the contents of several files. If one of the files cannot be replaced, all files remain unchanged.
 
-    Every file must still have the content that was read, because an editor may have saved the file in the meantime. Files without a change
-    are only compared. Commands that replace files in the same folders wait for each other. The function replaces the targets of links, and
-    preserves the modes of files.
+    `changes` maps each path to the content that was read and the new content. If a file no longer has the content that was read, for
+    example because an editor has saved the file, the function raises `ReplacementRefused`. If both contents are equal, the file is only
+    compared.
 
-    Raises `ReplacementRefused`.
+    Each file is replaced by an atomic rename. Symbolic links are followed, and the modes of files are preserved. Other processes that
+    replace files in the same folders wait until this function has finished.
     """
     done: list[str] = []
     with contextlib.ExitStack() as locks:
@@ -60,10 +61,11 @@ def replace_files(changes: Mapping[str, Change]) -> None:
 
 @contextlib.contextmanager
 def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, Change]], None]]:
-    """Write contents temporarily, so that other files can be checked with them.
+    """Write new contents to files temporarily, so that other files can be checked with the new contents.
 
-    On exit, the old contents are restored, except in files that have changed in the meantime. The yielded callback also replaces the other
-    files. After a call of the callback, the old contents are not restored. The function and the callback raise `ReplacementRefused`.
+    `files` maps each path to its old and its new content. When the context ends, the old contents are restored, except in files that have
+    changed in the meantime. To keep the new contents, call the yielded function, which also replaces the contents of further files. The
+    context manager and the yielded function raise `ReplacementRefused`.
     """
     folders = list(dict.fromkeys(folder for path in files for folder in _missing(os.path.dirname(path))))
     kept = False
@@ -89,12 +91,15 @@ def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, 
 
 
 def _missing(folder: str) -> list[str]:
-    """Return the missing folders among a folder and its parents, outermost first."""
+    """Return the folders in the path `folder` that do not exist, including the folder itself, outermost first."""
     return [] if os.path.isdir(folder or ".") else [*_missing(os.path.dirname(folder)), folder]
 
 
 def _lock(folder: str, locks: contextlib.ExitStack) -> None:
-    """Lock a folder until the stack is closed. Without locks in the file system, only the comparison of files prevents conflicts."""
+    """Lock a folder until the exit stack is closed, so that other processes cannot replace files in this folder.
+
+    If the file system does not support locks, conflicts are detected only by comparing the contents of the files.
+    """
     with contextlib.suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
         locks.callback(os.close, descriptor)

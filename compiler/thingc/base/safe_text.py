@@ -1,8 +1,8 @@
-"""Escape untrusted text: names, file names and values in messages, tables, CSV cells, pictures, and scripts of pages.
+"""Escape untrusted text, such as names and values from documents, before it is printed or written into tables, pictures and HTML pages.
 
-Documents, output of parts, locks, file names, the environment and the command line can contain anything: escape sequences of terminals,
-bidirectional control characters, invisible characters, line breaks, names of a million characters. All printed text passes through one of
-the functions of this module.
+Documents, output of parts, lock files, file names, environment variables and the command line can contain any characters: escape sequences
+of terminals, bidirectional control characters, invisible characters, line breaks, or names of a million characters. All text that thingc
+prints passes through one of the functions of this module.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ _UNSEEN = re.compile("[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u3164\ufe00-\
 
 
 def escape_control(text: str, *, most: int = LONGEST) -> str:
-    """Return `text` on one line, with invisible and control characters escaped as in Python: `\\x1b`, `\\n`, `\\u202e`.
+    """Return `text` in a single line, with control characters and invisible characters replaced by Python escapes such as `\\x1b` and
+    `\\n`.
 
     Lone surrogates (`\\ud800`), such as undecodable bytes of file names, are also escaped. Printable characters of any script are
     unchanged. Strings with more than `most` characters are abbreviated in the middle.
@@ -35,30 +36,34 @@ def escape_control(text: str, *, most: int = LONGEST) -> str:
 
 
 def shown_line(line: str) -> str:
-    """Escape a line of a document or a part file as `escape_control` does, but preserve tabs and do not limit the length."""
+    """Escape the control characters and invisible characters of a source line for display. Tabs remain, and long lines are not abbreviated.
+    """
     return "\t".join(escape_control(piece, most=len(piece)) for piece in line.split("\t"))
 
 
 def shortened(message: str) -> str:
-    """Abbreviate long quotations between backquotes in a message, and then the message itself. The omitted characters are in the middle."""
+    """Abbreviate a message if it is too long: first its long quotations between backquotes, and then the whole message.
+
+    Characters in the middle of a quotation or message are omitted.
+    """
     if len(message) <= LONGEST_QUOTE:
         return message
     return _cut(_QUOTE.sub(lambda quote: f"`{_cut(quote[1], LONGEST_QUOTE)}`", message), LONGEST)
 
 
 def some(words: Sequence[str], most: int, *, between: str = ", ") -> str:
-    """Join the first `most` words, followed by the number of the remaining words: `a, b and 3 more`."""
+    """Join the first `most` strings of a list, and append the number of the remaining strings: `a, b and 3 more`."""
     first = between.join(words[:most])
     return f"{first} and {len(words) - most} more" if len(words) > most else first
 
 
 def quoted(names: Sequence[str], most: int) -> str:
-    """Join the first `most` names in backquotes, followed by the number of the remaining names."""
+    """Put the first `most` names in backquotes and join them, and append the number of the remaining names."""
     return some([f"`{name}`" for name in names], most)
 
 
 def unseen(name: str) -> str:
-    """Return the invisible characters of a name. A name with such characters cannot be displayed or stored in lines.
+    """Return the invisible characters in a name. Names with such characters are rejected, because they cannot be displayed.
 
     Invisible characters are control characters, line ends, bidirectional marks, zero-width characters, and undecodable bytes of file names.
     """
@@ -70,7 +75,7 @@ def unseen(name: str) -> str:
 
 
 def is_text(name: str) -> bool:
-    """Return whether a name is valid Unicode, without undecodable bytes of a file name or lone surrogates."""
+    """Return whether a name is valid Unicode text. Names with lone surrogates, such as undecodable bytes of a file name, are not valid."""
     try:
         name.encode()
     except UnicodeEncodeError:
@@ -79,7 +84,10 @@ def is_text(name: str) -> bool:
 
 
 def json_text(text: str) -> str:
-    """Escape the characters in JSON that `escape_control` escapes. The function uses JSON escapes, so the values do not change."""
+    """Escape control characters and invisible characters in JSON text, so that the text can be printed safely.
+
+    The characters are replaced by JSON escapes such as `\\u202e`. A JSON parser therefore returns the same values as for the original text.
+    """
     if _is_printable(text.replace("\n", "")):
         return text
     return "\n".join(line if _is_printable(line) else "".join(map(_json_escaped, line)) for line in text.split("\n"))
@@ -100,7 +108,7 @@ def _json_escaped(character: str) -> str:
 
 
 def _cut(text: str, most: int) -> str:
-    """Abbreviate a string to about `most` characters: its beginning, its length, and its end."""
+    """Abbreviate a string to about `most` characters by its beginning, its length and its end: `abc... (5000 characters) ...xyz`."""
     if len(text) <= most:
         return text
     tail = most // 4
@@ -112,15 +120,15 @@ _ESCAPED = {ord("<"): "\\u003c", ord(">"): "\\u003e", ord("&"): "\\u0026"}
 
 
 def pieces(frame: str) -> list[str]:
-    """Split a template at its placeholders (`@TITLE@`). The result includes the placeholders.
+    """Split a template at its placeholders, such as `@TITLE@`, and return the pieces, including the placeholders.
 
-    The template is split before substitution, so placeholders in names are not replaced.
+    The template is split before values are inserted, so a value that looks like a placeholder is not replaced.
     """
     return re.split("(@[A-Z]+@)", frame)
 
 
 def in_script(value: object) -> str:
-    """Return JSON that is safe inside a `<script>`. Raises ValueError for a number that is not finite."""
+    """Serialize a value as JSON that is safe inside a `<script>` element. Raises `ValueError` for NaN and infinite numbers."""
     return json_text(json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)).translate(_ESCAPED)
 
 
@@ -130,10 +138,10 @@ _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?inf")
 
 
 def format_cell(value: object) -> str:
-    """Format a value for CSV: numbers with all digits, booleans as `true` and `false`, None as an empty cell.
+    """Format a value as a cell of a CSV file: numbers with all digits, booleans as `true` and `false`, and None as an empty cell.
 
-    Text is escaped to one line (see `escape_control`). Text that a spreadsheet would interpret as a formula, and that is not a number, gets
-    a leading `'`, which marks it as text for spreadsheets.
+    Text is escaped to a single line (see `escape_control`). Text that a spreadsheet would evaluate as a formula is prefixed with `'`,
+    unless it is a number.
     """
     if value is None:
         return ""

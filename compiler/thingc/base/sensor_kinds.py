@@ -1,4 +1,4 @@
-"""The kinds of sensors with their keys in documents and their readings, and the settings of a sensor."""
+"""The kinds of sensors, the keys that they accept in documents, the values that they measure, and the settings of a sensor."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ CoordinateKey = Literal["lower", "velocity", "effort"]
 
 
 class SensorReading(FrozenStruct):
-    """A number or vector that a sensor measures. Its name in files is `SENSOR:name`.
+    """A number or vector that a sensor measures. In exported files, it is named `SENSOR:name`, with the name of the sensor.
 
-    `unit` is the physical dimension of noise and cutoff. A reading without a unit (such as a quaternion) cannot have noise and cutoff.
+    `unit` is the physical dimension of the noise and the cutoff of this reading. If `unit` is None, as for a quaternion, the reading cannot
+    have noise or a cutoff.
     """
 
     name: ReadingName
@@ -41,7 +42,10 @@ class SensorReading(FrozenStruct):
 
 
 class SensorKind(FrozenStruct):
-    """A kind of sensor. One key of each group in `needs` is required. The keys in `may` are optional."""
+    """A kind of sensor, such as `gyro`, with the values that it measures and the keys that it accepts in documents.
+
+    `needs` contains groups of keys; exactly one key of each group is required. The keys in `may` are optional.
+    """
 
     name: SensorType
     readings: tuple[SensorReading, ...]
@@ -50,9 +54,9 @@ class SensorKind(FrozenStruct):
 
     @property
     def keys(self) -> frozenset[SensorKey]:
-        """All keys except `type`. A sensor whose readings have units also has the keys for noise and cutoff.
+        """The keys that this kind of sensor accepts in a document, except `type`.
 
-        If a `range` is allowed, it replaces the cutoff.
+        If the measured values have a unit, the keys for noise and cutoff are accepted. A sensor with a `range` does not accept a cutoff.
         """
         own = {key for group in self.needs for key in group} | {*self.may}
         if any(reading.unit is not None for reading in self.readings):
@@ -60,7 +64,7 @@ class SensorKind(FrozenStruct):
         return frozenset(own)
 
     def reading(self, name: str) -> SensorReading | None:
-        """Return the reading with this name, or None."""
+        """Return the reading of this sensor kind with the given name, or None if the sensor kind does not have this reading."""
         return next((one for one in self.readings if one.name == name), None)
 
 
@@ -68,7 +72,7 @@ class Measurement(OneLineRepr, FrozenStruct):
     """The settings of a sensor, which depend on its kind.
 
     `volume` is the sensitive volume of a touch sensor, in the frame of its mount. `fovy` [rad] is the vertical field of view of a camera.
-    `noise` and `cutoff` [SI] are keyed by the name of the reading.
+    `noise` and `cutoff` [SI] map the name of each reading to its value.
     """
 
     kind: SensorType

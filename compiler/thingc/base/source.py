@@ -1,7 +1,8 @@
-"""Positions in documents, and the tree of nodes into which a document is parsed.
+"""Source positions in documents, and the tree of nodes into which a document is parsed.
 
-All values of documents contain their position. A `Span` is one location. An `Origin` is the chain of locations that created an element,
-innermost first: the component, then the line of the parent document that nests it, and so on.
+Every value of a document has a source position. A `Span` is a single range in a file. An `Origin` is a tuple of spans that created an
+element of the robot, innermost first: for example the span of a component, followed by the line of the parent document that nests this
+component.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ Plain = Union[Scalar, list["Plain"], dict[str, "Plain"]]
 
 
 class Span(FrozenStruct):
-    """A range of characters in a file, which is given by an absolute path. Lines and columns count from 1; the end is exclusive."""
+    """A range of characters in a file. Lines and columns count from 1, and the end is exclusive. `file` is an absolute path."""
 
     file: str
     line: int
@@ -28,7 +29,7 @@ class Span(FrozenStruct):
     end_column: int
 
     def holds(self, other: Span) -> bool:
-        """Return whether another span is inside this span."""
+        """Return whether the span `other` is completely inside this span."""
         return (
             self.file == other.file and (self.line, self.column) <= (other.line, other.column)
             and (other.end_line, other.end_column) <= (self.end_line, self.end_column)
@@ -37,7 +38,10 @@ class Span(FrozenStruct):
 
     @property
     def option(self) -> str | None:
-        """The command line option for a value that is not in a file: `--set joints.elbow.limit.upper=1 deg`."""
+        """The command line option of a value that `--set` specifies, such as `--set joints.elbow.limit.upper=1 deg`.
+
+        It is None for a span in a file.
+        """
         return self.file if self.file.startswith(SET) else None
 
 
@@ -46,12 +50,12 @@ SET = "--set "
 
 
 def option_span(path: str, text: str) -> Span:
-    """Return the span of a value that `--set` assigns to a path of a document."""
+    """Return a span for a value that the option `--set` assigns to a path of a document. Such a value is not in a file."""
     return line_of(f"{SET}{path}={text}")
 
 
 def line_of(file: str, line: int = 1) -> Span:
-    """Return the span of the beginning of a line."""
+    """Return the empty span at the beginning of a line of a file."""
     return Span(file=file, line=line, column=1, end_line=line, end_column=1)
 
 
@@ -62,7 +66,7 @@ is never empty.
 
 
 class Edit(FrozenStruct):
-    """A fix of a document: replaces `written`, which occurs once in `span`, by `replacement`."""
+    """An automatic fix of a document, which replaces the text `written`, which occurs once in `span`, by the text `replacement`."""
 
     span: Span
     written: str
@@ -70,9 +74,10 @@ class Edit(FrozenStruct):
 
 
 class ScalarNode(FrozenStruct):
-    """A scalar in a document: its typed value (YAML 1.2 core schema or TOML), its source text, and its span.
+    """A scalar value in a document, with its Python value, its source text and its span.
 
-    `damaged` means that the value replaces an invalid value (a number that is not finite) that has been reported.
+    The type of the value is determined by the YAML 1.2 core schema or by TOML. `damaged` is true if the document contains an invalid value
+    at this position, such as an infinite number, that has been reported and replaced.
     """
 
     value: Scalar
@@ -81,12 +86,12 @@ class ScalarNode(FrozenStruct):
     damaged: bool = False
 
     def plain(self) -> Plain:
-        """Return the value of the scalar."""
+        """Return the Python value of this scalar."""
         return self.value
 
 
 def text_of(node: Node | None) -> str:
-    """Return the source text of a scalar without quotes. Return "" for null and for other nodes."""
+    """Return the source text of a scalar without quotes. Return an empty string for null, and for nodes that are not scalars."""
     if not isinstance(node, ScalarNode) or node.value is None:
         return ""
     return node.value if isinstance(node.value, str) else node.text
@@ -99,19 +104,19 @@ class SequenceNode(FrozenStruct):
     span: Span
 
     def plain(self) -> Plain:
-        """Return the values as a list."""
+        """Return the values of this list, converted to plain Python values."""
         return [item.plain() for item in self.items]
 
     def index(self, step: int | str) -> int | None:
-        """Return the index (from 0) for a path step that is a number or a string. Return None for an index out of range."""
+        """Convert a step of a key path, such as `2` or `"2"`, to an index of this list. Return None if the index is out of range."""
         return next((index for index in range(len(self.items)) if step in (index, str(index))), None)
 
 
 class MappingNode(FrozenStruct):
     """A mapping in a document, with its span. `entries` is in document order, and `keys` contains the span of every key.
 
-    `damaged` means that the mapping has an invalid key that has been reported, so its intended content is unknown. `again` contains other
-    places of the keys, because TOML repeats keys in the headers of subtables.
+    `damaged` is true if the mapping has an invalid key that has been reported, so that its intended content is unknown. `again` contains
+    further spans of a key, because TOML repeats a key in the headers of subtables.
     """
 
     entries: dict[str, Node]
@@ -121,7 +126,7 @@ class MappingNode(FrozenStruct):
     again: tuple[tuple[str, Span], ...] = ()
 
     def plain(self) -> Plain:
-        """Return the values as a dict."""
+        """Return this mapping as a dict of plain Python values."""
         return {key: node.plain() for key, node in self.entries.items()}
 
 
@@ -130,12 +135,12 @@ Path = tuple[Union[str, int], ...]
 
 
 def entries_of(node: Node | None) -> Mapping[str, Node]:
-    """Return the entries of a mapping. The result is empty for other nodes."""
+    """Return the entries of a mapping node. Return an empty mapping for nodes that are not mappings."""
     return node.entries if isinstance(node, MappingNode) else {}
 
 
 def dotted(path: Path) -> str:
-    """Format a key path: `components.hand.at.xyz[0]`."""
+    """Format a key path with dots and indices, such as `components.hand.at.xyz[0]`."""
     text = ""
     for step in path:
         text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
@@ -143,12 +148,12 @@ def dotted(path: Path) -> str:
 
 
 def closest(paths: Iterable[str], place: str) -> str:
-    """Return the path in `paths` that shares the most leading keys with `place`."""
+    """Return the key path in `paths` that has the longest common beginning with the key path `place`."""
     return max(paths, key=lambda path: len(os.path.commonprefix([path.split("."), place.split(".")])))
 
 
 def node_at(root: Node, path: Path) -> Node | None:
-    """Return the node at `path`, or None if it does not exist. `path` contains keys, and indices as numbers or strings."""
+    """Return the node at a key path, or None if the document does not contain the path. An index in a list can be a number or a string."""
     node: Node | None = root
     for step in path:
         if isinstance(node, MappingNode) and isinstance(step, str):
@@ -161,9 +166,9 @@ def node_at(root: Node, path: Path) -> Node | None:
 
 
 def span_at(root: Node, path: Path, *, key: bool = False) -> Span:
-    """Return the span of the value at `path` (of its key with `key=True`).
+    """Return the span of the value at a key path. With `key=True`, return the span of the key instead.
 
-    If the path does not exist (a short form, a default), return the span of its deepest existing part.
+    If the document does not contain the path, for example for a default value, return the span of the longest part of the path that exists.
     """
     node: Node = root
     span = root.span
@@ -180,9 +185,9 @@ def span_at(root: Node, path: Path, *, key: bool = False) -> Span:
 
 
 def stands_in(node: Node, span: Span) -> bool:
-    """Return whether a span is in the content of a node: inside one of its scalars or keys, or equal to the span of a nested node.
+    """Return whether a span is inside a scalar or a key of this node, or is equal to the span of a nested node.
 
-    (The span of a TOML table may include other tables between its own lines.)
+    A comparison with the span of the node itself is not sufficient, because the span of a TOML table may include lines of other tables.
     """
     for _, inner in walk(node):
         if inner.span == span or (isinstance(inner, ScalarNode) and inner.span.holds(span)):
@@ -193,7 +198,7 @@ def stands_in(node: Node, span: Span) -> bool:
 
 
 def walk(node: Node, path: Path = ()) -> Iterator[tuple[Path, Node]]:
-    """Yield every node of the tree with its path, in document order, parents before children."""
+    """Yield every node of a tree together with its key path, in document order. Parents are yielded before their children."""
     yield path, node
     if isinstance(node, MappingNode):
         for key, child in node.entries.items():
@@ -205,10 +210,10 @@ def walk(node: Node, path: Path = ()) -> Iterator[tuple[Path, Node]]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Document:
-    """A loaded document: its tree with positions, before any interpretation.
+    """A loaded document: its tree of nodes with source positions, before the values are interpreted.
 
-    `path` is absolute; `relative` is the path inside the workspace, with `/`. `kind` is the word before the slash of the `thingc:` key
-    (`assembly`, `materials`, `workspace`, `variants`). `sha256` is the hash of the bytes that were read.
+    `path` is the absolute path of the file, and `relative` the path inside the workspace with `/`. `kind` is the kind of document in the
+    `thingc:` key, such as `assembly`, `materials`, `workspace` or `variants`. `sha256` is the hash of the bytes that were read.
     """
 
     path: str
@@ -220,12 +225,12 @@ class Document:
     _spans: dict[tuple[Path, bool], Span] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     def line(self, number: int) -> str:
-        """Return a line of the text, counted from 1, or "" after the last line."""
+        """Return a line of the document, counted from 1. Return an empty string for a number after the last line."""
         lines = re.split(r"\r\n|\r|\n", self.text)
         return lines[number - 1] if number <= len(lines) else ""
 
     def span(self, path: Path = (), *, key: bool = False) -> Span:
-        """Return the span at `path` in this document (see `span_at`)."""
+        """Return the span of the value, or with `key=True` of the key, at a key path of this document. See `span_at`."""
         span = self._spans.get((path, key))
         if span is None:  # cached, because repeated compilations request the same spans
             span = self._spans[path, key] = span_at(self.tree, path, key=key)

@@ -1,4 +1,4 @@
-"""Find the intended name for a misspelled name, and format suggestions."""
+"""Find the name that a user probably meant by a misspelled name, and format help texts such as `did you mean ...?`."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from thingc.base.safe_text import quoted
 
 
 def closest_name(name: str, candidates: Iterable[str]) -> str | None:
-    """Return the candidate if `name` can be a typo of exactly one candidate, otherwise None.
+    """Return the only candidate of which `name` can be a misspelling. Return None if there is no such candidate or more than one.
 
-    A typo is an extra, missing or swapped letter, a different case, or (in names of five letters or more) a wrong letter. Digits are not
-    treated as typos: `foot_1` is not a misspelt `foot_0`.
+    A misspelling has an extra, missing or swapped letter, a different case, or, in names with at least five letters, a wrong letter.
+    Different digits are not a misspelling: `foot_1` is not a misspelled `foot_0`.
     """
     near = {candidate for candidate in candidates if candidate == name or _is_slip(name, candidate)}
     return near.pop() if len(near) == 1 and name not in near else None
@@ -35,7 +35,7 @@ def _is_slip(name: str, candidate: str) -> bool:
 
 
 class Suggestion(FrozenStruct, kw_only=False):
-    """A hint for a diagnostic. For an unambiguous hint, `fix` is the pair (written, replacement) for an automatic fix."""
+    """A help text for a diagnostic. If the correct text is unambiguous, `fix` contains the written text and its replacement."""
 
     text: str
     fix: tuple[str, str] | None = None
@@ -49,7 +49,7 @@ Hint = str | Suggestion
 
 
 def text_of(hint: Hint | None) -> str | None:
-    """Return the text of a hint, or None."""
+    """Return a hint as plain text, or None if there is no hint."""
     return None if hint is None else str(hint)
 
 
@@ -59,12 +59,12 @@ MAX_COMPARED = 20
 
 
 def _common_ends(one: str, other: str) -> int:
-    """Return the total length of the common prefix and the common suffix of two names."""
+    """Return the length of the common prefix of two names plus the length of their common suffix."""
     return len(os.path.commonprefix((one, other))) + len(os.path.commonprefix((one[::-1], other[::-1])))
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """Return the most similar candidate, or None.
+    """Return the candidate that is most similar to `name`, or None if no candidate is similar.
 
     The comparison is quadratic in the length of names and runs for every error. Very long names, and candidates beyond a limit, are
     therefore ignored.
@@ -86,7 +86,7 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
 
 
 def near_hint(name: str, candidates: Iterable[str]) -> Suggestion | None:
-    """Return the hint `did you mean ...?`, or None if no candidate is similar."""
+    """Return the hint `did you mean ...?` with the candidate that is most similar to `name`. Return None if no candidate is similar."""
     known = list(candidates)
     close = nearest(name, known)
     if close is None:
@@ -95,7 +95,7 @@ def near_hint(name: str, candidates: Iterable[str]) -> Suggestion | None:
 
 
 def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> Hint:
-    """Return a hint for an unknown name. The hint shows the most similar name, otherwise at most twelve known names."""
+    """Return a help text for an unknown name: the most similar known name, or else a list of at most twelve known names."""
     known = sorted(set(candidates))
     close = near_hint(name, known)
     if close is not None:
@@ -106,7 +106,7 @@ def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -
 
 
 def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> Hint:
-    """Return a hint for an unknown file name, as `did_you_mean`. File names are compared without their extensions."""
+    """Return a help text for an unknown file name, as `did_you_mean` does for other names. File name extensions are not compared."""
     by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
     close = nearest(os.path.splitext(name)[0], by_stem)
     if close is not None:

@@ -1,4 +1,4 @@
-"""Informal spellings of units: synonyms, and products without operators."""
+"""Interpret informal spellings of units, such as synonyms of units and products of units without an operator."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ MAX_READINGS = 1000
 
 
 def spellings(text: str, units: Collection[str]) -> list[str]:
-    """Return all possible products of `units` for a string without operators: `N*ms/rad` and `N*m*s/rad` for `Nms/rad`."""
+    """Return all products of the given units whose symbols can be written as `text`.
+
+    For example, the result for `Nms/rad` is `N*ms/rad` and `N*m*s/rad`.
+    """
     return list(islice(_products(text, "", units), MAX_READINGS)) if 0 < len(text) <= LONGEST else []
 
 

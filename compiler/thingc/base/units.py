@@ -1,7 +1,7 @@
-"""Quantities: numbers with a physical dimension, parsed from strings such as `120 mm`, `4.1 N*m` or `1270 kg/m^3`.
+"""Parse quantities: numbers with a unit, such as `120 mm`, `4.1 N*m` or `1270 kg/m^3`.
 
-A fixed table contains all units; there are no rules for prefixes. Other units are errors with a hint. The conversion uses exact integer
-arithmetic and rounds once, so `72 mm` is 0.072 to the last bit.
+All supported units are in a fixed table. Any other unit is an error with a hint. The conversion to SI units uses exact integer arithmetic
+and rounds once, so `72 mm` is the float that is nearest to 0.072.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ Exponent = Union[int, "Fraction"]
 
 
 class UnitError(ValueError):
-    """Raised if a string is not a quantity, or has the wrong physical dimension.
+    """Raised if a string is not a valid quantity, or if the quantity has a wrong physical dimension.
 
-    `kind` is `unit` (a unit is missing or unknown), `dimension` (another dimension is expected) or `quantity` (any other error). `offset`
-    and `end` are the range of invalid characters in the string, or None if the whole string is invalid.
+    `kind` is `unit` for a missing or unknown unit, `dimension` for a wrong physical dimension, and `quantity` for any other error. `offset`
+    and `end` are the range of the invalid characters in the string, or None if the whole string is invalid.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class UnitError(ValueError):
 class Dimension(FrozenStruct, kw_only=False):
     """A physical dimension: the exponents of length, mass, time and angle. The exponents are integers except after a square root.
 
-    Angle is a physical dimension, so that 30 is not interpreted as 30 deg. For exceptions, see `fits`.
+    Angle is treated as a physical dimension, so that the number 30 is not interpreted as 30 degrees. See `fits` for exceptions.
     """
 
     length: Exponent = 0
@@ -51,35 +51,35 @@ class Dimension(FrozenStruct, kw_only=False):
     angle: Exponent = 0
 
     def __mul__(self, other: Dimension) -> Dimension:
-        """Return the dimension of a product."""
+        """Return the physical dimension of the product of two quantities."""
         return Dimension(
             _whole(self.length + other.length), _whole(self.mass + other.mass),
             _whole(self.time + other.time), _whole(self.angle + other.angle),
         )
 
     def __truediv__(self, other: Dimension) -> Dimension:
-        """Return the dimension of a quotient."""
+        """Return the physical dimension of the quotient of two quantities."""
         return self * other**-1
 
     def __pow__(self, power: Exponent) -> Dimension:
-        """Return the dimension of a power."""
+        """Return the physical dimension of a power of a quantity."""
         return Dimension(_whole(self.length * power), _whole(self.mass * power), _whole(self.time * power), _whole(self.angle * power))
 
     @property
     def words(self) -> str:
-        """The name with its article: `a length`, `an angle`. If the dimension has no name, `a quantity in m^2*kg`."""
+        """The name of this physical dimension for messages, such as `a length`, `an angle` or `a quantity in m^2*kg`."""
         named = _WORDS.get(self)
         return named[0] if named else f"a quantity in {self.symbol}"
 
     @property
     def example(self) -> str:
-        """An example of a quantity of this dimension: `120 mm`."""
+        """An example of a quantity with this physical dimension, such as `120 mm`."""
         named = _WORDS.get(self)
         return named[1] if named else f"2 {self.symbol}"
 
     @property
     def symbol(self) -> str:
-        """The SI base units, such as `kg*m^2/s^2`, or "" for a number."""
+        """The unit of this physical dimension in SI base units, such as `kg*m^2/s^2`. It is an empty string for plain numbers."""
         above: list[str] = []
         below: list[str] = []
         for unit, exponent in (("kg", self.mass), ("m", self.length), ("rad", self.angle), ("s", self.time)):
@@ -91,7 +91,7 @@ class Dimension(FrozenStruct, kw_only=False):
 
 
 def _whole(exponent: Exponent) -> Exponent:
-    """Convert a fraction to an integer if its denominator is 1."""
+    """Convert a fraction with the denominator 1 to an integer. Return any other exponent unchanged."""
     return exponent.numerator if exponent.denominator == 1 else exponent
 
 
@@ -149,9 +149,9 @@ _WORDS: dict[Dimension, tuple[str, str]] = {
 def fits(found: Dimension, expected: Dimension) -> bool:
     """Return whether a quantity of dimension `found` is valid where `expected` is required.
 
-    Length, mass and time must agree. Angle must also agree, unless mass is part of the dimension: torque, damping, stiffness and inertia
-    are written with and without `/rad` (`N*m*s/rad` and `N*m*s` are the same damping). Therefore an angle is never valid as a number,
-    `rad/s` never as `Hz`, and `mm/rad` never as `mm`.
+    Length, mass and time must be equal. Angle must also be equal, unless the dimension contains mass. The units of torque, damping,
+    stiffness and inertia can be written with and without `/rad`: `N*m*s/rad` and `N*m*s` are the same damping. An angle is therefore never
+    valid as a number, `rad/s` never as `Hz`, and `mm/rad` never as `mm`.
     """
     return (
         found.length == expected.length and found.mass == expected.mass and found.time == expected.time
@@ -160,21 +160,21 @@ def fits(found: Dimension, expected: Dimension) -> bool:
 
 
 class Quantity(FrozenStruct, kw_only=False):
-    """A finite `value` in SI base units (m, kg, s, rad) and its physical dimension."""
+    """A finite number `value` in SI base units (m, kg, s, rad), together with its physical dimension."""
 
     value: float
     dimension: Dimension = NUMBER
 
     def fits(self, expected: Dimension) -> bool:
-        """Return whether the quantity is valid where `expected` is required (see `fits`). A bare 0 is valid for all dimensions."""
+        """Return whether this quantity is valid where the physical dimension `expected` is required. The number 0 is valid everywhere."""
         return fits(self.dimension, expected) or (self.value == 0.0 and self.dimension == NUMBER)
 
     def __str__(self) -> str:
-        """Format the quantity for messages, in mm, deg, g and similar units, with six digits."""
+        """Format this quantity for messages with six digits and a common unit, such as mm, deg or g."""
         return self.shown(6)
 
     def shown(self, digits: int) -> str:
-        """Format the quantity in mm, deg, g and similar units, with a number of significant digits."""
+        """Format this quantity for messages with `digits` significant digits and a common unit, such as mm, deg or g."""
         value = for_text(self.value)
         if self.dimension == MASS and abs(value) >= 1.0:
             return f"{value:.{digits}g} kg"
@@ -226,9 +226,9 @@ MAX_FACTORS = 12
 
 
 def exact(number: str) -> tuple[int, int]:
-    """Return the exact value of a decimal number as numerator and denominator.
+    """Convert a decimal number to an exact fraction. Return the numerator and the denominator.
 
-    Raises UnitError (`quantity`) if the number exceeds the range of a double (a power of ten above 400).
+    A number below about 1e-2000 gives 0. Raises `UnitError` of the kind `quantity` if the exponent of ten is above 400.
     """
     mantissa, _, power = number.lower().partition("e")
     whole, _, decimals = mantissa.partition(".")
@@ -244,10 +244,10 @@ def exact(number: str) -> tuple[int, int]:
 
 
 def converted(number: str, unit: Unit) -> float:
-    """Return the SI value of `number` (decimal text) in a unit, computed exactly and rounded once (as integer division is).
+    """Convert a decimal number in some unit to SI units. The exact value is rounded once to the nearest float.
 
-    For plain degrees, the value is the result of `math.radians`, because `math.degrees` inverts it best. Its last bit may differ from the
-    exact value. Raises UnitError (`quantity`) if no finite double can represent it.
+    For degrees, the function returns the result of `math.radians`, which `math.degrees` converts back best. The last bit may differ from
+    the exact value. Raises `UnitError` of the kind `quantity` if the value is too large for a double.
     """
     numerator, denominator = exact(number)
     try:
@@ -258,17 +258,18 @@ def converted(number: str, unit: Unit) -> float:
 
 
 def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
-    """Return the signed number that begins at `at`, and its end. Return None if there is no number at `at`."""
+    """Return the signed number that begins at the index `at` of a text, and the index after the number. Return None if there is no number.
+    """
     match = NUMBER_TEXT.match(text, at)
     return (match.group(), match.end()) if match else None
 
 
 def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimension, ...] = ()) -> tuple[Unit, int]:
-    """Return the unit that begins at `at` (`N*m*s/rad`, `m/s^2`) and its end.
+    """Return the unit that begins at the index `at` of a text, such as `N*m*s/rad`, and the index after the unit.
 
-    With `compact`, as in expressions, spaces around `*` and `/` are invalid, and the unit ends before a `*` or `/` without a unit: `8 mm*i`
-    is 8 mm times i. The help for an unknown unit suggests a unit of one of the `wanted` dimensions. Raises UnitError (`unit`) for a word
-    that is not a unit, and if a unit is missing.
+    With `compact`, as in expressions, a unit must not contain spaces, and ends before a `*` or `/` that is not followed by a unit. For
+    example, `8 mm*i` is 8 mm times i. Raises `UnitError` of the kind `unit` if the unit is missing or unknown. The help text of an unknown
+    unit suggests a unit with one of the `wanted` physical dimensions.
     """
     numerator, denominator, dimension = 1, 1, NUMBER
     sign = 1
@@ -301,7 +302,10 @@ def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimens
 
 
 def _power(text: str, word: re.Match[str], *, compact: bool) -> tuple[int, int]:
-    """Return the exponent after a unit (default: 1) and its end. With `compact`, `**` is not an exponent. Raises UnitError."""
+    """Return the exponent that follows a unit, or 1 if there is no exponent, and the index after the exponent.
+
+    With `compact`, as in expressions, `**` is not treated as an exponent. Raises `UnitError` for an invalid exponent.
+    """
     at = word.end()
     power = _POWER.match(text, at)
     if power is not None and not (compact and power.group().startswith("**")):
@@ -313,20 +317,22 @@ def _power(text: str, word: re.Match[str], *, compact: bool) -> tuple[int, int]:
 
 
 def _unit_after(text: str, operator: re.Match[str]) -> bool:
-    """Return whether a unit directly follows a `*` or `/` of an expression."""
+    """Return whether the operator `*` or `/` of an expression is directly followed by a unit."""
     word = _UNIT_WORD.match(text, operator.start() + 1)
     return operator.end() - operator.start() == 1 and word is not None and word.group() in UNITS and not _continues(text, word.end())
 
 
 def _continues(text: str, at: int) -> bool:
-    """Return whether an identifier continues at `at`. For example, `m_2` and `s(` do not contain the units `m` and `s`."""
+    """Return whether an identifier continues at the index `at` of a text. For example, `m_2` and `s(` do not contain the units `m` and `s`.
+    """
     return at < len(text) and (text[at] in "_(." or text[at].isdigit())
 
 
 def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimension, ...]) -> UnitError:
-    """Return the error for the characters from `at` to `end` (exclusive) in a unit that begins at `start`, with a suggested unit.
+    """Create the error for an unknown unit, with a suggested unit.
 
-    A unit of a `wanted` dimension is preferred if it differs only in the second letter (`mn` for a length).
+    The unit begins at the index `start` of `text`, and the characters from `at` to `end` (exclusive) are unknown. A unit with a `wanted`
+    physical dimension is preferred if it differs only in the second letter (`mn` for a length).
     """
     found = text[at:end]
     fitting = [unit for unit, (_, _, of) in UNITS.items() if of in wanted]
@@ -345,9 +351,10 @@ def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimens
 
 
 def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
-    """Return the unit for an informal spelling, or None: `N*m*s/rad` for `Nms/rad`, `kg*m^2` for `kg m2`, `kgf*cm` for `kg-cm`.
+    """Return the correct spelling of a unit that is spelled informally, or None if the unit is unknown.
 
-    The unit has one of the `wanted` physical dimensions. Without `wanted`, it has any physical dimension with a name.
+    For example, `Nms/rad` means `N*m*s/rad`, `kg m2` means `kg*m^2`, and `kg-cm` means `kgf*cm`. The unit must have one of the `wanted`
+    physical dimensions. Without `wanted`, it can have any physical dimension that has a name.
     """
     spelled = spellings(text.strip(), UNITS)
     spelled += [re.sub(r"\b(kg|lb)\b", r"\1f", one) for one in spelled]
@@ -356,10 +363,10 @@ def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
 
 
 def parse_quantity(text: str, wanted: tuple[Dimension, ...] = ()) -> Quantity:
-    """Parse `120 mm`, `4.1 N*m`, `kg*m^2` products, `15 %`, or a bare number (of dimension NUMBER).
+    """Parse a quantity such as `120 mm`, `4.1 N*m` or `15 %`. A number without a unit has the dimension `NUMBER`.
 
-    Spaces around `*` and `/`, and between the number and the unit, are optional. Raises UnitError, whose help suggests a unit of a `wanted`
-    dimension. Its offsets count characters of `text`.
+    Spaces around `*` and `/`, and between the number and the unit, are optional. Raises `UnitError`, whose offsets count the characters of
+    `text`. The help text of the error suggests a unit with a `wanted` physical dimension.
     """
     if len(text) > MAX_TEXT:
         raise UnitError(f"a quantity of {len(text)} characters is too long (at most {MAX_TEXT})")
@@ -395,10 +402,10 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
 
 
 def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Quantity:
-    """Return the quantity if it has one of the expected physical dimensions. A bare 0 has all physical dimensions.
+    """Return a quantity if it has one of the expected physical dimensions. The number 0 is valid for all physical dimensions.
 
-    `text` is the source text of the quantity. Raises UnitError with kind `unit` if only the unit is missing, otherwise with kind
-    `dimension` and both physical dimensions.
+    `text` is the source text of the quantity. Raises `UnitError` of the kind `unit` if only the unit is missing. For a wrong physical
+    dimension, the kind is `dimension`, and the message contains both physical dimensions.
     """
     for dimension in expected:
         if quantity.fits(dimension):
@@ -425,9 +432,10 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
 
 
 def suggested_units(dimension: Dimension, numbers: str) -> tuple[str, ...]:
-    """Return likely units for `numbers` without a unit, most likely first.
+    """Return the units that a user probably meant by numbers without a unit, the most likely unit first.
 
-    The likely units are the usual units of drawings or, for small fractions (`1.57`, `0 0 0.12`), the SI units of URDF and MJCF.
+    `numbers` is the text of the numbers. For small fractions, such as `1.57` or `0 0 0.12`, the SI units of URDF and MJCF come first. For
+    other numbers, the units that are common in drawings come first.
     """
     drawn, si, most = _SUGGESTED.get(dimension, (dimension.example.partition(" ")[2], "", 0.0))
     if not si:
@@ -451,5 +459,5 @@ _SURELY: dict[Dimension, float] = {
 
 
 def shortened(text: str, limit: int = 60) -> str:
-    """Shorten a source text to one line for a message."""
+    """Shorten a source text to a single line for a message. Text beyond `limit` characters is omitted."""
     return flat if len(flat := " ".join(text.split())) <= limit else flat[: limit - 3] + "..."

@@ -1,4 +1,4 @@
-"""Vectors: three quantities with a common unit, parsed from strings such as `0 120 30 mm`."""
+"""Parse vectors: three numbers with a common unit, such as `0 120 30 mm`."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from thingc.base.units import MAX_TEXT, NUMBER, NUMBER_TEXT, Dimension, Quantity
 
 
 def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
-    """Parse three numbers with a common unit: `0 120 30 mm`. `0 0 0` does not need a unit.
+    """Parse a vector of three numbers with a common unit, such as `0 120 30 mm`. The vector `0 0 0` does not need a unit.
 
-    Raises UnitError. Its offsets count characters of `text`.
+    Raises `UnitError` for an invalid vector. The offsets of the error count the characters of `text`.
     """
     if len(text) > MAX_TEXT:
         raise UnitError(f"a vector of {len(text)} characters is too long (at most {MAX_TEXT})")
@@ -44,7 +44,7 @@ def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantit
 
 
 def _separated(text: str) -> str | None:
-    """Return a hint for three values with separators or units between them, or None."""
+    """Return a hint for a vector whose three values are written with separators or several units. Return None for other errors."""
     pieces = [piece.strip() for piece in re.split("[,x×]", text)]
     if len(pieces) == 3 and all(scan_number(piece) for piece in pieces):
         shared = all(map(NUMBER_TEXT.fullmatch, pieces[:2]))

@@ -1,6 +1,6 @@
-"""Reproducible zip files: their bytes depend only on their content.
+"""Create zip files whose bytes depend only on the files in them, and not on the time or the operating system.
 
-Python's `zipfile` stores times and the operating system, and cannot write entries that are already compressed.
+Python's `zipfile` stores both, and cannot write entries that are already compressed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _HEADER = 30
 
 
 class ZipEntry(FrozenStruct):
-    """Compressed content of a file (RFC 1951), with the CRC-32 and the size [bytes] of the uncompressed content."""
+    """A compressed file of a zip archive (RFC 1951), with the CRC-32 and the size [bytes] of its uncompressed content."""
 
     data: bytes
     crc: int
@@ -33,7 +33,10 @@ class ZipEntry(FrozenStruct):
 
 
 def zipped(entries: Mapping[str, bytes | ZipEntry]) -> bytes:
-    """Return a reproducible zip file with these entries, sorted by name (format: PKWARE APPNOTE.TXT 6.3)."""
+    """Create a zip archive from files by name. The archive is sorted by name, and equal files result in equal bytes.
+
+    The format of the archive is PKWARE APPNOTE.TXT 6.3.
+    """
     parts, directory, at = list[bytes](), bytearray(), 0  # join the pieces only once, because meshes are large
     for name in sorted(entries):
         content, encoded = entries[name], name.encode()
@@ -50,7 +53,7 @@ def zipped(entries: Mapping[str, bytes | ZipEntry]) -> bytes:
 
 
 def entries(archive: bytes) -> dict[str, ZipEntry]:
-    """Return the entries of an archive that `zipped` created."""
+    """Return the files in a zip archive that `zipped` created, by name."""
     from zipfile import ZipFile
 
     members = {}
@@ -61,11 +64,11 @@ def entries(archive: bytes) -> dict[str, ZipEntry]:
 
 
 def inflate(entry: ZipEntry) -> bytes:
-    """Return the uncompressed content of an entry."""
+    """Return the uncompressed content of a file of a zip archive."""
     return zlib.decompress(entry.data, -zlib.MAX_WBITS)
 
 
 def deflate(data: bytes) -> ZipEntry:
-    """Compress the content of a file to an entry of a zip file."""
+    """Compress the content of a file for a zip archive."""
     compressor = zlib.compressobj(4, zlib.DEFLATED, -zlib.MAX_WBITS)
     return ZipEntry(data=compressor.compress(data) + compressor.flush(), crc=zlib.crc32(data), size=len(data))

@@ -1,1 +1,1 @@
-"""The kinds of joints, with the twists of their coordinates and the limits that they accept."""
+"""The kinds of joints (such as revolute or prismatic), the motions that they allow, and the keys that they accept in documents."""

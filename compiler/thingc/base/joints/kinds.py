@@ -1,4 +1,5 @@
-"""The table of joint kinds, each a sequence of twists, and the motions of bases."""
+"""The table of all joint kinds. Each joint kind is a sequence of rotations and translations. The module also defines the motions of bases.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +22,15 @@ Limits = Literal["required", "optional", "none", "cone"]
 
 
 class JointKind(FrozenStruct):
-    """A kind of joint, such as `revolute`: the twists of its coordinates, and the keys that it accepts.
+    """A kind of joint, such as `revolute`, with the motions that it allows and the keys that it accepts in documents.
 
-    `twists` contains the motions of its coordinates, in order. Each twist is in the parent mount's frame, which the preceding twists have
-    moved: the child's side is at `exp(twist_0 q_0) exp(twist_1 q_1) ...` relative to the parent's side. A joint without twists does not
-    move. `limits` applies to `limit.lower` and `limit.upper` of each coordinate. If the kind `leads`, the document specifies the lead,
-    which is the advance per turn. With `at_once`, the coordinates are exponential coordinates, a rotation vector about axes through the
-    mount's origin: the child's side is at `exp(twist_0 q_0 + twist_1 q_1 + ...)`.
+    `twists` contains the twist of each coordinate, in order. A joint without twists does not move. Each twist is expressed in the frame of
+    the parent mount after the motions of all preceding twists. The pose of the child's side of the joint relative to the parent's side is
+    `exp(twist_0 q_0) exp(twist_1 q_1) ...`. `limits` specifies whether `limit.lower` and `limit.upper` of each coordinate are required,
+    optional or invalid. If `leads` is true, the document must specify the lead, which is the advance per turn.
+
+    If `at_once` is true, the coordinates are the components of a rotation vector (exponential coordinates). The axes of rotation pass
+    through the origin of the mount, and the pose is `exp(twist_0 q_0 + twist_1 q_1 + ...)`.
     """
 
     name: JointType
@@ -37,28 +40,32 @@ class JointKind(FrozenStruct):
     at_once: bool = False
 
     def with_lead(self, lead: float) -> tuple[Twist, ...]:
-        """Return the twists of this kind with an advance of `lead` [m] along the axis per turn."""
+        """Return the twists of a screw joint that moves by `lead` [m] along its axis for each full turn."""
         turn = lead / (2.0 * math.pi)
         return tuple(replace(one, linear=(turn * one.angular[0], turn * one.angular[1], turn * one.angular[2])) for one in self.twists)
 
     @property
     def axial(self) -> bool:
-        """Whether all motions of the joint are about or along z, so that another axis can replace z."""
+        """Whether all motions of the joint are rotations about z or translations along z, so that a document can replace z by another axis.
+        """
         return self.moves and all(one.axis == Z for one in self.twists)
 
     def about(self, axis: Vector, lead: float = 0.0) -> tuple[Twist, ...]:
-        """Return the twists of an `axial` joint about the unit vector `axis` instead of z. `lead` [m] is used if the kind `leads`."""
+        """Return the twists of this joint kind about the unit vector `axis` instead of the z axis. Only valid for `axial` joint kinds.
+
+        `lead` [m] is the advance per turn, and is used only by joint kinds with a lead.
+        """
         twists = self.with_lead(lead) if self.leads else self.twists
         return tuple(Twist(angular=_scaled(axis, one.angular[2]), linear=_scaled(axis, one.linear[2])) for one in twists)
 
     @property
     def moves(self) -> bool:
-        """Whether the joint has a coordinate. A joint without coordinates connects its components to one link."""
+        """Whether the joint has at least one coordinate. A joint without coordinates connects its two components rigidly into one link."""
         return bool(self.twists)
 
     @property
     def may_stop(self) -> bool:
-        """Whether `limit.lower` and `limit.upper` are allowed."""
+        """Whether a joint of this kind can have the keys `limit.lower` and `limit.upper` in a document."""
         match self.limits:
             case "required" | "optional":
                 return True
@@ -69,7 +76,7 @@ class JointKind(FrozenStruct):
 
     @property
     def coordinate(self) -> Dimension | None:
-        """Physical dimension of q for a joint with exactly one coordinate, otherwise None."""
+        """The physical dimension of the joint coordinate (angle or length) if the joint has exactly one coordinate, otherwise None."""
         return self.twists[0].coordinate if len(self.twists) == 1 else None
 
 
@@ -100,7 +107,8 @@ KINDS: Mapping[str, JointKind] = {kind.name: kind for kind in (
 
 
 def coordinates_of(kind: JointType) -> range:
-    """Return the indices of the coordinates of a kind with several coordinates. The result is empty for other kinds."""
+    """Return the indices of the coordinates of a joint kind that has several coordinates. Return an empty range for all other joint kinds.
+    """
     count = len(KINDS[kind].twists)
     return range(count if count > 1 else 0)
 
@@ -110,7 +118,7 @@ BaseType = Literal["fixed", "held", "free", "planar", "ball"]
 
 
 def moving_as(base: BaseType) -> JointKind | None:
-    """Return the joint kind of a base's motion, or None for a fixed, held or free base."""
+    """Return the joint kind that describes how a planar or ball base moves. Return None for a fixed, held or free base."""
     match base:
         case "planar" | "ball":
             return KINDS[base]
@@ -121,7 +129,7 @@ def moving_as(base: BaseType) -> JointKind | None:
 
 
 def stays(base: BaseType) -> bool:
-    """Return whether the root link stays at the pose of the mode unless a program moves it at run time."""
+    """Return whether the root link stays at the pose that the mode specifies, unless a program moves the root link at run time."""
     match base:
         case "fixed" | "held":
             return True

@@ -1,4 +1,4 @@
-"""Twists, which describe the motion of a joint coordinate, and the physical dimensions of its values.
+"""Twists, each of which describes the motion of one joint coordinate, and the physical dimensions of values such as stiffness or damping.
 
 By Chasles' theorem any rigid motion of one coordinate at a constant rate is a rotation about a line with a translation along it. One type
 therefore covers revolute, prismatic and screw joints. For the exponential and changes of frame see Lynch and Park, Modern Robotics, 2017,
@@ -44,9 +44,9 @@ SLIDE: Mapping[str, Dimension] = {
 
 
 def dimensions_of(coordinate: Dimension) -> Mapping[str, Dimension]:
-    """Return the physical dimensions of the values of a coordinate by key.
+    """Return the physical dimension of each value of a joint coordinate, such as `kp` or `damping`, by the key of the value.
 
-    These dimensions depend on the physical dimension of the coordinate.
+    `coordinate` is the physical dimension of the joint coordinate: an angle or a length.
     """
     return TURN if coordinate == ANGLE else SLIDE
 
@@ -55,10 +55,10 @@ NONE: Vector = (0.0, 0.0, 0.0)
 
 
 class Twist(FrozenStruct, kw_only=False):
-    """A twist: the motion of a joint coordinate per unit of q, in some frame.
+    """A twist: the rigid motion of a frame per unit of a joint coordinate q.
 
-    The motion is a rotation by `angular` (a unit vector, or 0 for a pure translation), while the point `anchor` [m] on the axis moves by
-    `linear` (parallel to the axis; a unit vector for a pure translation).
+    `angular` is the rotation axis as a unit vector, or 0 for a pure translation. `anchor` [m] is a point on the rotation axis. `linear` is
+    the translation of this point along the axis, or a unit vector for a pure translation. All vectors are expressed in the same frame.
     """
 
     angular: Vector = NONE
@@ -67,12 +67,12 @@ class Twist(FrozenStruct, kw_only=False):
 
     @property
     def core(self) -> Literal["hinge", "slide"]:
-        """The type of the motion: a `hinge` rotates about an axis, and a `slide` moves along an axis."""
+        """The type of the motion: `hinge` for a rotation about an axis, or `slide` for a translation along an axis."""
         return "hinge" if self.angular != NONE else "slide"
 
     @property
     def turns(self) -> bool:
-        """Whether q is an angle [rad]; otherwise it is a length [m]."""
+        """Whether the joint coordinate q is an angle [rad]. Otherwise, q is a length [m]."""
         return self.angular != NONE
 
     @property
@@ -82,27 +82,28 @@ class Twist(FrozenStruct, kw_only=False):
 
     @property
     def pitch(self) -> float:
-        """Advance along the axis [m/rad]. The pitch is 0 for a pure rotation or translation."""
+        """The translation along the axis per radian of rotation [m/rad]. It is 0 for a pure rotation and for a pure translation."""
         return dot(self.angular, self.linear)
 
     @property
     def coordinate(self) -> Dimension:
-        """The physical dimension of the coordinate q."""
+        """The physical dimension of the joint coordinate q: an angle for a rotation, or a length for a translation."""
         return ANGLE if self.turns else LENGTH
 
     @property
     def dimensions(self) -> Mapping[str, Dimension]:
-        """Physical dimensions of the values of this coordinate by key (`kp`, `damping`, ...)."""
+        """The physical dimension of each value of this joint coordinate, such as `kp` or `damping`, by the key of the value."""
         return dimensions_of(self.coordinate)
 
     def shown(self, q: float) -> str:
-        """Format a coordinate [rad or m] for display: `30 deg`, `20 mm`."""
+        """Format the value `q` [rad or m] of a joint coordinate for display, such as `30 deg` or `20 mm`."""
         return f"{degrees(q):z.6g} deg" if self.turns else f"{q * 1000.0:z.6g} mm"
 
     def exponential(self, q: float) -> Pose:
-        """Return the pose at `q` [rad or m] of a frame that is at the identity at q = 0.
+        """Return the pose to which this twist moves a frame when the joint coordinate is `q` [rad or m]. At q = 0, the pose is the
+        identity.
 
-        Rotations about x, y and z through the origin are exact at quarter turns; others use Rodrigues' formula.
+        Rotations about x, y and z through the origin are exact at multiples of 90 degrees. Other rotations use Rodrigues' formula.
         """
         lx, ly, lz = self.linear
         if not self.turns:
@@ -114,7 +115,7 @@ class Twist(FrozenStruct, kw_only=False):
         return Pose(rotation=rotation, translation=(a[0] - moved[0] + lx * q, a[1] - moved[1] + ly * q, a[2] - moved[2] + lz * q))
 
     def velocity(self, point: Vector) -> tuple[Vector, Vector]:
-        """Return (linear, angular), the velocity of a point [m] and the angular velocity, per unit of q."""
+        """Return the linear velocity of a point [m] and the angular velocity of this motion, both per unit of the joint coordinate q."""
         if not self.turns:
             return self.linear, NONE
         a, w, v = self.anchor, self.angular, self.linear
@@ -122,12 +123,12 @@ class Twist(FrozenStruct, kw_only=False):
         return (x + v[0], y + v[1], z + v[2]), w
 
     def seen_from(self, X_AB: Pose) -> Twist:
-        """Transform this twist from frame B to frame A."""
+        """Return the same twist expressed in frame A. This twist is expressed in frame B, and `X_AB` is the pose of B in A."""
         turn = X_AB.rotation
         return Twist(rotate(turn, self.angular), rotate(turn, self.linear), X_AB.apply(self.anchor))
 
     def reversed(self) -> Twist:
-        """Return the inverse twist: `reversed().exponential(q)` is the inverse of `exponential(q)`."""
+        """Return the twist of the inverse motion. `reversed().exponential(q)` is the inverse of `exponential(q)`."""
         return Twist(_negated(self.angular), _negated(self.linear), self.anchor)
 
 
@@ -136,10 +137,10 @@ _PLAIN = {X: turned_x, Y: turned_y, Z: turned_z}
 
 
 def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = False) -> Pose:
-    """Return the pose of a frame moved by twists with coordinates `q` (one per twist).
+    """Return the pose of a frame after the motions of several twists. `q` contains one joint coordinate [rad or m] for each twist.
 
-    The function applies the twists in sequence, each in the frame that the preceding twists have moved. With `at_once`, `q` contains
-    exponential coordinates: the sum of the twists is a rotation vector about an axis through their common point.
+    The twists are applied in sequence, each in the frame that the preceding twists have moved. With `at_once`, the coordinates `q` are the
+    components of a rotation vector (exponential coordinates), and the axes of all twists pass through a common point.
     """
     if at_once:
         vector = rotation_vector(twists, q)
@@ -155,10 +156,10 @@ def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = Fa
 
 
 def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, at_once: bool = False) -> Iterator[tuple[int, Twist]]:
-    """Yield the index and the twist of the motion of every coordinate at `q`, from the last to the first.
+    """Yield the index of each joint coordinate and the twist of its motion at the coordinates `q`, from the last coordinate to the first.
 
-    Twists are in the reference frame of `pose`, which is the pose of the frame that the twists move. With `at_once`, the angular part is
-    not a unit vector.
+    `pose` is the current pose of the moved frame in a reference frame, in which the yielded twists are expressed. With `at_once`, `q`
+    contains exponential coordinates, and the angular part of a yielded twist is not a unit vector.
     """
     if at_once:
         turned = rotation_vector(twists, q)
@@ -172,7 +173,7 @@ def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, a
 
 
 def within_turn(vector: Vector) -> Vector:
-    """Return the equivalent rotation vector [rad] with a length of at most pi."""
+    """Return the rotation vector [rad] with a length of at most pi that describes the same rotation as `vector`."""
     angle = hypot(*vector)
     if angle <= pi:
         return vector
@@ -181,16 +182,17 @@ def within_turn(vector: Vector) -> Vector:
 
 
 def rotation_vector(twists: tuple[Twist, ...], q: tuple[float, ...]) -> Vector:
-    """Return the rotation vector (axis times angle [rad]) of twists with exponential coordinates `q`."""
+    """Return the rotation vector (axis times angle [rad]) of a ball joint, whose twists have the exponential coordinates `q`."""
     x, y, z = (sum_of(value * twist.angular[k] for twist, value in zip(twists, q, strict=True)) for k in range(3))
     return (x, y, z)
 
 
 def _right_jacobian(w: Vector, v: Vector) -> Vector:
-    """Return the angular velocity in body axes for a rotation vector w with the time derivative v.
+    """Return the angular velocity, in the axes of the body, of a body whose rotation vector is w and changes at the rate v.
 
-    This is `v - b w x v + c w x (w x v)` with b = (1 - cos a) / a^2, c = (a - sin a) / a^3, a = |w| (Chirikjian, Stochastic Models,
-    Information Theory, and Lie Groups 2, 2012, section 10.3.3); near 0, the function computes b and c by their series.
+    The angular velocity is `v - b w x v + c w x (w x v)`, where `b = (1 - cos a) / a^2`, `c = (a - sin a) / a^3` and `a = |w|`. See
+    Chirikjian, Stochastic Models, Information Theory, and Lie Groups 2, 2012, section 10.3.3. Near a = 0, b and c are computed by their
+    series.
     """
     a = hypot(*w)
     if a < 1e-2:
