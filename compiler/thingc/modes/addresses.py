@@ -1,4 +1,4 @@
-"""Addresses of a mode's coordinates in the arrays of a MuJoCo model."""
+"""Find the positions of joint coordinates in the arrays `qpos` and `qvel` of a MuJoCo model."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ if TYPE_CHECKING:
 
 
 class Addresses:
-    """The addresses of all coordinates of a mode's tree. `joints` are the first addresses in `qpos` and `qvel` of joints of the model.
+    """Maps the joint coordinates of a mode to the arrays `qpos` and `qvel` of a MuJoCo model.
+
+    The argument `joints` contains, for each joint of the MuJoCo model, its first index in `qpos` and its first index in `qvel`.
 
     Attributes:
-        to_read: The index in `Mode.coordinates`, and the addresses in `qpos` and `qvel`, of each coordinate that is not of a ball (3, k).
-        to_write: The same for each joint of the model, which can be a mimic (3, m).
-        ratio: The value of each joint of `to_write` by that of its coordinate (m,).
+        to_read: An array (3, k) with a column for each coordinate that does not belong to a ball joint: the index in `Mode.coordinates`,
+            the index in `qpos` and the index in `qvel`.
+        to_write: An array (3, m) with the same rows and a column for each joint of the model, including mimic joints.
+        ratio: An array (m,) with the factor by which the coordinate is multiplied when it is written to each joint of `to_write`.
     """
 
     def __init__(self, mode: Mode, joints: Mapping[str, Sequence[int]]) -> None:
@@ -37,7 +40,10 @@ class Addresses:
         self._count = len(mode.coordinates)
 
     def read(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-        """Read the positions and velocities of all coordinates. Coordinates that are not in the tree are 0."""
+        """Read the joint coordinates and the joint velocities from `qpos` and `qvel`, in the order of `Mode.coordinates`.
+
+        Coordinates of joints that are not in the tree of the mode are 0.
+        """
         q, v = np.zeros(self._count), np.zeros(self._count)
         rows, positions, speeds = self.to_read
         q[rows], v[rows] = qpos[positions], qvel[speeds]
@@ -46,7 +52,7 @@ class Addresses:
         return q, v
 
     def write(self, q: Array, v: Array, qpos: Any, qvel: Any) -> None:
-        """Write the positions and velocities of coordinates to `qpos` and `qvel`."""
+        """Write the joint coordinates `q` and the joint velocities `v` to the arrays `qpos` and `qvel`."""
         rows, positions, speeds = self.to_write
         qpos[positions], qvel[speeds] = self.ratio * q[rows], self.ratio * v[rows]
         for ball, own, at, moving in self._balls:

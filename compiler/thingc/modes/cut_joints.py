@@ -1,4 +1,5 @@
-"""Compute the coordinates of joints outside the tree of a mode from the poses and twists of their two ends."""
+"""Compute the coordinates and velocities of joints that close loops, from the poses and twists of the two links that such a joint connects.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +18,10 @@ STEPS = 50
 
 
 def coordinates(cut: Cut, X_AB: Array, usual: Array, xp: Any = np, steps: int = STEPS) -> Array:
-    """Return q (n,) of a cut joint with the relative pose `X_AB` (4, 4) of its ends.
+    """Compute the coordinates (n,) of a loop-closing joint from the pose `X_AB` (4, 4) of its end B relative to its end A.
 
-    Each returned angle differs from the corresponding value in `usual` by at most half a turn. numpy stops when the iteration has
-    converged; JAX always makes `steps` iterations.
+    An angle is only determined up to full turns. Each returned angle differs from the corresponding value in `usual` by at most half a
+    turn. With numpy, the iteration stops when it has converged. With JAX, it always makes `steps` iterations.
     """
     if cut.kind == "ball":
         return rotation_vector(X_AB[:3, :3], xp)
@@ -40,20 +41,24 @@ def coordinates(cut: Cut, X_AB: Array, usual: Array, xp: Any = np, steps: int = 
 
 
 def usual(mode: Mode, cut: Cut) -> Array:
-    """Return the coordinates of a cut joint in the first pose of the mode."""
+    """Return the coordinates of a loop-closing joint in the first pose that the mode defines."""
     first: Mapping[str, float] = next(iter(mode.named.values()), {})
     return np.array([first.get(name, 0.0) for name in cut.coordinates])
 
 
 def velocities(cut: Cut, q: Array, X_WB: Array, relative: Array, xp: Any = np) -> Array:
-    """Return v (n,) of a cut joint whose end B moves relative to A with the velocity `relative` (6,) (see `freedoms`)."""
+    """Compute the joint velocities (n,) of a loop-closing joint from the velocity `relative` (6,) of its end B relative to its end A.
+
+    The function `freedoms` defines the axes and the order of the components of `relative`.
+    """
     return _nearest(freedoms(cut, q, X_WB, xp), relative, xp)
 
 
 def freedoms(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
-    """Return the velocity (6, n) of end B relative to A per unit of each coordinate, for end B at X_WB (4, 4) and coordinates q (n,).
+    """Return the Jacobian (6, n) of a loop-closing joint: the velocity of end B relative to end A per unit of each joint velocity.
 
-    The first three rows are the velocity of B's origin, and the last three the angular velocity, all in world axes.
+    The first three rows are the velocity of the origin of B, and the last three rows are the angular velocity, all in world axes. `q` (n,)
+    are the coordinates of the joint, and `X_WB` (4, 4) is the pose of B in the world.
     """
     R = X_WB[:3, :3]
     if cut.kind == "ball":  # v is the angular velocity of the child in its own axes
@@ -65,7 +70,10 @@ def freedoms(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
 
 
 def constrained(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
-    """Return the orthogonal projection (6, 6) of a relative velocity (see `freedoms`) on the directions that the joint constrains."""
+    """Return the matrix (6, 6) that projects a relative velocity of the two ends of a joint onto the directions that the joint constrains.
+
+    The projection is orthogonal. The components of a relative velocity are ordered as in `freedoms`.
+    """
     if not cut.coordinates:
         return np.eye(6)
     F = freedoms(cut, q, X_WB, xp)
@@ -74,7 +82,7 @@ def constrained(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
 
 
 def _nearest(A: Array, b: Array, xp: Any) -> Array:
-    """Return x (n,) with the least |A x - b|. The columns of A (6, n) are independent."""
+    """Return the vector x (n,) that minimizes |A x - b|. The columns of the matrix A (6, n) must be linearly independent."""
     x: Array = xp.linalg.solve(A.T @ A, A.T @ b)
     return x
 
@@ -85,7 +93,7 @@ def _generators(cut: Cut) -> Array:
 
 
 def _moved(cut: Cut, q: Array, xp: Any) -> tuple[Array, Array]:
-    """Return the pose (4, 4) of A after the motion by the coordinates, and the twists (n, 6) of the coordinates in this frame."""
+    """Return the pose (4, 4) of end A after the motion of the joint, and the twists (n, 6) of the joint coordinates in this frame."""
     X, seen = np.eye(4), []
     for k in range(len(cut.twists) - 1, -1, -1):
         seen.append(moved_twist(inverse(X, xp), cut.twists[k], xp))

@@ -1,4 +1,4 @@
-"""The exceptions of the package `thingc.modes`."""
+"""The exceptions that the package `thingc.modes` raises."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ class ModesError(ValueError):
 
 
 class UnknownMode(ModesError, KeyError):
-    """Raised if the robot does not have the requested mode."""
+    """Raised if the robot does not have a mode with the requested name."""
 
     def __str__(self) -> str:
         return ValueError.__str__(self)  # KeyError would show the repr
 
 
 class WrongData(ModesError):
-    """Raised if a `mujoco.MjData` belongs to the model of another mode or variant."""
+    """Raised if a `mujoco.MjData` belongs to the model of a different mode, or of a different variant of the robot."""
 
 
 class BaseMoves(ModesError):
-    """Raised if a base must be at rest but its link moves. `twist` (6,) is the velocity of the link [m/s, rad/s]."""
+    """Raised if a mode switch requires a link at rest, but the link moves. `twist` (6,) is the velocity of the link [m/s, rad/s]."""
 
     def __init__(self, mode: str, link: str, twist: Array) -> None:
         linear, angular = float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:]))
@@ -35,7 +35,7 @@ class BaseMoves(ModesError):
 
 
 class BaseElsewhere(ModesError):
-    """Raised if the link of a fixed base is not at the pose specified by the mode.
+    """Raised if a mode has a fixed base, but its root link is not at the pose that the mode specifies.
 
     `distance` [m] and `angle` [rad] are the deviation of the link from the specified pose.
     """

@@ -1,6 +1,7 @@
-"""Poses as homogeneous 4 x 4 matrices (`X_AB` is the pose of frame B in frame A [m]), and MuJoCo's quaternions (w, x, y, z).
+"""Compute with poses as homogeneous 4 x 4 matrices, and with quaternions (w, x, y, z) as in MuJoCo.
 
-Functions with an argument `xp` compute with this module: numpy, or `jax.numpy` for `thingc.modes.jax`.
+`X_AB` is the pose of frame B in frame A [m]. Functions with the argument `xp` use this module for their computations: `numpy`, or
+`jax.numpy` for `thingc.modes.jax`.
 """
 
 from __future__ import annotations
@@ -20,22 +21,22 @@ CROSS[[0, 1, 2], [7, 2, 3]], CROSS[[0, 1, 2], [5, 6, 1]] = 1.0, -1.0
 
 
 def pose(rotation: ArrayLike, position: ArrayLike, xp: Any = np) -> Array:
-    """Return the 4 x 4 matrix of a rotation (3, 3) and a position (3,)."""
+    """Return the homogeneous matrix (4, 4) of a pose with a rotation matrix (3, 3) and a position (3,)."""
     top = xp.concatenate([xp.asarray(rotation), xp.asarray(position).reshape(3, 1)], axis=1)
     matrix: Array = xp.concatenate([top, BOTTOM])
     return matrix
 
 
 def inverse(X: Array, xp: Any = np) -> Array:
-    """Return the inverse `X_BA` of the pose `X_AB` (4, 4)."""
+    """Return the inverse of a pose. The inverse of `X_AB` (4, 4) is `X_BA`."""
     back = X[:3, :3].T
     return pose(back, -back @ X[:3, 3], xp)
 
 
 def rotation_of(quaternion: ArrayLike, xp: Any = np) -> Array:
-    """Return the rotation matrix (3, 3) of a quaternion after normalizing the quaternion, as MuJoCo does for `qpos`.
+    """Convert a quaternion to a rotation matrix (3, 3). The quaternion is normalized first, as MuJoCo does for `qpos`.
 
-    Several quaternions (n, 4) give several matrices (n, 3, 3).
+    An array of quaternions (n, 4) is converted to an array of matrices (n, 3, 3).
     """
     given = xp.asarray(quaternion)
     w, x, y, z = (given / xp.linalg.norm(given, axis=-1, keepdims=True)).T
@@ -48,9 +49,10 @@ def rotation_of(quaternion: ArrayLike, xp: Any = np) -> Array:
 
 
 def quaternion_of(rotation: Array, xp: Any = np) -> Array:
-    """Return the unit quaternion (4,) of a rotation matrix, with its largest component positive.
+    """Convert a rotation matrix (3, 3) to a unit quaternion (4,) whose largest component is positive.
 
-    Source: Shepperd, "Quaternion from rotation matrix", 1978. It computes the largest component first, so it is accurate at any angle.
+    Source: Shepperd, "Quaternion from rotation matrix", 1978. The method computes the largest component first, so it is accurate at any
+    angle.
     """
     r = rotation
     trace = r[0, 0] + r[1, 1] + r[2, 2]
@@ -66,7 +68,7 @@ def quaternion_of(rotation: Array, xp: Any = np) -> Array:
 
 
 def rotation(vector: Array, xp: Any = np) -> Array:
-    """Return the matrix (3, 3) of a rotation vector (3,), by Rodrigues' formula `1 + sin [a]x + (1 - cos) [a]x^2`."""
+    """Convert a rotation vector (3,) [rad] to a rotation matrix (3, 3) by Rodrigues' formula `1 + sin [a]x + (1 - cos) [a]x^2`."""
     square = vector @ vector
     angle = xp.sqrt(xp.where(square == 0.0, 1e-60, square))  # keeps derivatives at 0 finite
     k = cross_matrix(vector)
@@ -75,9 +77,10 @@ def rotation(vector: Array, xp: Any = np) -> Array:
 
 
 def generators(twist: Array) -> Array:
-    """Return the constant matrices (3, 4, 4) of `exponential` for a motion with the twist `twist` (6,) per unit of q.
+    """Return the constant matrices (3, 4, 4) from which `exponential` computes the pose of a motion with the given twist.
 
-    The angular part comes first and must be a unit vector or 0. If it is not 0, the linear part must be parallel to it.
+    `twist` (6,) is the motion per unit of q, with the angular part first. The angular part must be a unit vector or 0. If it is a unit
+    vector, the linear part must be parallel to it.
     """
     turn, slide = np.zeros((4, 4)), np.zeros((4, 4))
     turn[:3, :3], slide[:3, 3] = cross_matrix(twist[:3]), twist[3:]
@@ -85,13 +88,16 @@ def generators(twist: Array) -> Array:
 
 
 def exponential(matrices: Array, q: Any, xp: Any = np) -> Array:
-    """Return the pose (4, 4) at q of the motion with these `generators`, which is the identity at q = 0."""
+    """Return the pose (4, 4) of a moved frame at the joint coordinate q. At q = 0, the pose is the identity.
+
+    `matrices` is the result of `generators` for the twist of the motion.
+    """
     motion: Array = np.eye(4) + xp.sin(q) * matrices[0] + xp.sin(q / 2.0) ** 2 * matrices[1] + q * matrices[2]
     return motion
 
 
 def rotation_vector(rotation: Array, xp: Any = np) -> Array:
-    """Return the rotation vector (3,) of a rotation (3, 3): the unit axis times the angle [rad] from 0 to pi."""
+    """Convert a rotation matrix (3, 3) to a rotation vector (3,): the unit axis times the angle [rad] from 0 to pi."""
     w = quaternion_of(rotation, xp)
     w = xp.where(w[0] < 0.0, -w, w)
     square = w[1:] @ w[1:]
@@ -101,32 +107,35 @@ def rotation_vector(rotation: Array, xp: Any = np) -> Array:
 
 
 def logarithm(X: Array, xp: Any = np) -> Array:
-    """Return the rotation vector [rad] and the translation [m] of a pose near the identity as one vector (6,)."""
+    """Return the rotation vector [rad] and the translation [m] of a pose as one vector (6,). The pose must be near the identity."""
     both: Array = xp.concatenate([rotation_vector(X[:3, :3], xp), X[:3, 3]])
     return both
 
 
 def moved_twist(X: Array, twist: Array, xp: Any = np) -> Array:
-    """Convert a twist (angular, then linear) from frame B to A; `X` is X_AB (4, 4)."""
+    """Transform a twist from frame B to frame A. `X` (4, 4) is the pose of B in A. The angular part of a twist comes first."""
     angular = X[:3, :3] @ twist[:3]
     both: Array = xp.concatenate([angular, X[:3, :3] @ twist[3:] + cross(X[:3, 3], angular)])
     return both
 
 
 def cross_matrix(v: Array) -> Array:
-    """Return the matrix `[v]x` (..., 3, 3) of a vector (..., 3), whose product with w is v x w."""
+    """Return the cross product matrix `[v]x` (..., 3, 3) of a vector v (..., 3). The product of this matrix and a vector w is v x w."""
     matrix: Array = (v @ CROSS).reshape(*v.shape, 3)
     return matrix
 
 
 def cross(v: Array, w: Array) -> Array:
-    """Return v x w for vectors (..., 3)."""
+    """Return the cross product v x w of two vectors (..., 3)."""
     product: Array = (cross_matrix(v) @ w[..., None])[..., 0]
     return product
 
 
 def difference(X: Array, other: Array, xp: Any = np) -> tuple[Any, Any]:
-    """Return the distance [m] and the angle [rad] between two poses. The angle is accurate if it is small."""
+    """Return the distance [m] between the origins of two poses, and the angle [rad] of the rotation between them.
+
+    The angle is accurate if it is small.
+    """
     moved, D = X[:3, 3] - other[:3, 3], X[:3, :3].T @ other[:3, :3]
     axis = xp.asarray([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
     return xp.sqrt(moved @ moved), xp.arctan2(xp.sqrt(axis @ axis), xp.trace(D) - 1.0)

@@ -1,4 +1,4 @@
-"""Compute the velocity of a robot after a perfectly inelastic impact, in which the held links of a mode stop instantly."""
+"""Compute how the velocity of a robot changes when a mode switch suddenly holds moving links, as in a perfectly inelastic impact."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ RANK = 1e-10
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Impact(OneLineRepr):
-    """The effect of a mode switch on a held link.
+    """The effect of a mode switch on a link that the new mode holds.
 
     Attributes:
-        removed: The removed twist (6,) [m/s, rad/s]. If the hold allows rotation about the mount, this array contains the velocity of the
-            mount's origin, followed by zeros.
-        impulse: The impulse (6,) of the impact, or 0 without impact: linear [N s] in world axes, and angular [N m s] about the origin of
-            the link frame in the axes of the link.
+        removed: The velocity (6,) [m/s, rad/s] that the link loses: its twist. If the hold allows rotation about the mount, the array
+            contains the velocity of the mount's origin, followed by zeros.
+        impulse: The impulse (6,) that acts on the link, or 0 without an impact: the linear impulse [N s] in world axes, followed by the
+            angular impulse [N m s] about the origin of the link frame in the axes of the link.
     """
 
     removed: Array
@@ -35,22 +35,25 @@ class Impact(OneLineRepr):
 
 
 def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> tuple[RobotState, Array, Mapping[str, Array]]:
-    """Return the state after a perfectly inelastic impact with all held links of `mode`, and the impulses.
+    """Compute the state of a robot after a perfectly inelastic impact, in which all links that `mode` holds stop.
 
-    The second and third return value are the impulse (6,) on the root link, and the impulses on the other holds by the path of the mount.
+    Also return the impulse (6,) on the root link, and the impulses (6,) on the other held links by the path of the held mount.
     """
     after, impulse, holds = stop(mode, mode.arrays(state), mode.inertias if inertias is None else inertias, np)
     return mode.robot_state(after), impulse, dict(zip((hold.path for hold in mode.holds), holds, strict=True))
 
 
 def stop(mode: Mode, state: State, inertias: Inertias, xp: Any, **newton: int) -> tuple[State, Array, list[Array]]:
-    """Return the state after a perfectly inelastic impact, the impulse (6,) on the root link, and the impulses (6,) on the other holds.
+    """Compute the state after a perfectly inelastic impact, the impulse (6,) on the root link, and the impulses (6,) on the other held
+    links.
 
-    Let C u = 0 be the constraints of the mode on the velocity u = (base twist, v). The root link (unless the base is free) and the held
-    links are at rest, the velocity of each mimic joint is determined by its leader, and loops stay closed. The impulses p of the
-    constraints change u by `M (u' - u) = C^T p` with C u' = 0. With a basis N of the allowed motions, u' = N w and `N^T M N w = N^T M u`,
-    which is the orthogonal projection of u in the metric M. The result is the nearest allowed motion, and the kinetic energy of the
-    difference is lost (Carnot's theorem). If constraints are redundant, p is the solution of least norm.
+    The velocity of the robot is u = (twist of the base, joint velocities v), and C u = 0 are the constraints of the mode. A root link that
+    is not free and all held links are at rest. The velocity of a mimic joint is determined by its leader, and loops stay closed.
+
+    The impulses p of the constraints change the velocity from u to u'. The equations are `M (u' - u) = C^T p` and `C u' = 0`. With a basis
+    N of the allowed velocities, they become `u' = N w` and `N^T M N w = N^T M u`. This is the orthogonal projection of u in the metric M,
+    so u' is the nearest allowed velocity. The kinetic energy of the difference is lost (Carnot's theorem). If constraints are redundant, p
+    is the solution of least norm.
     """
     kin = kinematics(mode)
     q = state.q[kin.rows]
@@ -82,7 +85,7 @@ def stop(mode: Mode, state: State, inertias: Inertias, xp: Any, **newton: int) -
 
 
 def _impulses(mode: Mode, change: Array, moves: Array, mimics: Array, more: list[Array], xp: Any) -> tuple[Array, list[Array]]:
-    """Return the impulses on the root link and at the other holds for a change of momentum."""
+    """Compute the impulses on the root link and on the other held links from the change of momentum of the robot."""
     if not more:
         return change[:6], []
     stays = np.eye(6) - (moves @ xp.linalg.solve(moves.T @ moves, moves.T) if moves.shape[1] else np.zeros((6, 6)))
@@ -96,31 +99,39 @@ def _impulses(mode: Mode, change: Array, moves: Array, mimics: Array, more: list
 
 
 def _at_hold(hold: Hold, X: Array, own: Array, xp: Any) -> Array:
-    """Return the impulse (6,) of a hold for a link at X (4, 4): linear, and angular about the link's origin in the axes of the link."""
+    """Return the impulse (6,) on a held link with the pose X (4, 4): the linear impulse, then the angular impulse about the link's origin.
+
+    The linear impulse is in world axes, and the angular impulse is in the axes of the link.
+    """
     turning = cross(X[:3, :3] @ hold.X_LM[:3, 3], own) if hold.turns else own[3:]
     impulse: Array = xp.concatenate([own[:3], X[:3, :3].T @ turning])
     return impulse
 
 
 def _held(hold: Hold, X: Array, J: Array) -> Array:
-    """Return the velocity constraints of a hold for a link at X (4, 4).
+    """Return the Jacobian of the velocity that a hold constrains to zero, for a held link with the pose X (4, 4).
 
-    J is the Jacobian (6, n) of the link. If the hold allows rotation, J is the Jacobian (3, n) of the mount's origin.
+    `J` is the Jacobian (6, n) of the link. If the hold allows rotation, the result is the Jacobian (3, n) of the mount's origin. Otherwise,
+    it is `J`.
     """
     return J[:3] - cross_matrix(X[:3, :3] @ hold.X_LM[:3, 3]) @ J[3:] if hold.turns else J
 
 
 def at_point(hold: Hold, X: Array, twist: Array) -> Array:
-    """Return the velocity [m/s] of the origin of a held mount in world axes, followed by zeros (6,), for a link at X (4, 4).
+    """Return the velocity [m/s] of the origin of a held mount in world axes, followed by three zeros. The result has the shape (6,).
 
-    `twist` (6,) is the twist of the link: the velocity of its frame's origin in world axes, and the angular velocity in its own axes.
+    `X` (4, 4) is the pose of the link. `twist` (6,) is the velocity of the origin of the link frame in world axes, followed by the angular
+    velocity of the link in its own axes.
     """
     linear = twist[:3] + cross(X[:3, :3] @ twist[3:], X[:3, :3] @ hold.X_LM[:3, 3])
     return np.concatenate([linear, np.zeros(3)])
 
 
 def _mimics(mode: Mode, q: Array, xp: Any) -> Array:
-    """Return the constraints (r, n) of all mimic joints: v of the joint, minus the multiple of the leader's v, is zero."""
+    """Return the matrix (r, n) of the constraints of all r mimic joints, whose product with the joint velocities is zero.
+
+    Each row is the velocity of a mimic joint minus the corresponding multiple of the velocity of its leader.
+    """
     column = {joint.name: number for number, joint in enumerate(mode.joints)}
     unit = np.eye(6 + len(column))[6:]
     rows = [
@@ -132,7 +143,7 @@ def _mimics(mode: Mode, q: Array, xp: Any) -> Array:
 
 
 def _ends_meet(mode: Mode, poses: Array, cut: Cut, jacobians: Array, xp: Any, newton: dict[str, int]) -> Array:
-    """Return the relative velocity (6, n) of the ends of a cut joint in its constrained directions."""
+    """Return the Jacobian (6, n) of the constraint that the two ends of a loop-closing joint stay together."""
     X_WA, X_WB = poses[cut.parent] @ cut.X_PA, poses[cut.child] @ cut.X_CB
     ends = []
     for link in (cut.parent, cut.child):

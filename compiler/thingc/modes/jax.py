@@ -1,4 +1,4 @@
-"""Switch modes in JAX, for use with `jit`, `vmap` and `grad` (`pip install thingc[jax]`).
+"""Switch between modes of a robot in JAX. The functions can be used with `jit`, `vmap` and `grad` (`pip install thingc[jax]`).
 
     from thingc.modes.jax import State, switch
 
@@ -34,11 +34,12 @@ def switch(
     state: State, old: Mode, new: Mode, on_motion: Literal["drop", "impact"] = "drop", *, inertias: Inertias | None = None,
     tolerance: float = 1e-6,
 ) -> tuple[State, Any, Any]:
-    """Convert a state of the mode `old` to a state of the mode `new`, as `Modes.switch` does.
+    """Convert the state of a robot in the mode `old` to its state in the mode `new`, as `Modes.switch` does.
 
-    Returns the state, the removed part (6,) of the twist of the new root link, and the impulse (6,) on it. If a base that is fixed, planar
-    or a ball, or a hold of a fixed base, is farther than `tolerance` [m and rad] from where the mode has it, the state is NaN. `inertias`
-    are in the order of the tree of `new` (default: those of the build). The numbers have the precision of `state`.
+    Returns the new state, the removed part (6,) of the twist of the new root link, and the impulse (6,) on this link. The new state is NaN
+    if the robot is not where the new mode holds it. This applies to fixed, planar and ball bases, and to other holds of a fixed base. The
+    maximum deviation is `tolerance` [m and rad]. `inertias` are in the order of the tree of `new`; by default, they are the inertias at the
+    time of the build. The numbers have the same precision as `state`.
     """
     if on_motion not in ("drop", "impact"):
         raise ModesError(f"expected on_motion \"drop\" or \"impact\", found `{on_motion}`")

@@ -1,7 +1,7 @@
-"""Compute the kinematics and the mass matrix of a mode's tree in arrays, with numpy or JAX.
+"""Compute the forward kinematics, the Jacobians and the mass matrix of a robot in a mode, with numpy or JAX.
 
-A *frame* is the pose of a link, or the frame between two coordinates of one joint: frame 0 is the root link, and coordinate k moves frame
-k + 1. The argument `xp` of methods is `numpy` or `jax.numpy`.
+A joint can have several coordinates. A *frame* in this module is either the pose of a link, or the frame between two coordinates of one
+joint. Frame 0 is the root link, and coordinate k moves frame k + 1. The argument `xp` of methods is the module `numpy` or `jax.numpy`.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ if TYPE_CHECKING:
 
 
 class Kinematics:
-    """The constants of a mode's tree of n links and m coordinates of joints.
+    """Computes the kinematics of the tree of a mode, which has n links and m joint coordinates.
 
     Attributes:
         rows: The index of each coordinate of the tree in `Mode.coordinates` (m,).
-        gathered: The index of each of `Mode.coordinates` in the values of the tree's coordinates, followed by values of all coordinates.
-        of_link: The frame of each link (n,).
+        gathered: The index from which each element of `Mode.coordinates` is taken in the values of the tree's coordinates, followed by
+            previous values of all coordinates.
+        of_link: The index of the frame of each link (n,).
         number: The index of each link by name.
     """
 
@@ -59,7 +60,7 @@ class Kinematics:
         self._leaders(mode, column)
 
     def _leaders(self, mode: Mode, column: dict[str, int]) -> None:
-        """Set the column of `coupling` for each coordinate, and the chain of mimics to it."""
+        """Find the coordinate that each mimic joint follows, directly or through other mimic joints, for the method `coupling`."""
         chains: list[list[Any]] = []
         last = []
         for joint in mode.joints:
@@ -74,9 +75,9 @@ class Kinematics:
         self._pattern = np.array([[float(k == one) for one in free] for k in last]).reshape(len(last), len(free))
 
     def frames(self, base: Array, q: Array, xp: Any) -> Array:
-        """Return all frames (m + 1, 4, 4) in the world, for the root link at `base` and q (m,) of the tree's coordinates.
+        """Return the poses (m + 1, 4, 4) of all frames in the world, for a root link with the pose `base` and joint coordinates `q` (m,).
 
-        They are `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL` for each coordinate in sequence.
+        The pose of each frame is `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL`, computed from the pose of the preceding frame.
         """
         still, turn, versine, slide = self._motion
         angle = (q + self._offset)[:, None, None]
@@ -93,17 +94,21 @@ class Kinematics:
         return frames
 
     def axes(self, frames: Array) -> tuple[Array, Array]:
-        """Return the angular velocity (m, 3) and the velocity (m, 3) at the origin of the root link per unit of each coordinate, in world
-        axes."""
+        """Return the angular velocity (m, 3), and the linear velocity (m, 3) at the origin of the root link, per unit of each coordinate
+        velocity.
+
+        Both are in world axes.
+        """
         carrier = frames[self._carrier]
         both = self._axes @ carrier[:, :3, :3].swapaxes(1, 2)
         spin = both[:, 0]
         return spin, both[:, 1] + cross(carrier[:, :3, 3] - frames[0, :3, 3], spin)
 
     def twists(self, frames: Array, u: Array, xp: Any) -> Array:
-        """Return the twists (n, 6) of all links for the velocity u (6 + m,), which is the base's twist, then v of the coordinates.
+        """Return the twists (n, 6) of all links. The velocity `u` (6 + m,) is the twist of the base, followed by the velocities of the
+        coordinates.
 
-        A twist is the velocity of the origin of the link in world axes, then the angular velocity in the link's axes.
+        A twist is the velocity of the origin of the link in world axes, followed by the angular velocity in the axes of the link.
         """
         X, spins = frames[self.of_link], self.axes(frames)
         root, path = frames[0], self._mask[:, 6:]
@@ -113,8 +118,10 @@ class Kinematics:
         return twists
 
     def jacobians(self, frames: Array, xp: Any) -> Array:
-        """Return the Jacobians (n, 6, 6 + m) of all links, which map u to the velocity of the link's origin and to its angular velocity,
-        both in world axes."""
+        """Return the Jacobians (n, 6, 6 + m) of all links. Each Jacobian maps the velocity of the robot to the velocity of the link.
+
+        The velocity of a link is the velocity of its origin, followed by its angular velocity, both in world axes.
+        """
         spin, linear = self.axes(frames)
         moved = [
             xp.concatenate([np.eye(3), np.zeros((3, 3)), linear.T], axis=1),
@@ -126,9 +133,10 @@ class Kinematics:
         return jacobians
 
     def mass_matrix(self, frames: Array, jacobians: Array, inertias: Inertias, xp: Any) -> Array:
-        """Return the mass matrix (6 + m, 6 + m) of the robot with a free base.
+        """Return the mass matrix (6 + m, 6 + m) of the robot, as if its base were free.
 
-        The matrix is `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, where J is the Jacobian of a link's centre.
+        The matrix is `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, where J is the Jacobian of the centre of mass
+        of a link.
         """
         R, angular = frames[self.of_link, :3, :3], jacobians[:, 3:]
         linear = jacobians[:, :3] - cross_matrix((R @ inertias.centre[:, :, None])[:, :, 0]) @ angular
@@ -139,9 +147,9 @@ class Kinematics:
         return matrix
 
     def coupling(self, q: Array, xp: Any) -> Array:
-        """Return the matrix (m, k) that maps v of the k independent coordinates to v of all m coordinates.
+        """Return the matrix (m, k) that maps the velocities of the k independent coordinates to the velocities of all m coordinates.
 
-        A coordinate is independent if it does not mimic another coordinate of this tree.
+        A coordinate is independent if its joint does not mimic another joint of this tree.
         """
         if not any(self._chains):
             return self._pattern
@@ -157,5 +165,5 @@ class Kinematics:
 
 @lru_cache(maxsize=256)
 def kinematics(mode: Mode) -> Kinematics:
-    """Return the kinematics of a mode, which is cached."""
+    """Return the `Kinematics` of a mode. The result is cached for each mode."""
     return Kinematics(mode)

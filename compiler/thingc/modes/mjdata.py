@@ -1,6 +1,6 @@
-"""Read and write the state of a mode in a `mujoco.MjData` by element name. The scene can contain elements of other models, too.
+"""Read the state of a robot from a `mujoco.MjData`, and write it back. Elements are found by name.
 
-This module does not import MuJoCo. `MjData` provides its model, and access to elements by name.
+The MuJoCo model can also contain other robots and objects. This module does not import MuJoCo, because a `MjData` provides its own model.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ RESULTS = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelMap:
-    """The indices of the links and coordinates of a mode in a MuJoCo model.
+    """The indices of the elements of a robot in a MuJoCo model of one of its modes.
 
     Attributes:
-        addresses: The coordinates of joints.
-        joints: The first addresses in `qpos` and `qvel` of all joints of the model with a name.
-        base: The addresses in `qpos` and `qvel` of the base, which are empty for a fixed or held base.
-        mocap: The number of the mocap body of a held base, or -1.
-        anchors: The numbers of the mocap bodies of the other holds.
-        actuators: The number and the address and size of the activation of each actuator with a name.
+        addresses: The addresses of the joint coordinates in `qpos` and `qvel`.
+        joints: The first addresses in `qpos` and `qvel` of each joint of the model that has a name.
+        base: The addresses of the base in `qpos` and in `qvel`. They are empty for a fixed or held base.
+        mocap: The number of the mocap body to which a held base is attached, or -1.
+        anchors: The numbers of the mocap bodies to which other held mounts are attached.
+        actuators: For each actuator with a name, its number, and the address and size of its activation.
     """
 
     addresses: Addresses
@@ -52,7 +52,7 @@ class ModelMap:
 
 
 def map_model(mode: Mode, model: Any) -> ModelMap:
-    """Create the `ModelMap` of a MuJoCo model of `mode`.
+    """Find the elements of a robot in a MuJoCo model of the mode `mode`.
 
     Raises `WrongData` if the model differs from the mode in its links, their parents, its base, or the poses of links, joints or mounts.
     """
@@ -61,7 +61,7 @@ def map_model(mode: Mode, model: Any) -> ModelMap:
 
 
 def _cached(make: Callable[[Mode, Any], Any], mode: Mode, model: Any) -> Any:
-    """Return `make(mode, model)`, or its cached result for a model with the same structure."""
+    """Return `make(mode, model)`. The result is cached, and used again for every model with the same structure."""
     key = tuple([model.names if name == "names" else getattr(model, name).tobytes() for name in STRUCTURE])
     results = _results(make, mode)
     if key not in results:
@@ -74,7 +74,7 @@ def _cached(make: Callable[[Mode, Any], Any], mode: Mode, model: Any) -> Any:
 
 @lru_cache(maxsize=128)
 def _results(make: Callable[[Mode, Any], Any], mode: Mode) -> dict[tuple[bytes, ...], Any]:
-    """Return the cached results of `make` for models of a mode."""
+    """Return the cache of `_cached` for a function and a mode: its results by the structure of the MuJoCo model."""
     return {}
 
 
@@ -104,7 +104,7 @@ def _new_map(mode: Mode, model: Any) -> ModelMap:
 
 
 def check(mode: Mode, model: Any) -> None:
-    """Check that a MuJoCo model belongs to a mode.
+    """Check that a MuJoCo model is a model of the robot in the given mode.
 
     Raises `WrongData` if the model differs from the mode in its links, their parents, its base, or the poses of links, joints or mounts.
     """
@@ -139,9 +139,9 @@ def check(mode: Mode, model: Any) -> None:
 
 
 def _link_above(model: Any, body: int, links: Collection[int]) -> int:
-    """Return the body of the parent link of `body`, or 0 for the world.
+    """Return the number of the nearest ancestor of a body that is a link of the robot, or 0 for the world.
 
-    `--compat drake` adds bodies that are not links. This function skips them.
+    The function skips bodies that are not links, such as the bodies that `--compat drake` adds.
     """
     above = int(model.body_parentid[body])
     while above and above not in links:
@@ -150,9 +150,8 @@ def _link_above(model: Any, body: int, links: Collection[int]) -> int:
 
 
 def read_state(mode: Mode, found: ModelMap, data: Any) -> State:
-    """Read the state of a mode from `data`. Raises `ModesError` for numbers that are not finite.
-
-    The pose of a fixed base is read from the model. The twist of a fixed or held base is zero.
+    """Read the state of a robot in the given mode from a `mujoco.MjData`. Raises `ModesError` if the state contains NaN or infinite
+    numbers.
     """
     twist: Array = np.zeros(6)
     qpos, qvel = data.qpos, data.qvel
@@ -174,7 +173,7 @@ def read_state(mode: Mode, found: ModelMap, data: Any) -> State:
 
 
 def write_state(mode: Mode, state: State, found: ModelMap, data: Any) -> None:
-    """Write a state of `mode` to `data`: only qpos, qvel and the mocap pose of the robot."""
+    """Write a state of a robot in the given mode to a `mujoco.MjData`. Only `qpos`, `qvel` and the mocap pose of the robot are changed."""
     position, quaternion = state.base[:3, 3], quaternion_of(state.base[:3, :3])
     qpos, qvel = data.qpos, data.qvel
     if mode.base == "free":
@@ -187,10 +186,11 @@ def write_state(mode: Mode, state: State, found: ModelMap, data: Any) -> None:
 
 
 def carry(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any, target: Any) -> tuple[str, ...]:
-    """Copy values other than the motion, such as controls, from one mode to `target`. Return the actuators that only `target` has.
+    """Copy the time, the controls and the actuator activations from the `MjData` `source` of one mode to the `MjData` `target` of another
+    mode.
 
-    These values are the time, the controls and activations by actuator, and the joint accelerations for the solver's warm start. The
-    controls of the returned actuators do not change.
+    Return the names of the actuators that only the new mode has; their controls do not change. Joint accelerations are also copied, for the
+    warm start of MuJoCo's solver.
     """
     target.time = source.time
     old, new = maps
@@ -219,9 +219,10 @@ def _warm_start(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], sourc
 
 
 def hold_here(mode: Mode, poses: Array, found: ModelMap, data: Any) -> None:
-    """Move the anchors of a mode's other holds to the held links at `poses`, or to the mount's origin if a hold allows rotation.
+    """Move the mocap bodies of held mounts, so that the mode holds these mounts at their current poses. The root mount is not included.
 
-    If the base is fixed, the anchors do not move.
+    `poses` are the poses (n, 4, 4) of all links in the world. If a hold allows rotation, its mocap body moves to the origin of the mount.
+    If the base is fixed, the mocap bodies do not move.
     """
     if mode.base == "fixed":
         return
@@ -232,18 +233,21 @@ def hold_here(mode: Mode, poses: Array, found: ModelMap, data: Any) -> None:
 
 
 def bolted(mode: Mode, data: Any) -> Array:
-    """Return the pose (4, 4) of the fixed root link of `mode` in the model of `data`."""
+    """Return the pose (4, 4) of the root link of a mode with a fixed base, as in the MuJoCo model of `data`."""
     body = data.model.body(mode.root_link)
     return pose(rotation_of(body.quat), body.pos)
 
 
 def inertias(mode: Mode, data: Any) -> Inertias:
-    """Return the current inertias in the model of `data`, which can belong to any mode, in the order of `mode`'s tree."""
+    """Return the current inertias of all links in the MuJoCo model of `data`, in the order of the tree of `mode`.
+
+    The model can be a model of any mode of the robot.
+    """
     return inertias_in(data.model, inertia_rows(mode, data.model), np)
 
 
 def inertias_in(arrays: Any, rows: tuple[Any, Any, Any], xp: Any) -> Inertias:
-    """Return the inertias in the arrays of a model, of MuJoCo or MJX, at `inertia_rows`."""
+    """Return the inertias of all links from the arrays of a MuJoCo or MJX model. `rows` is the result of `inertia_rows`."""
     bodies, own, dofs = rows
     R = rotation_of(arrays.body_iquat[bodies], xp)
     return Inertias(
@@ -255,8 +259,11 @@ def inertias_in(arrays: Any, rows: tuple[Any, Any, Any], xp: Any) -> Inertias:
 
 
 def inertia_rows(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
-    """Return the body of each link, whether it has the link's name (a massless intermediate link has no body), and the DOF of each
-    joint."""
+    """Return three arrays of indices and flags, from which `inertias_in` reads the inertias of all links.
+
+    They contain the number of the body of each link, whether this body has the name of the link, and the number of the degree of freedom of
+    each joint. A massless intermediate link does not have its own body.
+    """
     found: tuple[Any, Any, Any] = _cached(_weights, mode, model)
     return found
 
@@ -270,7 +277,7 @@ def _weights(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
 
 
 def _bodies(mode: Mode, model: Any) -> dict[str, int]:
-    """Return the bodies by link name. A massless intermediate link has no body and is mapped to the body that follows it."""
+    """Return the number of the body of each link by name. For a massless intermediate link, this is the body that follows the link."""
     body_of = {model.body(number).name: number for number in range(model.nbody)}
     for joint in reversed(mode.joints):
         parent, child = mode.links[joint.parent], mode.links[joint.child]
@@ -280,6 +287,7 @@ def _bodies(mode: Mode, model: Any) -> dict[str, int]:
 
 
 def _activation(model: Any, actuator: int) -> tuple[int, int]:
-    """Return the address and the size of an actuator's activation in `act`. The size is 0 if it has none."""
+    """Return the address and the size of the activation of an actuator in `MjData.act`. The size is 0 for an actuator without activation.
+    """
     first, count = int(model.actuator_actadr[actuator]), int(model.actuator_actnum[actuator])
     return (first, count) if first >= 0 else (0, 0)

@@ -1,4 +1,4 @@
-"""Parse the file `modes.json`."""
+"""Parse the file `modes.json`, which a build writes for switching between modes at run time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ VERSION = 2
 
 
 def load_modes(path: str | os.PathLike[str]) -> dict[str, Mode]:
-    """Load the modes from a build folder or a `modes.json`. Raises `FileNotFoundError`, and `ModesError` if the file is invalid."""
+    """Load all modes of a robot from its build folder or from its file `modes.json`.
+
+    Raises `FileNotFoundError` if the file does not exist, and `ModesError` if the file is invalid.
+    """
     place = os.fspath(path)
     if os.path.isdir(place):
         place = os.path.join(place, FILE)
@@ -31,7 +34,10 @@ def load_modes(path: str | os.PathLike[str]) -> dict[str, Mode]:
 
 
 def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
-    """Parse the content of a `modes.json`. Error messages call the file `name`. Raises `ModesError`."""
+    """Parse the content of a file `modes.json`, and return the modes by name.
+
+    `name` is the name of the file in error messages. Raises `ModesError` if the content is invalid.
+    """
     try:
         modes: Mapping[str, Any] = json.loads(text)
         for mode, described in modes.items():
@@ -48,7 +54,8 @@ def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
 
 
 def _coordinates(described: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the names of the coordinates of all joints of a mode, first those of the tree, then those that are cut."""
+    """Return the names of all joint coordinates of a mode: first the coordinates of joints in the tree, then those of loop-closing joints.
+    """
     joints = [*described.get("joints", ()), *described.get("cuts", ())]
     return tuple(str(one["name"]) for joint in joints for one in joint["coordinates"])
 
@@ -104,7 +111,10 @@ def _mode(name: str, described: Mapping[str, Any], order: tuple[str, ...]) -> Mo
 
 
 def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[Joint]:
-    """Yield the coordinates of a joint in the order of the mode's tree. In a reversed joint, their order and their motions are inverted."""
+    """Yield the coordinates of a joint in the order in which the tree of the mode traverses them.
+
+    If the tree traverses the joint from child to parent, the order of the coordinates and their motions are inverted.
+    """
     back = bool(described["reversed"])
     before, after = _array(described["X_PJ"], 4, 4), inverse(_array(described["X_CJ"], 4, 4))
     if back:

@@ -1,7 +1,8 @@
-"""Bases with partial mobility: `planar` in the x-y plane of a frame A that is fixed in the world, and `ball` about the origin of A.
+"""Bases whose root link can move in some directions: in the x-y plane of a frame A (`planar`), or about the origin of A (`ball`).
 
-Let X_WR be the current pose of the root link, X0_WR its initial pose in the mode, and M the motion in A. Then X_WR = X_WA M inv(X_WA)
-X0_WR. MuJoCo represents M as two slides and a hinge about z (`planar`), or as a quaternion in the axes of the root link (`ball`).
+Frame A is fixed in the world. Let X_WR be the current pose of the root link, X0_WR its initial pose in the mode, and M the motion in A.
+Then X_WR = X_WA M inv(X_WA) X0_WR. MuJoCo represents M by two slide joints and a hinge about z (`planar`), or by a quaternion in the axes
+of the root link (`ball`).
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ from thingc.modes.frames import Array, cross, inverse, pose, quaternion_of, rota
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PartBase(OneLineRepr):
-    """A base with partial mobility of the root link. `kind` is `planar` or `ball`. The module defines `X_WA` and `X0_WR` (4, 4)."""
+    """A planar or ball base of a mode (see `kind`). The pose `X_WA` (4, 4) of frame A and the pose `X0_WR` (4, 4) are defined in the module
+    docstring.
+    """
 
     kind: Literal["planar", "ball"]
     X_WA: Array
@@ -26,26 +29,32 @@ class PartBase(OneLineRepr):
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """The names of the joints in the model that implement this mobility."""
+        """The names of the MuJoCo joints with which the model implements the motion of this base."""
         return ("root",) if self.kind == "ball" else ("root_0", "root_1", "root_2")
 
     def qpos(self, X: Array) -> Array:
-        """Return MuJoCo's `qpos` for the root link at X (4, 4), or at the nearest possible pose."""
+        """Return the elements of MuJoCo's `qpos` for a root link with the pose X (4, 4).
+
+        If this base does not allow the pose X, the nearest allowed pose is used.
+        """
         if self.kind == "ball":
             return quaternion_of(self.X0_WR[:3, :3].T @ X[:3, :3])
         return self._planar(X, np)
 
     def pose(self, qpos: ArrayLike) -> Array:
-        """Return the pose (4, 4) of the root link at MuJoCo's `qpos`."""
+        """Return the pose (4, 4) of the root link in the world for the given elements of MuJoCo's `qpos`."""
         values = np.asarray(qpos, dtype=float)
         return self._turned(self.X0_WR[:3, :3] @ rotation_of(values), np) if self.kind == "ball" else self._slid(values, np)
 
     def nearest(self, X: Array, xp: Any = np) -> Array:
-        """Return the nearest possible pose (4, 4) of the root link to X (4, 4)."""
+        """Return the pose (4, 4) of the root link that is nearest to X (4, 4) among the poses that this base allows."""
         return self._turned(X[:3, :3], xp) if self.kind == "ball" else self._slid(self._planar(X, xp), xp)
 
     def qvel(self, X: Array, twist: Array, xp: Any = np) -> Array:
-        """Return MuJoCo's `qvel` (3,) for the root link at X with a twist (6,). Components in constrained directions are ignored."""
+        """Return the elements (3,) of MuJoCo's `qvel` for a root link with the pose X (4, 4) and a twist (6,).
+
+        Components of the twist in directions that this base constrains are ignored.
+        """
         if self.kind == "ball":
             return twist[3:]
         R, spin = self.X_WA[:3, :3], X[:3, :3] @ twist[3:]
@@ -54,7 +63,7 @@ class PartBase(OneLineRepr):
         return qvel
 
     def twist(self, X: Array, qvel: Array, xp: Any = np) -> Array:
-        """Return the twist (6,) of the root link at X for MuJoCo's `qvel`."""
+        """Return the twist (6,) of a root link with the pose X (4, 4) for the given elements (3,) of MuJoCo's `qvel`."""
         R = self.X_WA[:3, :3]
         if self.kind == "ball":
             spin, linear = X[:3, :3] @ qvel, np.zeros(3)
@@ -64,28 +73,29 @@ class PartBase(OneLineRepr):
         return twist
 
     def motions(self, X: Array, xp: Any = np) -> Array:
-        """Return the possible twists (6, 3) at X per unit of each entry of `qvel`."""
+        """Return the Jacobian (6, 3) that maps MuJoCo's `qvel` (3,) to the twist of a root link with the pose X (4, 4)."""
         motions: Array = xp.asarray([self.twist(X, unit, xp) for unit in np.eye(3)]).T
         return motions
 
     def _planar(self, X: Array, xp: Any) -> Array:
-        """Return the position and the angle (3,) of the motion in the plane."""
+        """Return the translation [m] in x and y and the rotation angle [rad] of a planar base (3,) for a root link with the pose X (4, 4).
+        """
         M = inverse(self.X_WA) @ X @ inverse(self.X0_WR) @ self.X_WA
         moved: Array = xp.asarray([M[0, 3], M[1, 3], xp.arctan2(M[1, 0] - M[0, 1], M[0, 0] + M[1, 1])])
         return moved
 
     def _slid(self, moved: Array, xp: Any) -> Array:
-        """Return the pose (4, 4) of the root link after a motion in the plane."""
+        """Return the pose (4, 4) of the root link of a planar base, given the translation in x and y and the rotation angle (3,)."""
         M = pose(rotation(moved[2] * np.eye(3)[2], xp), moved * np.array([1.0, 1.0, 0.0]), xp)
         X: Array = self.X_WA @ M @ inverse(self.X_WA) @ self.X0_WR
         return X
 
     def _turned(self, R: Array, xp: Any) -> Array:
-        """Return the pose (4, 4) of the root link with the rotation R about the origin of A."""
+        """Return the pose (4, 4) of the root link of a ball base, given its orientation R (3, 3) in the world."""
         about = self.X_WA[:3, 3]
         return pose(R, about + R @ self.X0_WR[:3, :3].T @ (self.X0_WR[:3, 3] - about), xp)
 
     def _carried(self, X: Array) -> Array:
-        """Return the current position (3,) of the point that was at the origin of A, for the root link at X."""
+        """Return the current position (3,) in the world of the point of the root link that was initially at the origin of frame A."""
         carried: Array = (X @ inverse(self.X0_WR) @ self.X_WA)[:3, 3]
         return carried

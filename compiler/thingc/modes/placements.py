@@ -1,4 +1,4 @@
-"""Check that the poses of links, joints and mounts in a `mujoco.MjModel` match a mode. The poses of other variants differ."""
+"""Check that the poses of links, joints and mounts in a `mujoco.MjModel` match a mode. They differ for another variant of the robot."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ SLIDE = 2
 
 
 def _motions(mode: Mode) -> Array:
-    """Return the twist of each link per unit of each v at q = 0 in the axes of the root link, as an array (links, 6, joints)."""
+    """Return the Jacobian (links, 6, joints) of all links at q = 0, in the axes of the root link."""
     return np.array(mode.jacobians(mode.state(base_pose=np.eye(4))))[:, :, 6:]
 
 
 def find_displaced(mode: Mode, model: Any, body_of: Mapping[str, int]) -> tuple[str, float] | None:
-    """Return the first link, joint or mount whose pose in `model` differs, and the difference [m, rad], or None if all match.
+    """Compare the poses of all links, joints and mounts in a MuJoCo model with a mode.
 
-    `model` must contain a body for each link of `mode`.
+    Return the name and the deviation [m or rad] of the first element that differs, or None if all match. `body_of` contains the number of
+    the body of each link of `mode`.
     """
     return next(((name, far) for name, far in _distances(mode, model, body_of) if far > CLOSE), None)
 
@@ -55,7 +56,10 @@ def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[t
 
 
 def _frames(mode: Mode) -> Iterator[tuple[int, str, Array, bool]]:
-    """Yield the frames on links that are sites of the model: index of the link, name, pose, and whether only the position is compared."""
+    """Yield the mounts that must be sites of the MuJoCo model. For each, yield the index of its link, its name, and its pose in the link.
+
+    The last value is true if only the position of the site must be compared.
+    """
     for hold in mode.holds:
         yield hold.link, hold.anchor.removesuffix(":held"), hold.X_LM, hold.turns
     for cut in mode.cuts:
@@ -64,7 +68,7 @@ def _frames(mode: Mode) -> Iterator[tuple[int, str, Array, bool]]:
 
 
 def _motion(model: Any, name: str, X: Mapping[int, Array], here: Array, joint: Any) -> Array:
-    """Return the twist (6,) at the point `here` of the body that a joint of the model moves, per unit of v, at q = 0."""
+    """Return the motion (6,) per unit of joint velocity, at q = 0, that a joint of the MuJoCo model causes at the point `here`."""
     one = model.joint(name)
     place = X[int(one.bodyid[0])]
     if joint.ball is None:
@@ -77,5 +81,5 @@ def _motion(model: Any, name: str, X: Mapping[int, Array], here: Array, joint: A
 
 
 def _apart(X: Array, other: Array) -> float:
-    """Return the larger of the distance [m] and the angle [rad] between two poses."""
+    """Return the distance [m] or the angle [rad] between two poses, whichever number is larger."""
     return float(max(difference(X, other)))

@@ -1,4 +1,4 @@
-"""The modes of a robot, and methods to switch between them."""
+"""The class `Modes`, which contains the modes of a robot and switches between them."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ CHOICES: tuple[OnMotion, ...] = get_args(OnMotion)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SwitchResult(OneLineRepr):
-    """The result of a mode switch.
+    """The result of switching a robot from one mode to another.
 
     Attributes:
-        state: The state in the new mode.
-        removed: The removed part (6,) [m/s, rad/s] of the twist of the new root link, or 0.
-        impulse: The impulse (6,) of the impact on the root link: linear [N s] in world axes, and angular [N m s] about its frame's origin
-            in its own axes. It is 0 unless `on_motion="impact"` removed a motion.
-        holds: The values `removed` and `impulse` of the other held mounts, by path of the mount.
-        uncommanded: The actuators that only the new mode has. Their controls do not change.
+        state: The state of the robot in the new mode.
+        removed: The part (6,) [m/s, rad/s] of the twist of the new root link that was removed, or 0.
+        impulse: The impulse (6,) on the root link: linear [N s] in world axes, then angular [N m s] about the origin of its frame in its
+            own axes. The impulse is 0 unless `on_motion="impact"` removed a motion.
+        holds: The same values `removed` and `impulse` for each other held mount, by the path of the mount.
+        uncommanded: The names of the actuators that only the new mode has. Their controls do not change.
     """
 
     state: RobotState
@@ -46,7 +46,7 @@ class SwitchResult(OneLineRepr):
 
 
 class Modes(Mapping[str, Mode]):
-    """The modes of a robot by name, in the order of the document: `robot["bench"]`. Unknown names raise `UnknownMode`."""
+    """The modes of a robot, in the order of the document. `robot["bench"]` returns a mode. An unknown name raises `UnknownMode`."""
 
     def __init__(self, modes: Mapping[str, Mode]) -> None:
         self._modes = dict(modes)
@@ -61,7 +61,7 @@ class Modes(Mapping[str, Mode]):
 
     @classmethod
     def parse(cls, text: str | bytes) -> Modes:
-        """Parse the content of a `modes.json`. Raises `ModesError`."""
+        """Create the modes from the content of a file `modes.json`. Raises `ModesError` if the content is invalid."""
         return cls(modes_file.parse(text))
 
     def __getitem__(self, name: str) -> Mode:
@@ -79,21 +79,28 @@ class Modes(Mapping[str, Mode]):
         return f"Modes({', '.join(self._modes)})"
 
     def read(self, mode: str, data: Any) -> RobotState:
-        """Return the state in a `mujoco.MjData` of a mode's model. Raises `UnknownMode`, and `WrongData` for data of another model."""
+        """Return the state of the robot in a `mujoco.MjData`. `mode` is the name of the mode to which the MuJoCo model belongs.
+
+        Raises `UnknownMode` for an unknown mode, and `WrongData` if `data` belongs to another model.
+        """
         own = self[mode]
         return own.robot_state(mjdata.read_state(own, mjdata.map_model(own, data.model), data))
 
     def write(self, state: RobotState, data: Any) -> None:
-        """Write a state to a `mujoco.MjData` of its mode's model. Only qpos, qvel and the mocap pose of the robot are changed.
+        """Write a state of the robot to a `mujoco.MjData` of the same mode. Only `qpos`, `qvel` and the mocap pose of the robot are
+        changed.
 
-        If the base is fixed, only the joints are written, because the model defines the pose of the base. Raises `WrongData` for data of
-        another model.
+        If the base is fixed, only the joints are written, because the model defines the pose of the base. Raises `WrongData` if `data`
+        belongs to another model.
         """
         mode = self[state.mode]
         mjdata.write_state(mode, mode.arrays(state), mjdata.map_model(mode, data.model), data)
 
     def inertias(self, mode: str, data: Any) -> Inertias:
-        """Return the current inertias in the model of `data`, which can belong to any mode, in the order of the tree of `mode`."""
+        """Return the current inertias of all links in the MuJoCo model of `data`, in the order of the tree of `mode`.
+
+        The model can be a model of any mode of the robot.
+        """
         return mjdata.inertias(self[mode], data)
 
     def switch(
@@ -106,22 +113,24 @@ class Modes(Mapping[str, Mode]):
         tolerance: float = 1e-6,
         inertias: Inertias | None = None,
     ) -> SwitchResult:
-        """Convert the state of `source` to a state of the mode `target`.
+        """Switch the robot from its current mode to the mode `target`, and return its state in the new mode.
 
-        `source` is a state, or the name of a mode and its `mujoco.MjData`. `target` is the name of a mode, or the name and the `MjData` to
-        fill. If `target` includes `MjData`, this method writes qpos, qvel and the mocap pose of the robot. If `source` also includes
-        `MjData`, this method copies the time, and the controls and activations by actuator name. Other elements of the scene do not change.
-        Call `mj_forward` on the `MjData` of `target` afterwards.
+        `source` is a `RobotState`, or a tuple of the name of a mode and its `mujoco.MjData`. `target` is the name of the new mode, or a
+        tuple of its name and the `mujoco.MjData` to fill. If `target` includes an `MjData`, this method writes `qpos`, `qvel` and the mocap
+        pose of the robot to it. If `source` also includes an `MjData`, the method also copies the time, and the controls and activations of
+        actuators by name. Other elements of the scene do not change. Call `mj_forward` on the `MjData` of `target` afterwards.
 
-        q and v of the joints do not change. Forward kinematics gives the pose and twist of the new root link. If the new base is held or
-        fixed while its link moves faster than `at_rest` [m/s and rad/s], `on_motion` selects the behaviour: `"raise"` raises `BaseMoves`,
-        `"drop"` stops the link and preserves v of the joints, and `"impact"` computes v after a perfectly inelastic impact (see `caught`).
-        The impact uses `inertias`. By default, these are the inertias of the target's model, else of the source's model, else of the build.
-        A fixed base must be at its pose within `tolerance` [m and rad], else `BaseElsewhere` is raised.
+        The coordinates q and velocities v of the joints do not change. The pose and twist of the new root link are computed by forward
+        kinematics. If the new mode holds or fixes the root link while the link moves faster than `at_rest` [m/s and rad/s], `on_motion`
+        selects the behaviour. `"raise"` raises `BaseMoves`. `"drop"` stops the link and preserves the joint velocities. `"impact"` computes
+        the joint velocities after a perfectly inelastic impact (see `caught`). The impact uses `inertias`. By default, these are the
+        inertias of the target's model, else of the source's model, else of the build. A fixed base must be at its pose within `tolerance`
+        [m and rad], else `BaseElsewhere` is raised.
 
-        `on_motion` also applies to the links of other holds, or to the held point if the hold allows rotation. The mode holds these links
-        at their current poses, and the anchors (mocap bodies) move to these poses. If the base is fixed, these links must be at the poses
-        specified in the document. This method does not modify models. If it raises an exception (`ModesError`), it modifies no data.
+        `on_motion` also applies to other links that the new mode holds. If a hold allows rotation, it applies to the held point. The mode
+        holds these links at their current poses, so their mocap bodies move to these poses. If the base is fixed, these links must be at
+        the poses that the document specifies. This method does not modify models. If it raises an exception (`ModesError`), it does not
+        modify any data.
         """
         if on_motion not in CHOICES:
             raise ModesError(f"expected on_motion \"raise\", \"drop\" or \"impact\", found `{on_motion}`")
@@ -148,10 +157,10 @@ class Modes(Mapping[str, Mode]):
 
 
 def _placed(state: State, mode: Mode, data: Any, tolerance: float) -> State:
-    """Return the state with its base at a pose that `mode` allows.
+    """Return the state with the root link at a pose that the mode allows.
 
-    The pose of a fixed base is read from the model of `data` if given, else from the build. Raises `BaseElsewhere` if the base, or another
-    hold of a fixed base, is too far from a pose that the mode allows.
+    The pose of a fixed base is taken from the MuJoCo model of `data` if given, else from the build. Raises `BaseElsewhere` if the root
+    link, or another link that a mode with a fixed base holds, is too far from a pose that the mode allows.
     """
     place = mjdata.bolted(mode, data) if mode.base == "fixed" and data is not None else None
     state, placed = put_base(state, mode, place, np)
@@ -165,9 +174,8 @@ def _placed(state: State, mode: Mode, data: Any, tolerance: float) -> State:
 def _stopped(
     state: State, mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias],
 ) -> tuple[State, Array, SwitchResult]:
-    """Return the state with the held links of `mode` at rest, the poses of links if the mode has holds, and the result of the switch.
-
-    Raises `BaseMoves` if a held link moves and `on_motion` is `"raise"`.
+    """Return the state after the links that `mode` holds have stopped, the poses of all links if the mode holds other links, and the switch
+    result.
     """
     removed, poses = [state.twist - kept(mode, state.base, state.twist, np)], np.zeros((0, 4, 4))
     if mode.holds:
@@ -193,7 +201,8 @@ def _stopped(
 
 
 def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inertias:
-    """Return `given`, or the inertias in the first `MjData` that is not None, or else the inertias of the build."""
+    """Return the inertias `given` by the caller, or else the inertias in the first `MjData` that is not None, or else those of the build.
+    """
     if given is not None:
         return given
     data = next((data for data in sources if data is not None), None)
@@ -201,5 +210,5 @@ def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inerti
 
 
 def _speed(twist: Array) -> float:
-    """Return the larger of the linear [m/s] and the angular speed [rad/s]."""
+    """Return the linear speed [m/s] or the angular speed [rad/s] of a twist, whichever number is larger."""
     return max(float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:])))

@@ -1,4 +1,4 @@
-"""The state of a robot in one mode, independent of simulators: by joint path, and in arrays."""
+"""The state of a robot in a mode, independent of a simulator. `RobotState` contains values by joint path, and `State` contains arrays."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ from thingc.modes.frames import Array
 
 
 class State(NamedTuple):
-    """A state in arrays of numpy or JAX, with the same shapes in every mode.
+    """The state of a robot in arrays of numpy or JAX, which have the same shapes in every mode.
 
     Attributes:
         base: The pose (4, 4) of the root link in the world.
-        twist: The velocity [m/s] of the root frame's origin in world axes, then the angular velocity [rad/s] in its own axes (6,).
-        q: The coordinates [rad or m] in the order of `Mode.coordinates`. Joints that the mode cuts are ignored.
-        v: The velocities [rad/s or m/s] in the same order.
+        twist: The twist (6,) of the root link: the velocity [m/s] of the origin of its frame in world axes, then its angular velocity
+            [rad/s] in its own axes.
+        q: The joint coordinates [rad or m] in the order of `Mode.coordinates`. Coordinates of joints that the mode cuts are ignored.
+        v: The joint velocities [rad/s or m/s] in the same order.
     """
 
     base: Array
@@ -33,15 +34,16 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class RobotState(OneLineRepr):
-    """The pose and twist of the root link of `mode`, and q and v of every joint.
+    """The state of a robot in the mode `mode`: the pose and twist of its root link, and the coordinate and velocity of every joint.
 
-    Arrays are copied and read-only. Raises `ModesError` for wrong shapes or numbers that are not finite.
+    The arrays are copied and cannot be modified. Raises `ModesError` for arrays of a wrong shape, and for NaN or infinite numbers.
 
     Attributes:
         base_pose: The pose (4, 4) of the root link in the world.
-        base_twist: The velocity [m/s] of the root frame's origin in world axes, then the angular velocity [rad/s] in its own axes (6,).
-        q: The coordinates [rad or m] by joint path.
-        v: The velocities [rad/s or m/s] by joint path.
+        base_twist: The twist (6,) of the root link: the velocity [m/s] of the origin of its frame in world axes, then its angular velocity
+            [rad/s] in its own axes.
+        q: The joint coordinates [rad or m] by joint path.
+        v: The joint velocities [rad/s or m/s] by joint path.
     """
 
     mode: str

@@ -1,4 +1,4 @@
-"""Switch between modes in arrays, with numpy or JAX (`xp`)."""
+"""Convert the state of a robot from one mode to another. The arrays can be arrays of numpy or of JAX (argument `xp`)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from thingc.modes.tree import Cut, Mode
 
 
 def change_root(state: State, old: Mode, new: Mode, xp: Any, **newton: int) -> State:
-    """Return the same motion relative to the root link of `new`.
+    """Convert a state from the mode `old` to the mode `new` without changing the motion of any link.
 
-    Coordinates of joints that are cut in `old` are computed from the motion of their ends. `newton` are arguments of `coordinates`.
+    The result contains the pose and the twist of the root link of `new`. The coordinates of joints that are cut in `old` are computed from
+    the motion of the links that they connect. `newton` contains further arguments of the function `coordinates`.
     """
     kin = kinematics(old)
     frames = kin.frames(state.base, state.q[kin.rows], xp)
@@ -34,14 +35,17 @@ def change_root(state: State, old: Mode, new: Mode, xp: Any, **newton: int) -> S
 
 @lru_cache(maxsize=256)
 def _gathered(mode: Mode) -> Array:
-    """Return the index of each coordinate in the values of all coordinates, followed by those of the joints that are cut."""
+    """Return the index from which each joint coordinate is taken in an array of all coordinates, followed by those of the cut joints."""
     names = [*mode.coordinates, *(name for cut in mode.cuts for name in cut.coordinates)]
     last = {name: row for row, name in enumerate(names)}
     return np.array([last[name] for name in mode.coordinates], dtype=int)
 
 
 def _across(mode: Mode, cut: Cut, poses: Array, twists: Array, xp: Any, newton: dict[str, int]) -> tuple[Array, Array]:
-    """Compute (q, v) of a cut joint from the motion of its ends. Angles differ from the mode's first pose by at most half a turn."""
+    """Compute the coordinates and velocities of a loop-closing joint from the motion of the two links that it connects.
+
+    Each angle differs from its value in the first pose of the mode by at most half a turn.
+    """
     X_WA, X_WB = poses[cut.parent] @ cut.X_PA, poses[cut.child] @ cut.X_CB
     q = coordinates(cut, inverse(X_WA, xp) @ X_WB, usual(mode, cut), xp, **newton)
     ends = []
@@ -52,9 +56,11 @@ def _across(mode: Mode, cut: Cut, poses: Array, twists: Array, xp: Any, newton: 
 
 
 def put_base(state: State, mode: Mode, place: Array | None, xp: Any) -> tuple[State, list[tuple[int, Array, Array]]]:
-    """Return the state with the base at a pose that `mode` allows, which is `place` for a fixed base (None: as in the build).
+    """Return the state with the root link moved to a pose that the mode allows. `place` is the pose of a fixed base (None: as in the
+    build).
 
-    Also return the links that must have been near such poses: the link, its pose, and the pose that the mode requires.
+    Also return a list of links that should already have been near an allowed pose. Each entry contains the index of the link, its pose, and
+    the pose that the mode requires.
     """
     if mode.base in ("free", "held"):
         return state, []
@@ -71,7 +77,7 @@ def put_base(state: State, mode: Mode, place: Array | None, xp: Any) -> tuple[St
 
 
 def kept(mode: Mode, base: Array, twist: Array, xp: Any) -> Array:
-    """Return the part (6,) of the root link's twist that the base of `mode` allows."""
+    """Return the part (6,) of the twist of the root link that the base of the mode allows. The constrained part is removed."""
     if mode.base == "free":
         return twist
     if mode.part is None:

@@ -1,4 +1,4 @@
-"""The tree of links and joints of one mode, as in `modes.json`."""
+"""The links, joints and held mounts of a robot in one mode, as read from `modes.json`."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from thingc.modes.state import RobotState, State
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Ball(OneLineRepr):
-    """A ball joint in the tree.
+    """A ball joint in the kinematic tree of a mode.
 
-    `name` is its name in the model, and `coordinates` are its three coordinates in the order of the document. If `reversed` is true, the
-    tree traverses the joint from child to parent. `R` (3, 3) converts q of the joint to MuJoCo's axes.
+    `name` is the name of the joint in the MuJoCo model, and `coordinates` contains the names of its three coordinates in the order of the
+    document. If `reversed` is true, the tree traverses the joint from child to parent. The matrix `R` (3, 3) rotates the coordinates to the
+    axes of the MuJoCo joint.
     """
 
     name: str
@@ -33,16 +34,20 @@ class Ball(OneLineRepr):
     R: Array
 
     def qpos(self, q: Array) -> Array:
-        """Return MuJoCo's quaternion (4,) for q (3,)."""
+        """Convert the coordinates q (3,) of this joint to a quaternion (4,) for MuJoCo's `qpos`."""
         return quaternion_of(rotation(self.R @ q))
 
     def qvel(self, q: Array, v: Array) -> Array:
-        """Return MuJoCo's velocity (3,) for q and v (3,)."""
+        """Convert the coordinates q (3,) and velocities v (3,) of this joint to the angular velocity (3,) for MuJoCo's `qvel`."""
         qvel: Array = self.R @ (rotation(q) @ v if self.reversed else v)
         return qvel
 
     def read(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-        """Convert MuJoCo's values to (q, v), each (3,). The norm of q is at most pi."""
+        """Convert the quaternion (4,) in MuJoCo's `qpos` and the angular velocity (3,) in `qvel` to the coordinates q (3,) and velocities v
+        (3,).
+
+        The norm of q is at most pi.
+        """
         q = self.R.T @ rotation_vector(rotation_of(qpos))
         v = self.R.T @ qvel
         return q, rotation(q).T @ v if self.reversed else v
@@ -50,10 +55,11 @@ class Ball(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Inertias(OneLineRepr):
-    """The inertias of n links, and the armatures of m joints.
+    """The mass properties of the n links of a robot, and the armatures of its m joint coordinates.
 
-    The fields of links are `mass` (n,) [kg], `centre` (n, 3) [m] in the link's frame, and `inertia` (n, 3, 3) [kg m^2] about the centre in
-    the link's axes. The field of joints is `armature` (m,) [kg m^2; kg for slides], the reflected inertia of the rotor.
+    `mass` (n,) [kg], `centre` (n, 3) [m] and `inertia` (n, 3, 3) [kg m^2] have an entry for each link. The centre of mass is in the frame
+    of the link, and the inertia is about the centre of mass, in the axes of the link. `armature` (m,) [kg m^2; kg for slides] is the
+    reflected inertia of the rotor of each coordinate.
     """
 
     mass: Array
@@ -64,10 +70,10 @@ class Inertias(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Link(OneLineRepr):
-    """A rigid body of the robot.
+    """A rigid body of the robot, with its mass properties and its pose at q = 0.
 
-    `X_root_link` (4, 4) is the pose of the link in the root link at q = 0. `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3) [kg m^2,
-    about the centre] are given in the frame of the link.
+    `X_root_link` (4, 4) is the pose of the link relative to the root link when all joint coordinates are 0. `mass` [kg], the centre of mass
+    `centre` (3,) [m] and `inertia` (3, 3) [kg m^2] about the centre of mass are given in the frame of the link.
     """
 
     name: str
@@ -79,7 +85,10 @@ class Link(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Mimic(OneLineRepr):
-    """A coupling to another joint: q = offset + multiplier x + higher[0] x^2 + ..., where x is q of `joint`."""
+    """A coupling of a joint to another joint, as in URDF's `<mimic>`, with an optional polynomial.
+
+    The coordinate of the joint is q = offset + multiplier x + higher[0] x^2 + ..., where x is the coordinate of the leading joint `joint`.
+    """
 
     joint: str
     multiplier: float
@@ -87,20 +96,23 @@ class Mimic(OneLineRepr):
     higher: tuple[float, ...] = ()
 
     def rate(self, x: float) -> float:
-        """Return the derivative dq/dx at `x`."""
+        """Return the derivative dq/dx of the coupling, where x is the coordinate of the leading joint."""
         return self.multiplier + sum_of(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Joint(OneLineRepr):
-    """A coordinate of a joint from link `parent` to link `child` (indices into `Mode.links`).
+    """A coordinate of a joint between two links. `parent` and `child` are indices into `Mode.links`.
 
-    `first` marks the first coordinate of a joint. `X_PJ` (4, 4) is the frame of the coordinate in the parent, or in the frame that the
-    previous coordinate moves. `twist` (6,) is the motion in this frame per unit of q, angular then linear. `X_JL` (4, 4) is the pose of the
-    moved frame (of the child or of the next coordinate) in the frame of the coordinate when q is -`offset`. `in_model` maps joints of the
-    mode's own model to their motion per unit of q; `qpos` and `dof` are the addresses of these joints. If `reversed` is true, parent and
-    child are exchanged in the document. `kind` is the kind in the document. The coordinates of a `ball` are exponential coordinates, and
-    each of them has the addresses `qpos` and `dof` of the whole ball.
+    `first` marks the first coordinate of a joint. `X_PJ` (4, 4) is the pose of the coordinate's frame in the parent link, or in the frame
+    that the previous coordinate moves. `twist` (6,) is the motion in this frame per unit of q, with the angular part first. The coordinate
+    moves a second frame, which belongs to the child link or to the next coordinate. `X_JL` (4, 4) is its pose in the coordinate's frame
+    when q is -`offset`.
+
+    `in_model` contains the joints of the mode's MuJoCo model that move with this coordinate, and their motion per unit of q. `qpos` and
+    `dof` are the addresses of these joints. If `reversed` is true, parent and child are exchanged in the document. `kind` is the joint kind
+    in the document. The coordinates of a `ball` are exponential coordinates, and each of them has the addresses `qpos` and `dof` of the
+    whole ball.
     """
 
     name: str
@@ -122,17 +134,18 @@ class Joint(OneLineRepr):
 
     @property
     def in_data(self) -> str:
-        """The MuJoCo joint that provides the values of this coordinate."""
+        """The name of the joint of the MuJoCo model from which the value of this coordinate is read."""
         return next(iter(self.in_model))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Hold(OneLineRepr):
-    """A mount `path` on `link` (an index) that the mode holds in addition to its root.
+    """A mount that a mode holds in the world, in addition to its root mount. `path` is the path of the mount, and `link` the index of its
+    link.
 
-    `X_LM` (4, 4) is its pose in the link, and `X_WM` (4, 4) its pose in the world as specified in the document. `anchor` is the mocap body
-    of the model that holds the mount. If `turns` is true, the hold transmits only force: the mode holds the origin of the mount, and the
-    link can rotate about the origin.
+    `X_LM` (4, 4) is the pose of the mount in the link. `X_WM` (4, 4) is the pose of the mount in the world that the document specifies.
+    `anchor` is the mocap body of the MuJoCo model that holds the mount. If `turns` is true, the hold transmits only force: it holds the
+    origin of the mount, and the link can rotate about this point.
     """
 
     path: str
@@ -145,10 +158,11 @@ class Hold(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Cut(OneLineRepr):
-    """A joint that closes a loop and is not part of this mode's tree.
+    """A joint that closes a loop, and is therefore not part of the kinematic tree of the mode.
 
-    Frame A on link `parent` (index, `X_PA`) is moved by its `coordinates` (names) in sequence with their `twists` (n, 6; angular, then
-    linear). After this motion, frame A coincides with frame B on link `child` (`X_CB`).
+    The joint connects a frame A on the link `parent` to a frame B on the link `child`. `parent` and `child` are indices, and `X_PA` and
+    `X_CB` are the poses of A and B in these links. The joint moves A by its `coordinates` (names) in sequence, with their `twists` (n, 6;
+    angular part first). After this motion, A coincides with B.
     """
 
     name: str
@@ -163,21 +177,22 @@ class Cut(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Mode(OneLineRepr):
-    """A mode of a robot: its tree of links and joints, its base, and its holds.
+    """A mode of a robot: its kinematic tree of links and joints, its base, and the mounts that are held in the world.
 
     Attributes:
-        root: The path of the root mount, which is a site of the model.
-        base: `fixed`, `held`, `free`, `planar` or `ball`. `part` describes the mobility of a `planar` or `ball` base.
+        root: The path of the root mount, which is a site of the MuJoCo model.
+        base: The type of the base: `fixed`, `held`, `free`, `planar` or `ball`. `part` describes how a `planar` or `ball` base can move.
         gravity: The gravitational acceleration (3,) in the world [m/s^2].
         X_world_root: The initial pose (4, 4) of the root link.
-        links: The links, the root first and parents before children.
-        joints: The joints in the order of the model.
-        coordinates: The coordinates of all joints, also of those that are cut, in the same order in every mode: that of the first mode.
+        links: The links of the tree. The root link is first, and parents are before their children.
+        joints: The joint coordinates of the tree in the order of the MuJoCo model.
+        coordinates: The names of all joint coordinates of the robot, including those of joints that the mode cuts. The order is the same in
+            every mode.
         named: The poses of the mode by name, starting with the initial pose. Each pose contains q by joint path.
-        holds: Other mounts that are held in the world.
+        holds: The mounts that are held in the world in addition to the root mount.
         cuts: The joints that close loops.
-        bases: The poses of a free root link that differ from `X_world_root`, by name of the pose.
-        standing_on: The paths of the contact mounts of a free base.
+        bases: The pose (4, 4) of a free root link in each named pose, if it differs from `X_world_root`.
+        standing_on: The paths of the contact mounts on which a robot with a free base stands.
     """
 
     name: str
@@ -197,12 +212,12 @@ class Mode(OneLineRepr):
 
     @property
     def root_link(self) -> str:
-        """The name of the root link of the tree."""
+        """The name of the root link of the kinematic tree."""
         return self.links[0].name
 
     @property
     def inertias(self) -> Inertias:
-        """The inertias at the time of the build. `Modes.inertias` returns the current inertias of a model."""
+        """The mass properties of all links at the time of the build. `Modes.inertias` returns the current ones of a MuJoCo model."""
         return Inertias(
             mass=np.array([link.mass for link in self.links]),
             centre=np.array([link.centre for link in self.links]),
@@ -219,10 +234,11 @@ class Mode(OneLineRepr):
         base_pose: ArrayLike | None = None,
         base_twist: ArrayLike | None = None,
     ) -> RobotState:
-        """Return a state of this mode: the pose `named` (None: every joint at 0), with the values in `q` instead of the pose's values.
+        """Return a state of the robot in this mode, which is in the pose `named`, or at q = 0 if `named` is None.
 
-        The robot is at rest except for `v` and `base_twist`. The base is at its initial pose unless `base_pose` is given. Raises
-        `ModesError` for an unknown pose or joint.
+        `q` contains the coordinates of joints, by joint path, that differ from the pose. The robot is at rest except for the joint
+        velocities `v` and the `base_twist`. The base is at its initial pose unless `base_pose` is given. Raises `ModesError` for an unknown
+        pose or joint.
         """
         if named is not None and named not in self.named:
             raise ModesError(f"mode `{self.name}` has no pose `{named}`: {did_you_mean(named, self.named, what='poses')}")
@@ -238,50 +254,49 @@ class Mode(OneLineRepr):
         )
 
     def poses(self, state: RobotState) -> dict[str, Array]:
-        """Return the pose (4, 4) of every link's frame in the world by name, the root first."""
+        """Return the pose (4, 4) of the frame of every link in the world, by the name of the link. The root link is first."""
         kin, frames, _ = self._moving(state)
         return dict(zip(kin.number, frames[kin.of_link], strict=True))
 
     def twists(self, state: RobotState) -> dict[str, Array]:
-        """Return the twist (6,) of every link by name.
-
-        A twist is the velocity [m/s] of the origin of the link's frame in world axes, followed by the angular velocity [rad/s] in the
-        link's axes.
-        """
+        """Return the twist (6,) of every link, by the name of the link."""
         kin, frames, u = self._moving(state)
         return dict(zip(kin.number, kin.twists(frames, u, np), strict=True))
 
     def velocity(self, state: RobotState) -> Array:
-        """Return the generalized velocity (6 + m,) of the robot with a free base: `base_twist`, then v in the order of the joints."""
+        """Return the generalized velocity (6 + m,) of the robot, as if its base were free: `base_twist`, then v in the order of `joints`.
+        """
         return self._moving(state)[2]
 
     def jacobians(self, state: RobotState) -> tuple[Array, ...]:
-        """Return the Jacobian (6, 6 + m) of every link.
+        """Return the Jacobian (6, 6 + m) of every link, in the order of `links`.
 
-        The Jacobian maps `velocity` to the velocity of the origin of the link's frame and to the angular velocity, both in world axes.
+        The Jacobian of a link maps the generalized velocity of the robot (see `velocity`) to the velocity of the link. The first three rows
+        are the velocity of the origin of the link's frame, and the last three rows are the angular velocity, both in world axes.
         """
         kin, frames, _ = self._moving(state)
         return tuple(kin.jacobians(frames, np))
 
     def mass_matrix(self, state: RobotState, inertias: Inertias | None = None) -> Array:
-        """Return the mass matrix (6 + m, 6 + m) of the robot with a free base, for velocities as in `velocity`. The base of the mode is
-        ignored.
+        """Return the mass matrix (6 + m, 6 + m) of the robot, as if its base were free. It corresponds to the generalized velocity of
+        `velocity`.
 
-        `inertias` must be in the order of this mode's tree. The default is the inertias at the time of the build.
+        `inertias` must be in the order of this mode's tree. By default, these are the inertias at the time of the build.
         """
         kin, frames, _ = self._moving(state)
         return kin.mass_matrix(frames, kin.jacobians(frames, np), self.inertias if inertias is None else inertias, np)
 
     def qpos(self, state: RobotState) -> Array:
-        """Return `MjData.qpos` of the mode's own model: the coordinates of a free, planar or ball base, then q."""
+        """Return a state as `MjData.qpos` of this mode's MuJoCo model: the coordinates of a free, planar or ball base, then of the joints.
+        """
         return self._values(state)[0]
 
     def qvel(self, state: RobotState) -> Array:
-        """Return `MjData.qvel` of the mode's own model: the velocity of a free, planar or ball base, then v."""
+        """Return a state as `MjData.qvel` of this mode's MuJoCo model: the velocity of a free, planar or ball base, then of the joints."""
         return self._values(state)[1]
 
     def arrays(self, state: RobotState) -> State:
-        """Convert a state of this mode to arrays, with joints that the mode cuts at 0."""
+        """Convert a state of this mode to arrays. The coordinates of joints that the mode cuts are 0."""
         if state.mode != self.name:
             raise ModesError(f"expected a state of mode `{self.name}`, found one of mode `{state.mode}`: `switch` it first")
         for what, values in (("q", state.q), ("v", state.v)):
@@ -292,7 +307,7 @@ class Mode(OneLineRepr):
         return State(state.base_pose, state.base_twist, q, v)
 
     def robot_state(self, state: State) -> RobotState:
-        """Convert a state in arrays to a state of this mode by joint path."""
+        """Convert a state in arrays to a `RobotState` of this mode, which contains values by joint path."""
         q, v = (dict(zip(self.coordinates, np.asarray(values).tolist(), strict=True)) for values in (state.q, state.v))
         return RobotState(
             mode=self.name, base_pose=np.asarray(state.base), base_twist=np.asarray(state.twist),
@@ -307,12 +322,12 @@ class Mode(OneLineRepr):
         raise ModesError(f"the robot has no joint `{path}`: {did_you_mean(path, names, what='joints')}")
 
     def _moving(self, state: RobotState) -> tuple[Kinematics, Array, Array]:
-        """Return the kinematics, all frames, and the generalized velocity."""
+        """Return the kinematics of this mode, the poses of all frames, and the generalized velocity of the robot."""
         kin, own = kinematics(self), self.arrays(state)
         return kin, kin.frames(own.base, own.q[kin.rows], np), np.concatenate([own.twist, own.v[kin.rows]])
 
     def _values(self, state: RobotState) -> tuple[Array, Array]:
-        """Return `qpos` and `qvel` of the mode's own model."""
+        """Return the arrays `qpos` and `qvel` of this mode's MuJoCo model for a state."""
         own = self.arrays(state)
         qpos, qvel = np.zeros(0), np.zeros(0)
         if self.base == "free":
