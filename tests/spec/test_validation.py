@@ -173,10 +173,10 @@ def test_one_fault_of_an_assembly(
     ("{part: a:B, mass: {value: 3 mm, source: vendor}}", Code.WRONG_DIMENSION,
      "expected a mass (such as 120 g), found a length (`3 mm`)", None, "3 mm"),
     ("{part: a:B, mass: {value: 3 g}}", Code.MISSING_KEY, "`components.c.mass` needs the key `source`",
-     "add `source`, whose value is `measured`, `vendor`, `estimated` or `repaired`", "mass"),
+     "add the key `source`, whose value is `measured`, `vendor`, `estimated` or `repaired`", "mass"),
     ("{part: a:B, mass: [3 g]}", Code.WRONG_TYPE, "expected a mass (such as `120 g`), found a list of 1", None, "[3 g]"),
     ("{part: a:B, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2}}", Code.MISSING_KEY, "`components.c.inertia` needs the key `izz`",
-     "add `izz`, whose value is a moment of inertia", "inertia"),
+     "add the key `izz`, whose value is a moment of inertia", "inertia"),
     ("{part: a:B, inertia: {value: {ixx: 1 g, iyy: 0, izz: 0}, source: vendor}}", Code.WRONG_DIMENSION,
      "expected a moment of inertia (such as 0.01 kg*m^2), found a mass (`1 g`)", None, "1 g"),
     ("{part: a:B, inertia: {ixx: 0, iyy: 0, izz: 0, ixy: 5}}", Code.BAD_UNIT, "a moment of inertia needs a unit, found `5`",
@@ -250,7 +250,7 @@ def test_one_fault_of_a_joint(tmp_path: Path, body: str, code: Code, message: st
     ("color: '#12'", "`#12` is not a colour", 'write `"#rrggbb"` with hexadecimal digits'),
     ("color: #888", "`color` has no value", 'a `#` starts a comment: write `"#888"`'),
     ("density: 5 g", "expected a density (such as 1270 kg/m^3), found a mass (`5 g`)", None),
-    ("friction: {}", "`materials.m.friction` needs the key `slide`", "add `slide`, whose value is a number"),
+    ("friction: {}", "`materials.m.friction` needs the key `slide`", "add the key `slide`, whose value is a number"),
     ("friction: {slide: 1, torsion: 5 g}", "expected a length (such as 120 mm), found a mass (`5 g`)", None),
 ])
 def test_one_fault_of_a_material(tmp_path: Path, body: str, message: str, help: str | None) -> None:
@@ -263,8 +263,8 @@ def test_missing_keys_of_a_document_point_at_its_first_key(tmp_path: Path) -> No
     documents, report = read(tmp_path, "thingc: assembly/1\n")
     validate(documents, report)
     assert said(report) == [
-        (Code.MISSING_KEY, "the document needs the key `name`", "add `name`, whose value is a name", (1, 1, 7)),
-        (Code.MISSING_KEY, "the document needs the key `components`", "add `components`, whose value is a mapping", (1, 1, 7)),
+        (Code.MISSING_KEY, "the document needs the key `name`", "add the key `name`, whose value is a name", (1, 1, 7)),
+        (Code.MISSING_KEY, "the document needs the key `components`", "add the key `components`, whose value is a mapping", (1, 1, 7)),
     ]
     documents, report = read(tmp_path, "thingc: assembly/1\nname: x\ncomponents: {}\n")
     validate(documents, report)

@@ -34,7 +34,7 @@ def test_masses_of_bars(rig: Workspace) -> None:
     assert found["one"]["measured"]["mass"] == pytest.approx(0.024, rel=1e-9) and not found["one"]["passed"]
     assert found["both"]["passed"] and answer["code"] == 1
     assert [d["code"] for d in answer["diagnostics"]] == ["TC651"]
-    assert "the mass is 24 g, above 20 g by 4 g (20 %)" in answer["diagnostics"][0]["message"]
+    assert "the mass is 24 g, 4 g (20 %) above the maximum of 20 g" in answer["diagnostics"][0]["message"]
 
 
 def test_centre_of_two_bars(rig: Workspace) -> None:
@@ -48,7 +48,7 @@ def test_centre_of_two_bars(rig: Workspace) -> None:
     assert found["tip"]["passed"] and found["tip"]["measured"]["centre"] == pytest.approx([0, 0, -0.03], abs=1e-12)
     assert not found["high"]["passed"]
     said = answer["diagnostics"][-1]
-    assert "z of the centre of mass is 0 mm, below 10 mm by 10 mm" in said["message"] and said["code"] == "TC652"
+    assert "z of the centre of mass is 0 mm, 10 mm below the minimum of 10 mm" in said["message"] and said["code"] == "TC652"
 
 
 def test_what_weighs_nothing_has_no_centre(rig: Workspace) -> None:

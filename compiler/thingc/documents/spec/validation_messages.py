@@ -106,7 +106,7 @@ class FaultReporter(FrozenStruct, eq=False):
         key, parent = str(fault.path[-1]), fault.path[:-1]
         owner = f"`{dotted(parent)}`" if parent else "the document"
         assert fault.shape.model is not None
-        help = f"add `{key}`, whose value is {model_keys(fault.shape.model)[key][0].words}"
+        help = f"add the key `{key}`, whose value is {model_keys(fault.shape.model)[key][0].words}"
         by_default = ("defaults", str(parent[0])[:-1], *parent[2:]) if parent and parent[0] in ("joints", "components") else ()
         if by_default and node_at(self.document.tree, (*by_default, key)) is not None:
             help += f"; the value of {owner} replaces `{dotted(by_default)}` completely: add all required keys here"

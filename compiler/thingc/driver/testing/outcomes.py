@@ -60,14 +60,14 @@ def check_bounds(
     expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
     words = [f"{word} {Quantity(bound, dimension)}" for word, bound in (("at least", minimum), ("at most", maximum)) if bound is not None]
     failure = None
-    for key, bound, word in (("min", minimum, "below"), ("max", maximum, "above")):
+    for key, bound, word in (("min", minimum, "below the minimum"), ("max", maximum, "above the maximum")):
         slack = ROUNDING * max(abs(bound), abs(value)) if bound is not None else 0.0
         if bound is None or not (value < bound - slack if key == "min" else value > bound + slack):
             continue
         off = abs(value - bound)
         share = f" ({float(f'{100.0 * off / bound:.3g}'):g} %)" if bound else ""
         failure = Failure(
-            code=code, key=key, message=f"{what} is {measured}, {word} {Quantity(bound, dimension)} by {shown(off, dimension)}{share}",
+            code=code, key=key, message=f"{what} is {measured}, {shown(off, dimension)}{share} {word} of {Quantity(bound, dimension)}",
         )
     return Outcome(measured={name: value}, expected=expected, said=f"{name} {measured} ({', '.join(words)})", failure=failure)
 

@@ -122,8 +122,8 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
             free.remove(other)
         table.scope.report.add(
             Code.PLACED_TWICE, message, here, help=help, path=f"components.{name}", notes=[
-                Note(message=f"placed by {first} here", span=there),
-                *(Note(message=f"also placed by {how} here", span=span) for how, span in ways[2:]),
+                Note(message=f"`{name}` is placed by {first} here", span=there),
+                *(Note(message=f"`{name}` is also placed by {how} here", span=span) for how, span in ways[2:]),
             ],
         )
     if free:

@@ -28,11 +28,11 @@ def measure(case: TestCase, check: CentreCheck) -> Outcome:
         value = place["xyz".index(axis)]
         if low - ROUNDING <= value <= high + ROUNDING:
             continue
-        bound, word = (low, "below") if value < low else (high, "above")
+        bound, word = (low, "below the minimum") if value < low else (high, "above the maximum")
         failures.append(Failure(
             code=CentreCode.TEST_CENTRE, key=f"within.{axis}.{0 if value < low else 1}",
-            message=f"{axis} of the centre of mass is {shown(value, LENGTH)}, {word} {Quantity(bound, LENGTH)} by "
-            f"{shown(abs(value - bound), LENGTH)}",
+            message=f"{axis} of the centre of mass is {shown(value, LENGTH)}, "
+            f"{shown(abs(value - bound), LENGTH)} {word} of {Quantity(bound, LENGTH)}",
         ))
     text = "  ".join(f"{1000.0 * v:z.1f}" for v in place)
     failure = None

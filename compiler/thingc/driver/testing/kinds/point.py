@@ -31,7 +31,7 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
         measured["angle"] = off
         said += f"; {shown(off, ANGLE)} off the direction, at most {Quantity(check.angle, ANGLE)}"
     where = joints_text(case.robot.assembly, joints)
-    notes = (Note(message=f"nearest at {where}"),) if where else ()
+    notes = (Note(message=f"joint values of the nearest position: {where}"),) if where else ()
     if distance > check.within:
         failure = Failure(
             code=PointCode.TEST_POINT, key="at", notes=notes,

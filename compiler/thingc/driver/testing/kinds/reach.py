@@ -27,7 +27,7 @@ def measure(case: TestCase, check: ReachCheck) -> Outcome:
     where = joints_text(assembly, joints)
     if outcome.failure is not None:
         message = f"{outcome.failure.message}, over the ranges of all joints"
-        note = Note(message=f"farthest at {where}") if where else None
+        note = Note(message=f"joint values of the farthest position: {where}") if where else None
         outcome = replace(outcome, failure=replace(outcome.failure, message=message, notes=(note,) if note else ()))
     return replace(outcome, measured={**outcome.measured, "joints": joints})
 
