@@ -1,1 +1,1 @@
-"""Run the compiler passes in order. This package also contains the Python API of `import thingc`."""
+"""Run the compiler passes in order, for the command line and for the Python API of `import thingc`."""

@@ -20,7 +20,7 @@ from thingc.targets.html.emit import Page, page_of
 
 
 class CompileError(Exception):
-    """Raised if a document has errors. `diagnostics` contains all diagnostics. `str()` formats the diagnostics as on the command line."""
+    """Raised if a document has errors. `diagnostics` contains all errors and warnings. `str()` formats them as on the command line."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__("\n" + as_text(diagnostics))
@@ -28,7 +28,7 @@ class CompileError(Exception):
 
 
 class CompiledMode(OneLineRepr, FrozenStruct):
-    """A mode of a compiled robot. `robot` is the tree of links and joints in this mode."""
+    """A mode of a compiled robot. `robot` contains the links and joints of the robot as a tree for this mode."""
 
     robot: Robot
     files: Mapping[str, bytes]
@@ -39,29 +39,35 @@ class CompiledMode(OneLineRepr, FrozenStruct):
         return self.robot.mode.name
 
     def mjcf(self) -> str:
-        """Return the MuJoCo model as XML, identical to the model in a build. `assets()` returns its meshes."""
+        """Return the MuJoCo model of this mode as XML text. The text is identical to the file that a build writes.
+
+        The method `assets` returns the mesh files that the model uses.
+        """
         return self.files[f"mjcf/{self.robot.assembly.name}_{self.name}.xml"].decode()
 
     def assets(self) -> dict[str, bytes]:
-        """Return the meshes of `mjcf()`, for `mujoco.MjModel.from_xml_string(xml, assets)`."""
+        """Return the contents of the mesh files that `mjcf()` uses, by file name.
+
+        Pass the result to MuJoCo as `mujoco.MjModel.from_xml_string(xml, assets)`.
+        """
         prefix = "mjcf/assets/"
         return {path.removeprefix(prefix): data for path, data in self.files.items() if path.startswith(prefix)}
 
     def model(self) -> Any:
-        """Compile the MuJoCo model of the mode, and return the `mujoco.MjModel`."""
+        """Compile the MuJoCo model of this mode with its meshes, and return the `mujoco.MjModel`."""
         import mujoco
 
         return mujoco.MjModel.from_xml_string(self.mjcf(), self.assets())
 
 
 class Shown(OneLineRepr, FrozenStruct):
-    """An HTML page that a notebook displays in a separate frame. `height` is in pixels."""
+    """An HTML page that a Jupyter notebook displays in its own frame. `height` is the height of the frame in pixels."""
 
     page: str
     height: int
 
     def _repr_html_(self) -> str:
-        """Return HTML for Jupyter. The frame is sandboxed: the page can run scripts but cannot access the notebook."""
+        """Return the HTML code that Jupyter displays. The page can run scripts, but it cannot access the notebook."""
         from html import escape
 
         return (
@@ -72,7 +78,9 @@ class Shown(OneLineRepr, FrozenStruct):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Compiled(OneLineRepr):
-    """A compiled robot, with its modes in document order. `diagnostics` are the warnings. `modelled` and `reused` are texts of definitions.
+    """A compiled robot, with its modes in document order and the warnings about the document in `diagnostics`.
+
+    `modelled` contains the definition texts of the parts that were built, and `reused` the definition texts of the parts from the cache.
     """
 
     name: str
@@ -84,15 +92,15 @@ class Compiled(OneLineRepr):
     _page: Callable[[], Page] = field(repr=False, compare=False)
 
     def show(self, height: int = 600) -> Shown:
-        """Return the viewer page of the robot for a notebook cell with this height [pixels].
+        """Return the viewer page of the robot, which a notebook displays in a cell with the given height [pixels].
 
-        Raises `BlobMissing` if a mesh of the robot is no longer in the store.
+        Raises `BlobMissing` if a mesh of the robot has been deleted from the store.
         """
         return Shown(page=self._page().html().decode(), height=height)
 
     @property
     def hag(self) -> Any:
-        """The hierarchical assembly graph as a `networkx.MultiDiGraph`: definitions and their components."""
+        """The hierarchical assembly graph of the robot as a `networkx.MultiDiGraph`, whose nodes are definitions and their components."""
         from thingc.targets.hag.labels import quantities
         from thingc.targets.networkx_export import hag_graph
 
@@ -101,21 +109,25 @@ class Compiled(OneLineRepr):
 
     @property
     def links(self) -> Any:
-        """The links and the joints between them as a `networkx.MultiDiGraph`, independent of the root."""
+        """The links of the robot and the joints between them as a `networkx.MultiDiGraph`. The graph does not depend on the root of a mode.
+        """
         from thingc.targets.networkx_export import link_graph
 
         return link_graph(self.assembly)
 
     @property
     def mates(self) -> Any:
-        """The occurrences and the mates between them as a `networkx.MultiDiGraph`."""
+        """The occurrences of components and the mates between them as a `networkx.MultiDiGraph`."""
         from thingc.targets.networkx_export import mate_graph
 
         return mate_graph(self.assembly)
 
     @property
     def properties(self) -> MassProperties:
-        """Mass [kg], centre of mass [m] and inertia about it [kg m^2] at q = 0, in the frame of the base component."""
+        """The mass [kg], the centre of mass [m] and the inertia [kg m^2] of the whole robot at q = 0, in the frame of the base component.
+
+        The inertia is about the centre of mass.
+        """
         return self.assembly.properties
 
 
@@ -131,17 +143,17 @@ def compile(
     strict: bool = False,
     printed: Printed | None = None,
 ) -> Compiled:
-    """Compile an assembly document, without writing any files except to the store.
+    """Compile an assembly document and return the compiled robot. No files are written except to the cache of parts.
 
     Args:
-        parameters: Values of parameters as strings (`{"reach": "120 mm"}`), as numbers in SI units, or as booleans, as for `family`.
-        choices: Values to set by path (`{"components.foot.part": "feet:Wide"}`).
+        parameters: Values of parameters by name. A value is a string (`{"reach": "120 mm"}`), a number in SI units, or a boolean.
+        choices: Other values in the document, by path (`{"components.foot.part": "feet:Wide"}`).
         modes: Names of the modes to compile (by default all).
         store: Folder of the cache of parts (by default the user's cache).
         jobs: Number of parts to build in parallel (0: one per core).
-        compat: Programs besides MuJoCo that read the MuJoCo models (`["mjx"]`; by default the list of the workspace).
+        compat: Programs besides MuJoCo that must be able to read the MuJoCo models (`["mjx"]`; by default the list of the workspace).
         strict: Treat warnings as errors.
-        printed: Callback `printed(part, lines)` for the output of parts when they are built.
+        printed: Callback `printed(part, lines)` for text that part classes print when they are built.
 
     Raises:
         CompileError: The document has errors. The exception contains all diagnostics.

@@ -1,7 +1,4 @@
-"""Build a document: compile the document and, if there are no errors, write its build folder.
-
-`thingc build` and `thingc watch` use this module.
-"""
+"""Build a document: compile it and, if there are no errors, write the build folder. `thingc build` and `thingc watch` use this module."""
 
 from __future__ import annotations
 
@@ -23,9 +20,9 @@ from thingc.targets.artifact import Content, Loss
 class BuildRequest(FrozenStruct):
     """The options of a build, as on the command line.
 
-    `modes` are the modes to build (default: all), `output` is the parent of the build folder (default: the workspace's build folder).
-    `strict` treats warnings as errors, `deny_loss` treats export losses as errors. `force` overwrites unexpected files in the folder.
-    `twice` builds each part a second time and compares the results.
+    `modes` are the names of the modes to build (default: all), and `output` is the folder in which the build folder is created (default:
+    the build folder of the workspace). `strict` treats warnings as errors, and `deny_loss` treats export losses as errors. `force`
+    overwrites files in the build folder that thingc did not write. `twice` builds each part a second time and compares the results.
     """
 
     targets: tuple[str, ...]
@@ -38,10 +35,11 @@ class BuildRequest(FrozenStruct):
 
 
 class BuildResult(FrozenStruct):
-    """The result of a build: the compilation, the files and the diagnostics.
+    """The result of a build: the compiled robot, the files to write, and the diagnostics.
 
-    `files` are the files to write, by path in the folder, or None if there are errors. `place` is the parent folder (an absolute path) and
-    the name of the build folder. `twice` is the number of parts that were built a second time for a comparison.
+    `files` maps the paths of the files in the build folder to their contents, or is None if there are errors. `place` contains the absolute
+    path of the parent folder and the name of the build folder. `twice` is the number of parts that were built a second time for a
+    comparison.
     """
 
     compilation: Compilation
@@ -53,7 +51,10 @@ class BuildResult(FrozenStruct):
 
 
 def build(environment: Environment, wish: BuildRequest) -> BuildResult:
-    """Run all passes, without writing the folder. Raises `UnknownChoice`, and `BlobMissing` if the store is damaged."""
+    """Compile a document and create the contents of all files, without writing the build folder.
+
+    Raises `UnknownChoice` for an unknown mode or target, and `BlobMissing` if the store is damaged.
+    """
     compilation = pipeline.compile(environment, wish.modes)
     report, built = compilation.report, BuildResult(compilation=compilation)
     if wish.twice and not report.judged(strict=wish.strict).failed:
@@ -65,7 +66,10 @@ def build(environment: Environment, wish: BuildRequest) -> BuildResult:
 
 
 def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest) -> BuildResult:
-    """Add the files of all targets to the result of a compilation without errors. The emitters may report further errors."""
+    """Create the files of all targets and return the result of the build with these files. This step can report further errors.
+
+    The compilation must not have errors.
+    """
     compilation, workspace = built.compilation, environment.workspace
     assert workspace is not None and compilation.assembly is not None
     place = os.path.abspath(wish.output or os.path.join(workspace.root, workspace.build)), compilation.assembly.name
@@ -80,9 +84,10 @@ def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest
 
 
 def write(environment: Environment, built: BuildResult, wish: BuildRequest, on_wait: Waiting | None = None) -> str:
-    """Write the files of a build without errors atomically to its folder, and return the absolute path of the folder.
+    """Write the files of a build to the build folder in one atomic step, and return the absolute path of the folder.
 
-    Raises `OutputError`. `on_wait` is called if another build of the folder is in progress.
+    The build must not have errors. Raises `OutputError` if the folder cannot be written. `on_wait` is called if another build of the folder
+    is in progress.
     """
     documents, files = built.compilation.documents, built.files
     assert files is not None and documents is not None, "the build has errors"
@@ -90,9 +95,9 @@ def write(environment: Environment, built: BuildResult, wish: BuildRequest, on_w
 
 
 def _model_again(environment: Environment, compilation: Compilation) -> int:
-    """Build every part again in new processes, with another hash seed and an empty store, and report parts with different results.
+    """Build every part a second time, and report parts whose second build has a different result. Return the number of parts built.
 
-    Return the number of these parts. The report of the compilation must have no errors.
+    The second build uses new processes with another hash seed and an empty store. The compilation must not have errors.
     """
     import tempfile
 
@@ -111,7 +116,9 @@ def _model_again(environment: Environment, compilation: Compilation) -> int:
 
 
 def _deny(losses: Sequence[Loss], document: Origin, report: Report) -> None:
-    """Report each export loss that is not suppressed by an `allow` at its place in the document or at the top of the document."""
+    """Report each export loss as an error, unless an `allow` entry suppresses it at its place in the document or at the top of the
+    document.
+    """
     for loss in losses:
         if not report.allows(Code.LOSS_DENIED, (*loss.origin, *document)):
             mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""

@@ -1,4 +1,4 @@
-"""Write values by path to a document on disk, unless the new values would cause errors."""
+"""Change values in a document file, as `thingc set` does, unless the new values would cause errors."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from thingc.driver.environment import Environment, Options
 class EditResult(FrozenStruct):
     """The result of writing values to a document.
 
-    `found` are all diagnostics. `text` is the new text of the document `root` (None if it was not computed). `done` lists the written
-    values, each as path, previous value (None if the key did not exist) and new value.
+    `found` contains all diagnostics. `text` is the new text of the document `root`, or None if it was not computed. `done` lists the values
+    that were written. Each entry contains the path, the previous value (None if the key did not exist) and the new value.
     """
 
     found: tuple[Diagnostic, ...]
@@ -35,9 +35,10 @@ class EditResult(FrozenStruct):
 
 
 def write_values(document: str, given: Mapping[str, str], options: Options, *, strict: bool = False, dry: bool = False) -> EditResult:
-    """Write values to a document, unless the new values would cause errors. Values are strings by path or parameter.
+    """Write values into a document file, unless the new values would cause errors.
 
-    With `dry`, nothing is written. With `strict`, warnings are errors. Raises `OSError` if the document cannot be read.
+    `given` maps the name of each parameter, or the path of another value, to the new value as a string. With `dry`, the values are checked,
+    but the file is not changed. With `strict`, warnings are treated as errors. Raises `OSError` if the document cannot be read.
     """
     given = {named(path): text for path, text in given.items()}
     parameters = {path: text for path, text in given.items() if "." not in path}
@@ -69,20 +70,20 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
 
 
 def named(path: str) -> str:
-    """Return the name of the parameter for a path such as `parameters.reach`. Other paths are returned unchanged."""
+    """Remove the prefix `parameters.` from the path of a parameter, such as `parameters.reach`. Return any other path unchanged."""
     name = path.removeprefix("parameters.")
     return path if "." in name else name
 
 
 def document_change(root: Document, text: str) -> tuple[bytes, bytes]:
-    """Return the original bytes of a document and the bytes of its new text. A byte order mark is preserved."""
+    """Encode the original text and the new text of a document as bytes. If the file begins with a byte order mark, both contain it."""
     before = root.text.encode()
     mark = b"" if hashlib.sha256(before).hexdigest() == root.sha256 else b"\xef\xbb\xbf"
     return mark + before, mark + text.encode()
 
 
 def opened(document: str, options: Options, memo: Memo) -> Documents | None:
-    """Load a document and all referenced documents. Return None if one of them cannot be read or is invalid."""
+    """Load and validate a document and all documents that it references. Return None if one of these documents has errors."""
     with Environment(document, options, memo=memo) as environment:
         if environment.workspace is None:
             return None
@@ -95,9 +96,9 @@ def opened(document: str, options: Options, memo: Memo) -> Documents | None:
 def checked(
     document: str, options: Options, *, strict: bool = False, memo: Memo | None = None,
 ) -> tuple[Documents | None, list[Diagnostic]]:
-    """Load and check a document. Return the document with all referenced documents (None if it cannot be read), and the diagnostics.
+    """Compile a document, and return it with all documents that it references, together with the diagnostics.
 
-    `memo` caches the parsed documents.
+    The first value is None if the document cannot be read. `memo` caches the parsed documents between calls.
     """
     with Environment(document, replace(options, lock=True), memo=memo) as environment:
         compilation = pipeline.compile(environment)
@@ -106,7 +107,7 @@ def checked(
 
 
 def keys_of(root: Document, path: str) -> Keys:
-    """Return the keys of a value in the document, given the name of a parameter or a dotted path."""
+    """Convert the name of a parameter, or a dotted path, to the keys of the value in the document."""
     if "." in path:
         return tuple(path.split("."))
     full = isinstance(node_at(root.tree, ("parameters", path)), MappingNode)
@@ -114,7 +115,7 @@ def keys_of(root: Document, path: str) -> Keys:
 
 
 def _parse_value(text: str) -> Written:
-    """Parse a string as a value in a document. Return the string itself if it is not a valid value."""
+    """Parse a YAML list or mapping in flow style, such as `[1, 2]`. Return any other string unchanged."""
     tree = read_flow(text, line_of("")) if is_flow(text) else None
     return text if tree is None or isinstance(tree, Diagnostic) else _texts(tree)
 
@@ -126,7 +127,10 @@ def _texts(node: Node) -> Written:
 
 
 def _elsewhere(root: Document, path: str) -> Diagnostic | None:
-    """Return the diagnostic for a path to a value of another document, or None if the value belongs to this document."""
+    """Return an error for a path that this document cannot set, because the value belongs to a nested document or to a copy of a component.
+
+    Return None for a path to a value of this document.
+    """
     through = nested(path)
     if through is None:
         choice = parse(path)

@@ -1,4 +1,4 @@
-"""The environment of a compilation: the workspace, the store, the source of parts, and the report for diagnostics."""
+"""The environment of a compilation: the workspace, the cache of parts, the geometry service, and the report for diagnostics."""
 
 from __future__ import annotations
 
@@ -37,13 +37,15 @@ Answer = TypeVar("Answer")
 class Options(FrozenStruct):
     """The options of a compilation, as on the command line.
 
-    `parameters` are strings as on the command line (`{"reach": "120 mm"}`), `choices` are strings by dotted path in the document
-    (`{"components.foot.part": "feet:Wide"}`). `store` is a folder or a URL (default: the user's cache), `jobs` the number of parts to build
-    in parallel, `part_timeout` [s] the limit for one part (default: from the workspace), `compat` the programs besides MuJoCo that read the
-    MuJoCo models (default: from the workspace). With `lock`, parts that are not in the store may be read from `parts.lock.json`, for
-    callers that do not use meshes. Without `code`, parts are read only from `parts.lock.json`: no code of the workspace runs, and the store
-    is not used. `texts` replace the contents of documents and workspace files on disk, by absolute path. `ahead` are modules that are
-    needed after the compilation. They are imported while the CAD kernel loads.
+    `parameters` maps names of parameters to strings (`{"reach": "120 mm"}`). `choices` maps paths in the document to strings
+    (`{"components.foot.part": "feet:Wide"}`). `store` is the folder or URL of the cache of parts (default: the user's cache). `jobs` is the
+    number of parts to build in parallel. `part_timeout` is the time limit [s] for building one part (default: from the workspace). `compat`
+    contains the programs besides MuJoCo that must be able to read the MuJoCo models (default: from the workspace).
+
+    With `lock`, parts that are not in the store can be read from `parts.lock.json`, which does not contain meshes. Without `code`, parts
+    are read only from `parts.lock.json`: no code of the workspace runs, and the store is not used. `texts` maps absolute paths to contents
+    that replace the contents of documents and workspace files on disk. `ahead` contains modules that are needed after the compilation, and
+    that are imported while the CAD kernel loads.
     """
 
     parameters: Mapping[str, str] = {}
@@ -61,12 +63,10 @@ class Options(FrozenStruct):
 
 
 class Environment:
-    """The shared state of all compilations of a document.
+    """The workspace, the parts, the diagnostics and the cache of a compilation. All compilations of a document can share an environment.
 
-    On exit, this context manager closes the source of parts, unless the source is lent.
-
-    `workspace` is None if no valid workspace was found. `report` contains the diagnostics of the documents themselves. `memo` caches
-    results of passes.
+    On exit, this context manager closes the source of parts, unless the caller has lent the source to the environment. `workspace` is None
+    if a valid workspace was not found. `report` contains the diagnostics of the documents. `memo` caches the results of compiler passes.
     """
 
     def __init__(self, document: str, options: Options, lend: Lend | None = None, memo: Memo | None = None) -> None:
@@ -90,18 +90,24 @@ class Environment:
 
     @cached_property
     def compat(self) -> tuple[str, ...]:
-        """The programs besides MuJoCo that read the MuJoCo models, from the options or, by default, from the workspace."""
+        """The names of the programs besides MuJoCo that must be able to read the MuJoCo models.
+
+        They are specified by the options or, by default, by the workspace.
+        """
         own = self.workspace.compat if self.workspace is not None else ()
         return own if self.options.compat is None else tuple(self.options.compat)
 
     @cached_property
     def store(self) -> Store:
-        """The content-addressed store of parts and meshes."""
+        """The content-addressed store, which caches parts and meshes."""
         return store_of(self.options)
 
     @cached_property
     def parts(self) -> PartSource:
-        """The source of parts: the geometry service, or the lock file if no code may run. Requires a workspace."""
+        """The object from which part records are requested. It is the geometry service, or a reader of the lock file if no code may run.
+
+        This property requires a valid workspace.
+        """
         assert self.workspace is not None, "parts need a workspace, but none was found"
         if self._lent is not None:
             return self._lent(self.workspace, self.store)
@@ -113,14 +119,17 @@ class Environment:
 
     @property
     def geometry(self) -> GeometryService:
-        """The geometry service, which runs the CAD kernel. It is only available if code of the workspace may run."""
+        """The geometry service, which builds parts with the CAD kernel. It is only available if code of the workspace may run."""
         from thingc.geometry.service import GeometryService
 
         assert isinstance(self.parts, GeometryService), "code of the workspace must not run here"
         return self.parts
 
     def _lock(self) -> Lock | None:
-        """Return the lock file of the workspace, or None if the file is missing or invalid. If code may not run, report the reason."""
+        """Read the lock file of the workspace. Return None if the file is missing or invalid.
+
+        If no code may run, the lock file is required, and the reason is reported as an error.
+        """
         from thingc.geometry.lock.lock import read_lock, report_missing
 
         assert self.workspace is not None
@@ -131,9 +140,9 @@ class Environment:
         return lock
 
     def say_gaps(self, report: Report) -> None:
-        """Report the last realized parts that the lock file does not contain, and errors of the lock file.
+        """Report the parts of the last compilation that are missing from the lock file, and all errors in the lock file.
 
-        If code may run, the lock file is optional, and the diagnostics are warnings.
+        If code of the workspace may run, the lock file is optional, and these diagnostics are warnings.
         """
         from thingc.geometry.part_source import report_gaps
 
@@ -143,9 +152,9 @@ class Environment:
 
 
 def attempted(document: str, options: Options, work: Callable[[Environment], Answer]) -> Answer:
-    """Call `work` with a new environment, and try again if the store is damaged.
+    """Call `work` with a new environment for the document, and return its result.
 
-    If the store is damaged, call `work` a second time with a new environment, which restores the blob.
+    If a file is missing from the store, call `work` a second time with another new environment, which builds the missing parts again.
     """
     from thingc.geometry.store.local import BlobMissing
 
@@ -158,7 +167,7 @@ def attempted(document: str, options: Options, work: Callable[[Environment], Ans
 
 
 def store_of(options: Options) -> Store:
-    """Return the store specified in the options. The default is the user's store."""
+    """Open the store that the options specify. The default is the store of the user."""
     from thingc.geometry.store.shared_store import opened
 
     return opened(options.store)
@@ -168,10 +177,10 @@ def geometry_of(
     workspace: Workspace, options: Options, store: Store | None = None, lock: Callable[[], Lock | None] | None = None, *, seed: int = 0,
     workers: Workers | None = None,
 ) -> GeometryService:
-    """Return the geometry service of a workspace. The caller must close it.
+    """Create the geometry service of a workspace. The caller must close the service.
 
-    `lock` reads the lock file that is used in addition to the store. `seed` is the hash seed of the workers. The owner of shared `workers`
-    closes them.
+    `lock` is a function that reads the lock file, whose parts are used in addition to the store. `seed` is the hash seed of the worker
+    processes. If `workers` are given, several geometry services share these worker processes, and their owner must close them.
     """
     from thingc.geometry.service import GeometryService
 

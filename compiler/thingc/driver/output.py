@@ -1,8 +1,9 @@
-"""Write build folders, and the folders of new workspaces, atomically.
+"""Replace build folders atomically, and create the folders of new workspaces.
 
-A build is written into a hidden folder beside its destination. Then both folders are exchanged in a single system call
-(`renameat2(RENAME_EXCHANGE)`; if this call is not available, by two renames, which the next run repairs). If the process is killed at any
-time, the folder contains either the old build or the new build. The next run deletes leftover files.
+A build is first written to a hidden folder beside the build folder. Then both folders are exchanged by a single system call
+(`renameat2(RENAME_EXCHANGE)`). If this system call is not available, two renames replace it, and the next build completes an interrupted
+exchange. If the process is killed at any time, the build folder contains either the old build or the new build. The next build deletes
+leftover files.
 
     <parent>/<name>/              the build
     <parent>/.<name>.thingc-lock  locked while a build is written: one at a time
@@ -36,15 +37,17 @@ Waiting = Callable[[str], None]
 
 
 class Blobs(Protocol):
-    """An interface for reading blobs of a store. The content of a blob is verified by its SHA-256."""
+    """The interface of a store from which stored files are read. The content of a file is identified and verified by its SHA-256."""
 
     def read(self, sha256: str) -> bytes:
-        """Return the content of a blob. Raises an exception if the blob is missing or damaged."""
+        """Return the content with this SHA-256. Raises an exception if the content is missing or damaged."""
         ...
 
 
 class OutputError(Exception):
-    """Raised if a build folder cannot be written. `message` is the reason, and `hint` is the help text. The command line exits with code 2.
+    """Raised if a build folder cannot be written. `message` is the reason, and `hint` is the help text.
+
+    The command line exits with code 2.
     """
 
     code = Code.OUTPUT
@@ -55,13 +58,14 @@ class OutputError(Exception):
         self.hint = hint
 
     def diagnose(self, report: Report) -> None:
-        """Add the error to `report` as a diagnostic without a location."""
+        """Add this error to `report` as a diagnostic without a location."""
         report.add(self.code, self.message, None, help=self.hint)
 
 
 class UnexpectedFilesError(OutputError):
-    """Raised if a build folder contains files that a build must not delete. `names` are the sorted paths of these files, relative to
-    `folder`.
+    """Raised if a build folder contains files that thingc did not write, or that have changed since. thingc does not delete such files.
+
+    `names` are the sorted paths of these files, relative to `folder`.
     """
 
     code = Code.UNEXPECTED
@@ -78,10 +82,10 @@ NOTHING = hashlib.sha256(b"").hexdigest()
 
 
 class UnexpectedFiles(FrozenStruct, kw_only=False):
-    """The files in a build folder that a build must not delete, as sorted relative paths.
+    """The files in a build folder that a build must not delete, as sorted paths relative to the folder.
 
-    `others` are files that no build wrote. `changed` are files that a build wrote and that have since been edited or replaced by a link.
-    `owner` is the document whose build the folder contains, or None.
+    `others` are files that thingc did not write. `changed` are files that thingc wrote, and that have since been edited or replaced by a
+    link. `owner` is the document whose build is in the folder, or None.
     """
 
     owner: str | None
@@ -90,7 +94,7 @@ class UnexpectedFiles(FrozenStruct, kw_only=False):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The paths of all these files, sorted."""
+        """The sorted paths of all files in `others` and `changed`."""
         return tuple(sorted((*self.others, *self.changed)))
 
 
@@ -98,14 +102,17 @@ def write_build(
     parent: str, name: str, files: Mapping[str, Content], store: Blobs, document: str, *, force: bool = False,
     on_wait: Waiting | None = None,
 ) -> str:
-    """Write the build folder `<parent>/<name>` with exactly `files`, and return its absolute path.
+    """Write the build folder `<parent>/<name>`, so that it contains exactly `files`, and return its absolute path.
 
-    `files` are by path in the folder. They include a `manifest.json` of `document` (its path in the workspace) that lists the other files.
-    Stored files are read from `store` (its exception for a missing blob is passed on). `parent` is created if necessary. If the folder is a
-    symbolic link, its target is replaced. `on_wait` is called before waiting for another build of the same folder. `force` overwrites files
-    in a build of the same document that thingc did not write or that have changed. Raises `UnexpectedFilesError` if the folder contains
-    anything other than an unchanged build of the same document, `OutputError` for system errors, and `ValueError` for paths outside the
-    folder. After an exception, the folder is unchanged.
+    `files` maps paths in the build folder to contents. It includes a `manifest.json`, which lists all other files and contains the path of
+    `document` in the workspace. The contents of stored files are read from `store`, whose exceptions are not caught. `parent` is created if
+    necessary. If the build folder is a symbolic link, the target of the link is replaced.
+
+    `on_wait` is called before waiting for another build of the same folder. `force` overwrites files that thingc did not write or that have
+    changed, if the folder contains a build of the same document.
+
+    Raises `UnexpectedFilesError` if the folder contains anything other than an unchanged build of the same document, `OutputError` for
+    errors of the operating system, and `ValueError` for a path outside the folder. After an exception, the folder is unchanged.
     """
     _check_paths(name, files)
     folder = build_folder(parent, name)
@@ -131,11 +138,12 @@ KEPT = ".git"
 
 
 def write_new(folder: str, files: Mapping[str, bytes]) -> str:
-    """Create a folder with `files` (by relative path, with `/`), and return its absolute path. An existing folder may only contain `.git`.
+    """Create the folder of a new workspace with `files`, and return its absolute path. An existing folder may only contain `.git`.
 
-    Parent folders are created. A new folder is created atomically. If the folder exists, another program may use it, so files are moved
-    into the folder one by one. Existing files with the same content are accepted, so that another run can continue after an interruption.
-    Raises `OutputError` if the folder contains other files, if another run is in progress, or for a system error.
+    `files` maps relative paths (with `/`) to contents. Missing parent folders are created. A new folder is created atomically. If the
+    folder already exists, another program may use it, so the files are moved into the folder one by one. Existing files with the same
+    content are accepted, so that another run can continue after an interruption. Raises `OutputError` if the folder contains other files,
+    if another run is in progress, or for an error of the operating system.
     """
     folder = os.path.realpath(folder)
     place, there = shown_path(folder), os.path.isdir(folder)
@@ -174,7 +182,10 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
 
 
 def _move_into(folder: str, fresh: str, names: Sequence[str]) -> None:
-    """Move entries of `fresh` to a folder that does not contain these entries. On an exception, the moved entries are deleted."""
+    """Move the files and folders `names` from the folder `fresh` to `folder`, which must not contain them.
+
+    If an exception occurs, the files and folders that have already been moved are deleted.
+    """
     try:
         for name in names:
             os.rename(os.path.join(fresh, name), os.path.join(folder, name))
@@ -186,7 +197,7 @@ def _move_into(folder: str, fresh: str, names: Sequence[str]) -> None:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Return whether two files have the same content, or whether two folders contain equal files. Symbolic links are never equal."""
+    """Return whether two files have the same content, or whether two folders contain the same files. Symbolic links are never equal."""
     if os.path.isdir(one) and os.path.isdir(other) and not os.path.islink(one):
         names = set(os.listdir(one))
         return names == set(os.listdir(other)) and all(_alike(os.path.join(one, name), os.path.join(other, name)) for name in names)
@@ -196,15 +207,16 @@ def _alike(one: str, other: str) -> bool:
 
 
 def build_folder(parent: str, name: str) -> str:
-    """Return the absolute path of the folder `<parent>/<name>`. For a symbolic link, return the path of its target."""
+    """Return the absolute path of the build folder `<parent>/<name>`. If the path is a symbolic link, return the path of its target."""
     folder = os.path.abspath(os.path.join(parent, name))
     return os.path.realpath(folder) if os.path.islink(folder) else folder
 
 
 def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
-    """Return the manifest of a build folder if the folder contains exactly the listed files with the listed SHA-256. Otherwise return None.
+    """Return the manifest of a build folder if the folder has not changed since the build. Otherwise, return None.
 
-    `store` caches digests of large files. The function never raises an exception and does not write to the folder.
+    The folder must contain exactly the files that the manifest lists, with the same SHA-256. `store` caches the SHA-256 of large files. The
+    function never raises an exception, and never writes to the folder.
     """
     try:
         manifest = _manifest(folder)
@@ -220,7 +232,7 @@ def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
 
 
 def listed(folder: str) -> frozenset[str]:
-    """Return the files that the manifest of a build folder lists, and the manifest itself.
+    """Return the paths of all files that the manifest of a build folder lists, and the path of the manifest itself.
 
     Return an empty set for a folder without a manifest.
     """
@@ -229,21 +241,21 @@ def listed(folder: str) -> frozenset[str]:
 
 
 def unswept(folder: str) -> bool:
-    """Return whether a killed build left temporary files behind, or a build is in progress.
+    """Return whether temporary files of another build exist beside a build folder. The other build was killed, or is still in progress.
 
-    The next build deletes such files, or waits for the other build.
+    The next build deletes the temporary files of a killed build, and waits for a build that is in progress.
     """
     return any(os.path.lexists(_beside(folder, what)) for what in ("lock", "new", "old"))
 
 
 def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), known: Digests | None = None) -> UnexpectedFiles:
-    """Return the files in `folder` that a build of `document` must not delete.
+    """Find the files in a build folder that a build of `document` must not delete: files that thingc did not write or that have changed.
 
-    The result contains files that the manifest does not list, and files whose content differs from the manifest.
+    The manifest of the build folder lists all files that thingc wrote, with their SHA-256.
 
     If the manifest is missing, damaged or belongs to another document, the result contains all files. Symbolic links count as files; empty
-    folders are ignored. A manifest is trusted only for names that a target writes or that are in `also`, because a manifest could list
-    arbitrary files. `known` caches the SHA-256 of contents for later calls. Raises `OSError` if the folder cannot be read.
+    folders are ignored. Entries of the manifest are trusted only for names that a target can write or that are in `also`, because a damaged
+    manifest could list any files. `known` caches the SHA-256 of contents for later calls. Raises `OSError` if the folder cannot be read.
     """
     names = _listing(folder)
     manifest = _manifest(folder)
@@ -259,12 +271,12 @@ def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), 
 
 
 def _content_of(path: str, known: Digests) -> str | None:
-    """Return the SHA-256 of a file. Return None for symbolic links and other special files."""
+    """Return the SHA-256 of a regular file. Return None for symbolic links and special files such as pipes."""
     return digest_of(path, known=known) if _is_plain(path) else None
 
 
 def _check_paths(name: str, files: Mapping[str, Content]) -> None:
-    """Check the name and the paths of a build. Raises `ValueError`."""
+    """Check that the name of a build folder and the paths of its files are valid. Raises `ValueError` for an invalid name or path."""
     check_tree(files)
     check_tree([name])
     if "/" in name or any("\\" in path for path in (name, *files)):
@@ -280,9 +292,11 @@ def _beside(folder: str, what: str) -> str:
 
 @contextlib.contextmanager
 def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
-    """Lock a build folder while the context is active.
+    """Lock a build folder until the context ends, so that only one build at a time writes it. `on_wait` is called before waiting for the
+    lock.
 
-    The lock file is deleted on release. Therefore, after a wait, the function checks whether the path still refers to the same file.
+    The lock file is deleted when the lock is released. After waiting, the function therefore checks whether the path still refers to the
+    same file.
     """
     path = _beside(folder, "lock")
     said = False
@@ -311,7 +325,7 @@ def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
 
 
 def same_file(descriptor: int, path: str) -> bool:
-    """Return whether `path` still refers to the open file."""
+    """Return whether an open file and a path refer to the same file on disk."""
     try:
         return os.path.samestat(os.fstat(descriptor), os.stat(path))
     except FileNotFoundError:
@@ -319,7 +333,7 @@ def same_file(descriptor: int, path: str) -> bool:
 
 
 def _mend(folder: str) -> None:
-    """Complete or undo the changes of a run that was killed."""
+    """Complete or undo the renames of a build that was killed while it replaced the build folder."""
     old = _beside(folder, "old")
     if os.path.lexists(old):
         if os.path.lexists(folder):
@@ -330,7 +344,9 @@ def _mend(folder: str) -> None:
 
 
 def _refuse_unexpected(folder: str, document: str, also: Collection[str], known: Digests, *, force: bool) -> UnexpectedFiles:
-    """Return the files that `force` overwrites. Raises `UnexpectedFilesError` for other unexpected files."""
+    """Return the unexpected files in a build folder that the option `force` allows to overwrite. Raises `UnexpectedFilesError` for all
+    others.
+    """
     if not os.path.lexists(folder):
         return UnexpectedFiles(None, ())
     if not os.path.isdir(folder):
@@ -360,10 +376,10 @@ def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> Unex
 
 
 def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) -> None:
-    """Write all files to a new folder `fresh`.
+    """Write all files of a build to a new folder `fresh`.
 
-    The manifest, if any, is written last and synchronized to disk, so that the manifest shows after a power failure which files are
-    incomplete. `store` is required if `files` contains stored files.
+    The manifest is written last and synchronized to disk. After a power failure, it shows which files are incomplete. `store` is required
+    if `files` contains stored files.
     """
     os.mkdir(fresh)
     folders = {""}
@@ -386,9 +402,9 @@ def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) 
 
 
 def _swap(fresh: str, folder: str, document: str, also: Collection[str], known: Digests, *, given_up: Collection[str]) -> None:
-    """Replace `folder` with `fresh` and delete the old content of `folder`.
+    """Replace the build folder `folder` by the new folder `fresh`, and delete the old build.
 
-    If a file was saved to the old build while the new build was written, the old build is restored, unless the file is in `given_up`.
+    If a file of the old build was changed while the new build was written, the old build is restored, unless the file is in `given_up`.
     """
     if not os.path.lexists(folder):
         os.rename(fresh, folder)
@@ -412,7 +428,7 @@ def _swap(fresh: str, folder: str, document: str, also: Collection[str], known: 
 
 
 def _delete(path: str) -> None:
-    """Delete a folder that thingc created, as far as possible. The next run deletes the remaining files."""
+    """Delete a folder that thingc created. Files that cannot be deleted now are deleted by the next build."""
     if os.path.islink(path) or os.path.isfile(path):
         os.unlink(path)
         return
@@ -428,7 +444,7 @@ def _delete(path: str) -> None:
 
 
 def _permit(folder: str) -> None:
-    """Make `folder` and its subfolders deletable. Symbolic links are not followed."""
+    """Set the permissions of a folder and its subfolders so that they can be deleted. Symbolic links are not followed."""
     os.chmod(folder, 0o700)
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -437,7 +453,7 @@ def _permit(folder: str) -> None:
 
 
 def _manifest(folder: str) -> dict[str, Any] | None:
-    """Return the manifest in `folder`, or None if the manifest is missing or not well-formed."""
+    """Read the file `manifest.json` in a build folder. Return None if the file is missing or invalid."""
     path = os.path.join(folder, MANIFEST)
     try:
         if not _is_plain(path):
@@ -455,7 +471,7 @@ def _manifest(folder: str) -> dict[str, Any] | None:
 
 
 def _is_plain(path: str) -> bool:
-    """Return whether a path is a regular file, not a symbolic link or a pipe (which would block).
+    """Return whether a path is a regular file. Symbolic links, and special files such as pipes, are not regular files.
 
     Raises `OSError` if the path does not exist.
     """
@@ -463,7 +479,8 @@ def _is_plain(path: str) -> bool:
 
 
 def _listing(folder: str) -> list[str]:
-    """Return the relative paths of all files below `folder`, with `/` as separator. Symbolic links are not followed."""
+    """Return the paths of all files in a folder and its subfolders, relative to the folder, with `/` as separator. Links are not followed.
+    """
     files: list[str] = []
     waiting = [""]
     while waiting:
@@ -478,7 +495,7 @@ def _listing(folder: str) -> list[str]:
 
 
 def _fault_text(folder: str, fault: OSError) -> str:
-    """Format the reason of an error of the operating system."""
+    """Format an error of the operating system as a message that explains why the build folder cannot be written."""
     place = shown_path(folder)
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return f"there is not enough space for the build in `{place}`: {os.strerror(fault.errno)}"
@@ -487,7 +504,7 @@ def _fault_text(folder: str, fault: OSError) -> str:
 
 
 def _cure(fault: OSError) -> str:
-    """Return a help text for a system error. The caller appends the advice to use another folder."""
+    """Return a help text for an error of the operating system. The caller adds the advice to use another folder."""
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return "free some space, or"
     if fault.errno == errno.ENAMETOOLONG:

@@ -48,7 +48,7 @@ _LEADS_TO_PARTS = re.compile(rb"\b(?:part|file|assembly)[\"']?\s*[:=]")
 
 
 class UnknownChoice(Exception):
-    """Raised if an unknown mode, target or program is requested on the command line."""
+    """Raised if a mode, target or program that the user requests does not exist."""
 
     def __init__(self, message: str, hint: Hint) -> None:
         super().__init__(f"{message}: {hint}")
@@ -57,9 +57,9 @@ class UnknownChoice(Exception):
 
 
 def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
-    """Return the named programs that read MuJoCo models, in the order of `CONSUMERS`.
+    """Return the names of the programs that must be able to read the MuJoCo models, in the order of `CONSUMERS`.
 
-    `names` may be a comma-separated string. Raises `UnknownChoice`.
+    `names` contains the requested programs, or is a comma-separated string. Raises `UnknownChoice` for an unknown program.
     """
     from thingc.documents.workspace import CONSUMERS
 
@@ -71,11 +71,11 @@ def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
 
 
 class Compilation(FrozenStruct):
-    """The result of a compilation: the report with all diagnostics, and the output of each pass that succeeded.
+    """The result of a compilation: the output of each pass that succeeded, and the report with all diagnostics.
 
-    `documents` are the document and all documents that it or a choice references. `robots` has an entry for each chosen mode. `decisions`
-    are the reasons why parts were built or reused, and `records` are the properties of parts, both by definition text. `repeated` is True
-    for one of many compilations in a process.
+    `documents` contains the document, and all documents that it or a chosen value references. `robots` contains a robot for each requested
+    mode. `decisions` maps the definition text of each part to the reason why it was built or reused, and `records` maps it to the
+    properties of the part. `repeated` is True if the process runs many compilations of the same document.
     """
 
     settings: Settings
@@ -91,12 +91,12 @@ class Compilation(FrozenStruct):
 
     @property
     def modelled(self) -> list[str]:
-        """The definition texts of the parts that this compilation built."""
+        """The definition texts of the parts that were built during this compilation."""
         return sorted(text for text, decision in self.decisions.items() if not decision.reused)
 
     @property
     def reused(self) -> list[str]:
-        """Definition texts of the parts whose records were in the store."""
+        """The definition texts of the parts whose records were already in the store."""
         return sorted(text for text, decision in self.decisions.items() if decision.reused)
 
 
@@ -104,9 +104,9 @@ class Compilation(FrozenStruct):
 
 
 def check(environment: Environment) -> Compilation:
-    """Check a document of any kind: run every pass up to `root`, for all modes. Errors are reported.
+    """Check a document of any kind, as `thingc check` does: run every pass up to `root` for all modes, and report all errors.
 
-    Materials documents are only resolved. Variants documents are only validated.
+    A materials document is resolved, and a variants document is validated, without further passes.
     """
     compilation = compile(environment, kinds=("assembly", "materials", "variants"))
     say_unneeded(compilation, [Stage.CHECK])
@@ -117,10 +117,11 @@ def compile(
     environment: Environment, modes: Sequence[str] = (), *, kinds: Sequence[str] = ("assembly",),
     settings: Callable[[Sources], Settings] | None = None,
 ) -> Compilation:
-    """Compile an assembly document: run every pass up to `root`, for the named modes (by default all).
+    """Compile an assembly document: run every pass up to `root`, for the modes with the given names (by default all modes).
 
-    `kinds` are the accepted kinds of document. `settings` computes the settings from the sources (default: the settings of the options).
-    Errors are reported. Raises `UnknownChoice`, and `BlobMissing` if the store is damaged (see `environment.attempted`).
+    `kinds` contains the accepted kinds of document. `settings` is a function that computes the values of parameters from the loaded
+    documents. By default, the options of the environment specify these values. Errors are added to the report. Raises `UnknownChoice` for
+    an unknown mode, and `BlobMissing` if the store is damaged (see `environment.attempted`).
     """
     sources = read(environment, kinds, modelling=True)
     told = settings(sources) if settings is not None and sources is not None else settings_of(environment.options)
@@ -133,17 +134,17 @@ def compile(
 
 
 def recompile(environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
-    """Compile documents that are already loaded with other settings (see `compile`).
+    """Compile documents that are already loaded, with other settings. See `compile` for the result.
 
-    Checks of a single robot (start below the floor, overlapping parts) are skipped.
+    Checks that are useful only for a single robot are skipped, such as the search for overlapping parts.
     """
     return replace(_passes(environment, sources, settings, modes, environment.memo), repeated=True)
 
 
 def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
-    """Return the modules that `build` needs and that are slow to import, for `Options.ahead`.
+    """Return the names of the slow Python modules that `build` needs for the given targets, for `Options.ahead`.
 
-    This includes numpy, which compares solids, only if models need it.
+    The result includes numpy, which compares solids, only for the target `mjcf`.
     """
     from thingc.targets.registry import modules_of
 
@@ -151,11 +152,9 @@ def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
 
 
 def build(environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None) -> dict[str, Artifacts]:
-    """Run the passes after `root`: warn of overlapping parts, and emit the files of the targets.
+    """Run the passes after `root`: find overlapping parts, and create the files of all given targets.
 
-    The CAD kernel writes the STEP file in parallel.
-
-    `folder` is the absolute path of the build folder, if known.
+    A worker process writes the STEP file at the same time. `folder` is the absolute path of the build folder, if known.
     """
     from thingc.model.robot.kinematics import occurrence_poses
     from thingc.model.solids.overlaps import Overlaps, check_overlaps
@@ -178,10 +177,10 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
 
 
 def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, modelling: bool = False) -> Sources | None:
-    """Run the passes `load` and `validate`, and describe the referenced parts. Return None if the document is not valid.
+    """Run the passes `load` and `validate` on the document, and load the schemas of all parts that it references.
 
-    `modelling` is True if the caller builds parts next. In this case, the CAD kernel is loaded in advance if some parts are likely to be
-    new.
+    Return None if the document is not valid. If the caller builds parts next, `modelling` is True. In this case, the CAD kernel is loaded
+    in advance if some of the parts are probably not in the store.
     """
     workspace, report = environment.workspace, environment.report
     if workspace is None:
@@ -210,7 +209,8 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
 
 
 def _may_name_parts(environment: Environment) -> bool:
-    """Return whether the CAD kernel may be needed: part code may run, and the beginning of the document refers to parts."""
+    """Return whether the document probably needs the CAD kernel: code of parts may run, and the beginning of the document mentions parts.
+    """
     if not environment.options.code:
         return False
     text = environment.options.texts.get(environment.document)
@@ -223,16 +223,16 @@ def _may_name_parts(environment: Environment) -> bool:
 
 
 def settings_of(options: Options) -> Settings:
-    """Return the settings that the options of a compilation specify."""
+    """Return the values of parameters, and the other chosen values, that the options of a compilation specify."""
     from thingc.model.resolve.resolver import Settings
 
     return Settings(parameters=options.parameters, choices=options.choices)
 
 
 def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report, memo: Memo | None) -> Sources:
-    """Add the documents and parts that `choices` select to the sources. Report errors in these documents and parts.
+    """Load the documents and part schemas that the chosen values reference, and return them together with those of the document.
 
-    `memo` caches results for the current contents of the documents.
+    Errors in these documents and parts are added to the report. `memo` caches results for the current contents of the documents.
     """
     if not choices:
         return sources
@@ -248,7 +248,10 @@ def choose(environment: Environment, sources: Sources, choices: Mapping[str, str
 
 
 def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
-    """Return `own` with additional assemblies and parts, and a report of errors in these assemblies and parts."""
+    """Load additional assembly documents and part schemas, and return them together with `own`.
+
+    The second value is the report with the errors in the additional documents and parts.
+    """
     from thingc.documents.load.documents import load_more
     from thingc.documents.spec.validation import part_references, validate
 
@@ -263,9 +266,9 @@ def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], 
 
 
 def model(environment: Environment, own: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:
-    """Run only the pass `resolve`, before parts are built, and return the resolved document.
+    """Run the pass `resolve` on the loaded documents, without building parts, and return the resolved assembly document.
 
-    Errors are reported. Return None if nothing is valid.
+    Errors are added to the report. Return None if the document cannot be resolved at all.
     """
     from thingc.model.resolve.resolver import resolve
 
@@ -273,10 +276,10 @@ def model(environment: Environment, own: Sources, settings: Settings, report: Re
 
 
 def _passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str], of_text: Memo | None) -> Compilation:
-    """Run the passes `resolve`, `link` and `root` on the loaded documents.
+    """Run the passes `resolve`, `link` and `root` on documents that are already loaded.
 
-    `of_text` caches results that are valid for the current contents of the documents. The memo of the environment caches results that are
-    always valid.
+    `of_text` caches results that are valid only for the current contents of the documents. The memo of the environment caches results that
+    are always valid.
     """
     from thingc.geometry.meshes.cache import mesh_records
     from thingc.model.assembly.linking import link
@@ -323,7 +326,7 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
 
 
 def _say_hidden(environment: Environment, sources: Sources, report: Report) -> None:
-    """Report modules of parts that hide other modules with the same name."""
+    """Report Python modules with parts that have the same name as another module, and therefore hide this module."""
     from thingc.documents.spec.validation import part_references
     from thingc.geometry.part_source import report_hidden
 
@@ -334,10 +337,11 @@ def _say_hidden(environment: Environment, sources: Sources, report: Report) -> N
 
 
 def emit(environment: Environment, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
-    """Return the artifacts by target, in the requested order. An export loss that several targets share is listed with the first target.
+    """Create the files of the given targets. Return the files and export losses by target, in the requested order.
 
-    The report of the compilation must have no errors. With `verify=0`, MuJoCo does not compile the models, for callers that compile the
-    models anyway. With `verify=n` and n > 1, MuJoCo compiles only every n-th of the models that differ only in numbers.
+    An export loss that several targets share is listed with the first of these targets. The compilation must not have errors. With
+    `verify=0`, the generated models are not compiled with MuJoCo, because the caller compiles them. With `verify=n` and n > 1, MuJoCo
+    compiles only one of every n models that differ only in numbers.
     """
     from thingc.targets.registry import emitted
 
@@ -345,7 +349,7 @@ def emit(environment: Environment, compilation: Compilation, targets: Sequence[s
 
 
 def request_of(environment: Environment, compilation: Compilation, *, verify: int = 1, folder: str | None = None) -> EmitRequest:
-    """Return the input for the emitters of targets. The compilation must not have errors."""
+    """Create the input of the emitters, which write the files of the targets. The compilation must not have errors."""
     from thingc.targets.request import EmitRequest
 
     geometry = environment.geometry
@@ -357,7 +361,7 @@ def request_of(environment: Environment, compilation: Compilation, *, verify: in
 
 
 def files(environment: Environment, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
-    """Return the files of a build folder by path: the files of all targets, and the manifest."""
+    """Return the contents of all files of a build folder, by path in the folder: the files of the targets, and `manifest.json`."""
     from thingc.targets.artifact import MANIFEST
     from thingc.targets.manifest import BuildChoice, manifest
 
@@ -380,7 +384,10 @@ def files(environment: Environment, compilation: Compilation, artifacts: Mapping
 
 
 def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
-    """Warn of unused `allow` entries after these stages. With settings, nothing is reported, because other values may need the entries."""
+    """Warn of `allow` entries that did not suppress any warning in the given stages.
+
+    If the compilation has settings such as parameters, nothing is reported, because other values may need these entries.
+    """
     settings, documents = compilation.settings, compilation.documents
     if compilation.assembly is None or documents is None or compilation.report.failed or settings.parameters or settings.choices:
         return
@@ -388,14 +395,15 @@ def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
 
 
 def _assembly(compilation: Compilation) -> Assembly:
-    """Return the assembly. Raises `RuntimeError` if the compilation failed, so the caller must check the report first."""
+    """Return the assembly of a compilation. Raises `RuntimeError` if the compilation has failed, so the caller must check its report first.
+    """
     if compilation.assembly is None:
         raise RuntimeError("the compilation failed")
     return compilation.assembly
 
 
 def _corners(environment: Environment) -> Callable[[Mesh], tuple[Vector, ...]] | None:
-    """Return a function that returns the vertices of a part's mesh, or None if meshes may be missing."""
+    """Return a function that reads the vertices of a part's mesh. Return None if the meshes of parts may not be available."""
     from thingc.geometry.store.meshes import vertices
 
     return None if environment.options.lock else partial(vertices, environment.store)

@@ -1,7 +1,7 @@
-"""Compile a document many times in one process. Work that does not depend on the settings is shared.
+"""Compile a document many times in one process, with different settings. Work that does not depend on the settings is done once.
 
-A `Session` runs the same passes as a single compilation (`pipeline`), with the same files and diagnostics. The session caches the documents
-and their models, part schemas and part records, and keeps the worker process.
+A `Session` runs the same passes as a single compilation (see `pipeline`), with the same files and diagnostics. It caches the documents, the
+part schemas and the part records, and it keeps the worker process running.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ REFUSED = 64
 class Session:
     """Compiles a document repeatedly with different settings. On exit, this context manager closes the geometry service.
 
-    Settings of a compilation override the parameters and choices of `options`. Documents are read when the session is created. Later
-    changes of documents, parts and the store are not detected. If a blob of the store is deleted in the meantime, reading the blob raises
-    `BlobMissing`; a new session restores the blob.
+    The settings of a compilation override the parameters and choices in `options`. The documents are read when the session is created.
+    Later changes of documents, parts and the store are not detected. If a file of the store is deleted in the meantime, reading it raises
+    `BlobMissing`. A new session restores the file.
     """
 
     def __init__(self, document: str, options: Options) -> None:
@@ -40,13 +40,14 @@ class Session:
 
     @property
     def report(self) -> Report:
-        """The diagnostics of the documents themselves, which all compilations share."""
+        """The diagnostics of the document itself, which are the same for all compilations of this session."""
         return self.environment.report
 
     def compile(self, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
-        """Compile the document with these settings up to `root`, for the named modes (default: all).
+        """Compile the document with the given settings, up to the pass `root`. `modes` are the names of the modes to compile (default:
+        all).
 
-        Errors are in the `report` of the compilation. A failure is cached, unless parts were built, because building these parts may
+        Errors are in the `report` of the compilation. A failed compilation is cached, unless parts were built, because building them may
         succeed next time. Raises `UnknownChoice` for an unknown mode.
         """
         own = self.environment.options
@@ -60,13 +61,16 @@ class Session:
         return made
 
     def passes(self, environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str]) -> Compilation:
-        """Run the passes of one compilation, with the environment and the sources of the session or with copies."""
+        """Run the passes of one compilation. A subclass can override this method.
+
+        `environment` and `sources` are the environment and the sources of this session, or copies of them.
+        """
         return pipeline.recompile(environment, sources, settings, modes)
 
     def emit(self, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
-        """Return the artifacts by target (see `pipeline.emit`)."""
+        """Create the files of the given targets, as `pipeline.emit` does."""
         return pipeline.emit(self.environment, compilation, targets, verify=verify)
 
     def files(self, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
-        """Return the files of a build folder, by path in the folder."""
+        """Return the contents of all files of a build folder, by path in the folder."""
         return pipeline.files(self.environment, compilation, artifacts)

@@ -1,4 +1,7 @@
-"""Read settings by parameter name or path in the document. Values are numbers in SI units, or strings as in documents."""
+"""Parse the settings of a robot, which assign values to parameters and to paths in the document.
+
+A value is a number in SI units, or a string as in a document.
+"""
 
 from __future__ import annotations
 
@@ -29,9 +32,9 @@ EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParsedSettings:
-    """Parsed settings: the sorted `names` of numeric settings with their `values` in SI units, and other settings as strings in `texts`.
+    """Settings after parsing. `names` are the sorted names of the numeric settings, and `values` are their values in SI units.
 
-    `report` contains the errors, or is None if there are no errors.
+    `texts` contains all other settings as strings. `report` contains the errors, or is None if there are no errors.
     """
 
     names: tuple[str, ...]
@@ -41,9 +44,10 @@ class ParsedSettings:
 
 
 class SettingsReader:
-    """Parses the settings of a document.
+    """Parses settings for a document. A setting assigns a value to a parameter or to a path in the document.
 
-    `parameters` are the parameters of the document by name. `kinds` maps the paths of other settings to the kinds of their values.
+    `parameters` contains the values of all parameters of the document. The argument `kinds` maps paths to example values, which determine
+    the type of a setting.
     """
 
     def __init__(
@@ -58,8 +62,9 @@ class SettingsReader:
         self._numeric: set[str] = set()  # names with numeric settings
 
     def kind(self, name: str) -> ExpressionValue | None:
-        """Return the value that the document or a default specifies at a path. Return None if there is no value, or if it cannot be
-        evaluated.
+        """Return the value that the document, or a default, specifies for a parameter or path.
+
+        The type of this value is the required type of a setting. Return None if there is no value or if it cannot be evaluated.
         """
         if name not in self._kinds:
             known = self._kinds[name] = self.parameters.get(name) if "." not in name else self._stated(name)
@@ -85,9 +90,9 @@ class SettingsReader:
         return stated_parameter(self._documents, path)
 
     def meant(self, name: str) -> tuple[str, ...]:
-        """Return the names that match a pattern, including names in nested documents.
+        """Return the names of all parameters or paths that match a pattern, such as `leg_*` or `joints.*.dynamics.damping`.
 
-        Examples of patterns are `joints.*.dynamics.damping` and, for parameters, `leg_*`. A name without `*` is returned unchanged.
+        Paths in nested documents are included. A name without `*` is returned unchanged.
         """
         known = self._meant.get(name)
         if known is None:
@@ -101,7 +106,7 @@ class SettingsReader:
         return known
 
     def _hint(self, name: str) -> Hint:
-        """Return a hint for a pattern that matches nothing."""
+        """Return a help text for a pattern that does not match any parameter or path."""
         if "." not in name:
             return did_you_mean(name, self.parameters, what="parameters")
         met: list[Node] = [self._documents.root.tree]
@@ -113,7 +118,8 @@ class SettingsReader:
         return did_you_mean(word, [key for key, _ in inside])
 
     def read(self, settings: Mapping[str, Any]) -> ParsedSettings:
-        """Parse settings, which override the fixed settings. Report invalid types of values and invalid names."""
+        """Parse settings. They override the settings that are fixed for this reader. Unknown names and values of a wrong type are reported.
+        """
         numbers: dict[str, float] = {}
         texts: dict[str, str] = {}
         report: Report | None = None
@@ -150,7 +156,7 @@ class SettingsReader:
     def _number(self, name: str, value: Any) -> float | None:
         """Convert the value of a numeric setting to SI units.
 
-        Return None if the value is not a number, or if its kind differs from the kind of the value in the document.
+        Return None if the value is not a number, or if its physical dimension differs from the value in the document.
         """
         kind = self.kind(name)
         if isinstance(value, str) and (isinstance(kind, Quantity) or (kind is None and "." in name)):
@@ -172,7 +178,7 @@ class SettingsReader:
         return number if isinstance(kind, Quantity) else None
 
     def quantities(self, read: ParsedSettings) -> dict[str, Quantity]:
-        """Return the numeric settings with their dimensions."""
+        """Return all numeric settings as quantities, which are numbers with a physical dimension."""
         quantities = {}
         for name, value in zip(read.names, read.values):
             kind = self.kind(name)
@@ -181,14 +187,17 @@ class SettingsReader:
         return quantities
 
     def values(self, read: ParsedSettings) -> dict[str, ExpressionValue]:
-        """Return the values of all parameters (also of dependent parameters) and of settings by path: numbers, booleans and expressions."""
+        """Return the values of all parameters, and of all settings by path, for the given settings.
+
+        Parameters that depend on other parameters are included. Values are numbers, booleans and expressions.
+        """
         settings = self.settings(read)
         values = {**self._declared.given(settings.parameters), **self.quantities(read)}
         stated = {path: _stated(text, values) for path, text in read.texts if path in settings.choices}
         return {**values, **{path: value for path, value in stated.items() if value is not None}}
 
     def as_given(self, settings: Mapping[str, Any]) -> dict[str, str]:
-        """Return the settings that are strings by name, except strings that a later number overrides."""
+        """Return the settings whose value is a string, by name. If a later numeric setting overrides a string, the string is omitted."""
         texts: dict[str, str] = {}
         for given, value in settings.items():
             for name in self.meant(given):
@@ -198,9 +207,9 @@ class SettingsReader:
         return texts
 
     def settings(self, read: ParsedSettings, units: Mapping[str, str] | None = None, given: Mapping[str, str] | None = None) -> Settings:
-        """Return the settings in the form of the options `-p` and `--set` of `thingc build`.
+        """Convert parsed settings to strings, as for the options `-p` and `--set` of `thingc build`.
 
-        Numbers are written as in `given`, else exactly in their unit or in SI units.
+        A number is written as in `given`. If it is not in `given`, it is written exactly, in its unit from `units` or in SI units.
         """
         units = units or {}
         numbers = {name: text_of(number, units.get(name, "")) for name, number in self.quantities(read).items()}
@@ -212,7 +221,7 @@ class SettingsReader:
 
 
 def settings_with(own: Settings, values: Mapping[str, Any], report: Report, sources: Sources) -> Settings:
-    """Add `values` to the settings `own`, and report invalid names. For an invalid assembly, return `own`."""
+    """Add `values` to the settings `own`, and report unknown names. If the document is not a valid assembly, return `own` unchanged."""
     if not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
         return own
     reader = SettingsReader(sources)
@@ -224,7 +233,7 @@ def settings_with(own: Settings, values: Mapping[str, Any], report: Report, sour
 
 
 def _python_value(value: Any) -> Any:
-    """Convert a scalar of numpy to a Python value, and an integer beyond the range of floats to infinity."""
+    """Convert a numpy scalar to a Python value. An integer that is too large for a float is converted to infinity."""
     if hasattr(value, "item") and not getattr(value, "ndim", 0):
         value = value.item()
     if isinstance(value, int) and abs(value) > sys.float_info.max:
@@ -239,7 +248,7 @@ def _setting_text(value: Any) -> str:
 
 
 def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
-    """Evaluate a boolean or an expression. Return None for other strings, and if the evaluation fails."""
+    """Evaluate a string that contains a boolean or an expression. Return None for any other string, and if the evaluation fails."""
     if text in ("true", "false"):
         return text == "true"
     try:
@@ -249,9 +258,9 @@ def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue 
 
 
 def _everywhere(documents: Documents, document: Document, words: Sequence[str], before: tuple[str, ...] = ()) -> list[str]:
-    """Return the paths that a pattern matches in a document and its nested documents.
+    """Return all paths in a document that match a pattern, given as a list of keys. Nested documents are searched, too.
 
-    `joints.*` matches the joints of all these documents.
+    For example, `joints.*` matches the joints of the document and of all its nested documents.
     """
     found = _matching(documents, document, document.tree, words, before)
     components = document.tree.entries.get("components") if words[0] in EVERYWHERE else None
@@ -263,7 +272,7 @@ def _everywhere(documents: Documents, document: Document, words: Sequence[str], 
 
 
 def _matching(documents: Documents, document: Document, node: Node | None, words: Sequence[str], before: tuple[str, ...]) -> list[str]:
-    """Return the paths below a node that a pattern matches. The part of a path after the last `*` need not exist."""
+    """Return all paths below a node of a document that match a pattern. The keys after the last `*` of the pattern need not exist."""
     if before[-2:-1] == ("components",) and words and words[0] in SECTIONS and node is not document.tree:
         inner = nested_document(documents, document, before[-1])
         if inner is None:

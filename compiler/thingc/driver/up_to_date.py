@@ -1,8 +1,8 @@
-"""Skip a run of a command if no input has changed since the last run. A stamp records all inputs of a finished run.
+"""Skip a command if none of its inputs has changed since the last run. A *stamp* in the store records all inputs and the result of a run.
 
-A stamp is valid if every input has the same content, every missing file is still missing, and thingc and the installed packages are the
-same. In this case the result of the run (its diagnostics, and for a build the folder that it wrote) is also valid, and no document needs to
-be parsed.
+A stamp is valid if every input file has the same content, every missing file is still missing, and thingc and the installed packages are
+the same. In this case, the recorded diagnostics are printed again, and no document is parsed. For a build, the build folder must also be
+unchanged.
 """
 
 from __future__ import annotations
@@ -29,10 +29,9 @@ FOLDER = "folder:"
 
 
 def fingerprint() -> str:
-    """Return a digest of the installed packages and of the code of thingc.
+    """Return a digest of the Python interpreter, the installed packages, the code of thingc, and the environment variables of workers.
 
-    The digest covers the interpreter, the installed packages (the names of their metadata folders contain the version), the environment
-    variables of workers, and the files of thingc.
+    The names of the metadata folders of packages contain their versions, so these names are sufficient for the digest.
     """
     from thingc.geometry.key.environment_variables import passed
 
@@ -53,10 +52,10 @@ def fingerprint() -> str:
 
 
 def state_of(path: str, store: Store | None = None) -> str | None:
-    """Return a digest of a file or folder, or None if neither exists.
+    """Return a digest of a file or folder, or None if the path does not exist.
 
-    For a file, the digest is the SHA-256 of its content. For a folder, it is `folder:` and the SHA-256 of the names of its entries. `store`
-    caches digests of large files.
+    For a file, the digest is the SHA-256 of its content. For a folder, it is `folder:` followed by the SHA-256 of the names in the folder.
+    `store` caches the digests of large files.
     """
     from thingc.geometry.store.file_digests import digest_of
 
@@ -70,7 +69,7 @@ def state_of(path: str, store: Store | None = None) -> str | None:
 
 
 def key_of(command: str, document: str, choice: Mapping[str, object]) -> str:
-    """Return the key under which the store contains the stamp of a run."""
+    """Return the key under which the store contains the stamp of a command. `choice` contains the options of the command."""
     text = json.dumps([command, os.path.abspath(document), choice], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -78,9 +77,9 @@ def key_of(command: str, document: str, choice: Mapping[str, object]) -> str:
 def save(
     store: Store, key: str, inputs: Mapping[str, str | None] | None, diagnostics: Sequence[Diagnostic], answer: Mapping[str, object]
 ) -> None:
-    """Store a finished run: its inputs by absolute path (see `state_of`), its diagnostics, and its answer.
+    """Store the stamp of a command that has finished: its inputs, its diagnostics, and its result `answer`.
 
-    If `inputs` is None, nothing is stored, because an input changed during the run.
+    `inputs` maps absolute paths to digests (see `state_of`). If `inputs` is None, an input changed during the run, and nothing is stored.
     """
 
     if inputs is None:
@@ -90,7 +89,7 @@ def save(
 
 
 def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | None:
-    """Return the diagnostics and the result of a run with the same inputs, or None if an input has changed."""
+    """Return the diagnostics and the result of the last run of a command, or None if one of its inputs has changed since."""
     kept = store.get_json("stamp", key)
     if not isinstance(kept, dict) or any(state_of(path, store) != state for path, state in kept["inputs"].items()):
         return None
@@ -100,7 +99,7 @@ def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | No
 
 
 def packed(d: Diagnostic) -> dict[str, object]:
-    """Convert a diagnostic to plain JSON values."""
+    """Convert a diagnostic to values that can be serialized as JSON."""
     plain: dict[str, object] = msgspec.to_builtins({**asdict(d), "code": d.code.name}, enc_hook=str)  # converts subclasses of `str`
     return plain
 
@@ -111,15 +110,16 @@ def _types() -> dict[str, Any]:
 
 
 def unpacked(kept: Mapping[str, object]) -> Diagnostic:
-    """Convert plain JSON values to a diagnostic. This function is the inverse of `packed`."""
+    """Convert the result of `packed` back to a diagnostic."""
     fields = {name: msgspec.convert(value, _types()[name]) for name, value in kept.items() if name != "code"}
     return Diagnostic(code=Code[str(kept["code"])], **fields)
 
 
 def inputs(environment: Environment, compilation: Compilation) -> dict[str, str | None] | None:
-    """Return all files and folders that a compilation without errors has read: absolute paths with digests of the content (see `state_of`).
+    """Return all files and folders that a compilation has read, as a mapping from absolute paths to digests (see `state_of`).
 
-    Return None if a file changed while it was being read, because in this case the content that was used is unknown.
+    The compilation must not have errors. Return None if a file has changed while it was being read, because the content that was used is
+    then unknown.
     """
     workspace, documents = environment.workspace, compilation.documents
     assert workspace is not None and documents is not None
@@ -130,9 +130,9 @@ def inputs(environment: Environment, compilation: Compilation) -> dict[str, str 
 
 
 def looked_at(environment: Environment, compilation: Compilation) -> set[str]:
-    """Return the absolute paths of all files and folders on which a compilation, with or without errors, depends.
+    """Return the absolute paths of all files and folders on which the result of a compilation depends. The compilation can have errors.
 
-    The paths are existing and missing files and folders in the workspace and in packages that are tracked by content.
+    The result contains existing and missing files and folders in the workspace, and in packages that are tracked by content.
     """
     from thingc.documents.workspace import settings_files
     from thingc.model.resolve.choices import chosen_files

@@ -1,1 +1,1 @@
-"""Run the tests of a document on its robot, as `thingc test` does."""
+"""Run the tests that a document defines for its robot, as `thingc test` does."""

@@ -1,4 +1,4 @@
-"""Find parts of a robot that are near each other or overlap in a pose, by their exact shapes."""
+"""Find parts of a robot that overlap or are close to each other in a pose. The exact shapes of the parts are compared."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ CELL = (0.1, 0.1, 0.1, 0.002)
 
 
 class NearPair(FrozenStruct):
-    """Two occurrences (indices) that are near each other in a keyframe.
+    """Two components of a robot that are close to each other or overlap in the keyframe `where`. `one` and `other` are their indices.
 
-    `gap` is the distance between the two occurrences [m]. If the gap is 0, `volume` [m^3] is the volume of the overlap, and `depth` [m] is
-    its mean thickness. `allowance` is the index of the allowance for the pair, if any.
+    `gap` is the distance between the two components [m]. If the gap is 0, `volume` [m^3] is the volume of their overlap, and `depth` [m] is
+    its mean thickness. `allowance` is the index of the entry in the test that allows this pair to collide, if any.
     """
 
     one: int
@@ -40,16 +40,16 @@ class NearPair(FrozenStruct):
 
     @property
     def badness(self) -> tuple[float, float]:
-        """The sort key of the pair, which is larger for a deeper overlap or a smaller gap."""
+        """The sort key of the pair. A deeper overlap has a larger key. Without an overlap, a smaller gap has a larger key."""
         return self.depth, -self.gap
 
 
 class Collisions:
-    """The pairs of occurrences that may collide, and the shapes of these occurrences.
+    """The pairs of components that may collide, and the exact shapes of these components.
 
-    The occurrences of `pairs` (indices) are on links without a common joint; their gaps are measured. The occurrences of pairs in `close`
-    are on the same link, or on links that a joint connects; such occurrences may touch, and only overlaps count. `skipped` are the pairs
-    that are not compared, by reason.
+    `pairs` contains the indices of components on two links that no joint connects. The gaps of these pairs are measured. `close` contains
+    the indices of components on the same link, or on two links that a joint connects. These components may touch, so only overlaps are
+    found. `skipped` contains the pairs that are not compared, by reason.
     """
 
     def __init__(self, request: EmitRequest) -> None:
@@ -77,9 +77,10 @@ class Collisions:
     def overlapping(
         self, poses: Sequence[Pose], frame: Keyframe, allowed: Mapping[tuple[int, int], int], seen: set[object] | None,
     ) -> Iterator[NearPair]:
-        """Yield the `close` pairs that overlap, except pairs whose overlap the document allows (`TC520`).
+        """Yield the overlapping pairs of components on the same link, or on links that a joint connects.
 
-        A sweep passes `seen`, the set of visited cells of poses, so that a pair is compared only once per cell.
+        A pair is omitted if the document allows its overlap (`TC520`). In a sweep, `seen` contains the relative poses that were compared
+        before, rounded to a grid. A pair is not compared again for the same rounded pose.
         """
         for pair in self.overlaps.pairs(self.assembly.occurrences, poses):
             one, other = indices = pair.one.index, pair.other.index
@@ -99,16 +100,17 @@ class Collisions:
                 self._skip(indices, f"allowed: {reason}")
 
     def wrong(self, near: NearPair, clearance: float) -> bool:
-        """Return whether two occurrences are closer to each other than allowed."""
+        """Return whether the two components of a pair are closer to each other than the required clearance [m]."""
         return near.gap < clearance - TOUCH if clearance > 0.0 else near.depth > self.overlaps.deep
 
     def near(
         self, poses: Sequence[Pose], frame: Keyframe, clearance: float, look: float, allowed: Mapping[tuple[int, int], int],
         needed: Collection[int] = (),
     ) -> Iterator[NearPair]:
-        """Yield the pairs nearer than `clearance` [m] and, among pairs without an allowance, the nearest pair within `look` [m].
+        """Yield all pairs of components that are closer than `clearance` [m], and the closest pair if it is within `look` [m].
 
-        Pairs whose allowance is in `needed` are skipped.
+        The components are on links that no joint connects. Pairs that the test allows to collide are yielded only below `clearance`.
+        `needed` contains the indices of entries that are known to be necessary; the pairs of these entries are skipped.
         """
         if not self.pairs:
             return
@@ -137,7 +139,7 @@ class Collisions:
 
 
 def collisions_of(request: EmitRequest) -> Collisions:
-    """Return the pairs and shapes of the assembly. The result is computed once for all tests of a request."""
+    """Return the pairs of components that may collide, with their shapes. The result is computed once for all tests of a document."""
     known = request.made.get("collisions")
     if isinstance(known, Collisions):
         return known
@@ -151,7 +153,7 @@ def _ordered(a: int, b: int) -> tuple[int, int]:
 
 
 def _neighbours(assembly: Assembly) -> Iterator[tuple[int, int]]:
-    """Yield pairs of links that a joint connects, including joints that close loops."""
+    """Yield each pair of links that a joint connects, including joints that close loops."""
     for mate in assembly.mates:
         if mate.joints or mate.loop is not None:
             yield _ordered(assembly.link_of[mate.parent], assembly.link_of[mate.child])

@@ -1,4 +1,4 @@
-"""Kinematics of a robot in numpy: poses and velocities of its bodies at given coordinates."""
+"""Compute the poses and Jacobians of the bodies of a robot at given joint positions, in numpy arrays."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ ROUND = np.pi
 
 
 class NumpyTree:
-    """The kinematic tree of a robot in numpy arrays. Its coordinates are the joints that do not mimic other joints.
+    """The kinematic tree of a robot, for searches over joint positions in numpy. Mimic joints are not independent coordinates.
 
-    `paths` are the n paths of the coordinates, `lower` and `upper` their limits [rad or m]. `q(x)` returns the values of all joints. A
-    floating base does not move.
+    `paths` contains the paths of the n independent joint coordinates, and `lower` and `upper` their limits [rad or m]. The base of the
+    robot does not move, even if it is floating.
     """
 
     def __init__(self, robot: Robot, base: Pose | None = None) -> None:
@@ -42,19 +42,20 @@ class NumpyTree:
         self._in_link = in_link(robot.assembly)
 
     def x(self, q: Mapping[str, float]) -> Array:
-        """Convert the state of a robot from values by joint path to coordinates (n)."""
+        """Convert joint positions [rad or m] by path to an array (n,) of the independent joint coordinates."""
         return np.array([q[path] for path in self.paths], dtype=np.float64)
 
     def q(self, x: Array) -> dict[str, float]:
-        """Return the values [rad or m] of all joints by path at the coordinates x (n)."""
+        """Return the positions [rad or m] of all joints by path, including mimic joints. `x` (n,) contains the independent joint
+        coordinates.
+        """
         free = {path: float(value) for path, value in zip(self.paths, x, strict=True)}
         return coordinates(self._joints.values(), free | in_cones(self._balls, free))
 
     def cones(self, x: Array) -> tuple[Array, Array]:
-        """Return the distance from the cone limit for each ball with a cone, and the derivative `(k, n)` of the distances by the
-        coordinates.
+        """Return how far each ball joint is from its cone limit, and the derivatives `(k, n)` of these k values by the joint coordinates.
 
-        The distance is the difference of the squares of the angles [rad^2].
+        A value is the square of the limit angle minus the square of the current angle [rad^2].
         """
         room, slope = [], []
         for ball in self._balls:
@@ -66,19 +67,20 @@ class NumpyTree:
         return np.array(room), np.array(slope).reshape(len(room), len(x))
 
     def bodies(self, q: Mapping[str, float]) -> tuple[Pose, ...]:
-        """Return the pose of every body in the world."""
+        """Return the pose of every body in the world at the joint positions `q`."""
         return placed_bodies(self.robot.bodies, q, self.base)
 
     def mount(self, mount: MountAt) -> tuple[int, Pose]:
-        """Return the body of a mount, and the pose of the mount in this body."""
+        """Return the index of the body to which a mount belongs, and the pose of the mount in the frame of this body."""
         assembly = self.robot.assembly
         pose = self._in_link[mount.occurrence] @ assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
         return self._body_of[assembly.link_of[mount.occurrence]], pose
 
     def jacobian(self, body: int | None, point: Array, q: Mapping[str, float], at: tuple[Pose, ...]) -> Array:
-        """Return the Jacobian `(6, n)` of a point (3, in the world) of a body, linear over angular. For the world, the Jacobian is 0.
+        """Return the Jacobian `(6, n)` of a point of a body: three rows for the linear and three rows for the angular velocity.
 
-        `body` None is the world. `at` are the poses of the bodies at `q`.
+        `point` (3,) is in the world. `body` is the index of the body, or None for the world, whose Jacobian is 0. `at` contains the poses
+        of all bodies at the joint positions `q`.
         """
         x, y, z = (float(one) for one in point)
         J = np.zeros((6, len(self.paths)))
@@ -92,13 +94,16 @@ class NumpyTree:
         return J
 
     def closing(self, q: Mapping[str, float]) -> tuple[Array, Array]:
-        """Return the loop errors (6 for each: [m] over [rad], in the world), and their derivative by the coordinates."""
+        """Return the errors of all loops, and their derivatives by the independent joint coordinates.
+
+        The error of a loop has six elements in world axes: the translation [m], then the rotation [rad].
+        """
         error, columns = self._loops.linearized(SolverState(q=dict(q), base=self.base))
         return np.array(error), np.array(columns, dtype=np.float64).reshape(len(self.paths), -1).T
 
 
 def quasi_random(count: int, dimensions: int) -> Array:
-    """Return `count` evenly distributed points in the unit cube (count x dimensions), which are the same in every run.
+    """Return `count` evenly distributed points in the unit cube, as an array (count, dimensions). The points are the same in every run.
 
     In one dimension, the points are equally spaced from end to end. Otherwise the corners of the cube come first, if they are at most a
     quarter of the points. The other points follow the additive recurrence of the generalised golden ratio g, the root of g**(d + 1) = g + 1

@@ -1,4 +1,4 @@
-"""The cases of document tests, and the outcomes of their measurements."""
+"""The single runs of document tests (`TestCase`), and the results of their measurements (`Outcome`)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROUNDING = 1e-9
 
 
 class Failure(FrozenStruct):
-    """A failure of a test: its code, its message, and the key of the violated value (`max`, `within.x`)."""
+    """The reason why a test failed: a diagnostic code, a message, and the key of the violated limit in the document (`max`, `within.x`)."""
 
     code: DiagnosticCode
     message: str
@@ -33,9 +33,9 @@ class Failure(FrozenStruct):
 
 
 class Outcome(FrozenStruct):
-    """The result of a measurement: measured and expected values (in SI units, by name), a description, and the failure, if any.
+    """The result of a measurement: the measured and the expected values in SI units by name, a description, and the failure, if any.
 
-    `needed` are the indices of the allowances that a collision test used.
+    `needed` contains the indices of the `allow` entries that a collision test used.
     """
 
     measured: Mapping[str, Measure]
@@ -46,7 +46,7 @@ class Outcome(FrozenStruct):
 
 
 def shown(value: float, dimension: Dimension) -> str:
-    """Format a measured value [SI] with four digits: `533.2 g`. Values below about a nanometre are shown as 0."""
+    """Format a measured value [SI] with a unit and four digits, such as `533.2 g`. Values below about a nanometre are shown as 0."""
     value = value if abs(value) >= 1e-9 else 0.0
     number, space, unit = str(Quantity(value, dimension)).partition(" ")
     return f"{float(f'{float(number):.4g}'):g}{space}{unit}"
@@ -55,7 +55,11 @@ def shown(value: float, dimension: Dimension) -> str:
 def check_bounds(
     name: str, what: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: DiagnosticCode,
 ) -> Outcome:
-    """Compare a value with bounds [SI]. Either bound may be missing."""
+    """Compare a measured value [SI] with its minimum and maximum, which can be None, and return the outcome.
+
+    `name` is the name of the value in the results, and `what` describes the value in messages. `code` is the diagnostic code of the
+    failure.
+    """
     measured = shown(value, dimension)
     expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
     words = [f"{word} {Quantity(bound, dimension)}" for word, bound in (("at least", minimum), ("at most", maximum)) if bound is not None]
@@ -73,7 +77,7 @@ def check_bounds(
 
 
 def unclosed() -> Outcome:
-    """Return the outcome for a pose in which the loops of the robot do not close."""
+    """Return the failed outcome of a test in a pose in which the closed loops of the robot do not close."""
     failure = Failure(
         code=Code.TEST_POSE, key="pose", message="the loops of the mode do not close in this pose",
         help="run `thingc info` to list the poses in which the loops close",
@@ -82,10 +86,10 @@ def unclosed() -> Outcome:
 
 
 class TestCase(FrozenStruct):
-    """A single run of a test: `robot` in a mode, with keyframes for the poses of this run (`frames`).
+    """A single run of a document test, in one mode and one pose. A sweep is also a single run, with many poses.
 
-    `missing` is the number of poses in which loops do not close. A test that does not depend on the mode uses the first mode's robot and
-    has no frames.
+    `robot` is the robot in this mode, and `frames` contains a keyframe for each pose. `missing` is the number of poses in which the loops
+    of the robot do not close. A test that does not depend on the mode uses the robot of the first mode, and has no keyframes.
     """
 
     linked: LinkedTest
@@ -95,7 +99,8 @@ class TestCase(FrozenStruct):
     missing: int = 0
 
     def components(self, references: Collection[Reference]) -> list[int]:
-        """Return the occurrences of the named components in order, or all occurrences if no component is named."""
+        """Return the sorted indices of the components that the references name. Without references, return the indices of all components.
+        """
         if not references:
             return list(range(len(self.robot.assembly.occurrences)))
         return sorted({index for reference in references for index in self.linked.components[reference]})
@@ -105,10 +110,11 @@ Stated = TypeVar("Stated", bound=OneLineRepr)
 
 
 class TestMeasurement(FrozenStruct, Generic[Stated]):
-    """The measurement of a kind of document test.
+    """The functions that measure one kind of document test.
 
-    `measure(case, stated)` measures one case. `poses(stated, pose)` returns all poses of the case with the name `pose`.
-    `finish(linked, outcomes, report)` is called with all outcomes if the test ran in all of its modes.
+    `measure(case, stated)` measures a single run of a test; `stated` contains the values that the test specifies. `poses(stated, pose)`
+    returns the poses of a run with the named pose `pose`, such as the poses of a sweep. `finish(linked, outcomes, report)` is called with
+    the outcomes of all runs, if the test ran in all of its modes.
     """
 
     kind: CheckKind[Any, Stated]

@@ -1,4 +1,4 @@
-"""Robots in the poses of tests, with closed loops."""
+"""Compute the poses in which a robot is tested, including the joint positions for which its loops close."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from thingc.model.robot.types import Keyframe, Robot
 
 
 def posed(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose]) -> Robot | None:
-    """Return the robot of a mode with a keyframe for each pose in which its loops close. Return None if no pose closes the loops."""
+    """Return the robot in a mode with a keyframe for each pose in which its loops close. Return None if its loops do not close in any pose.
+    """
     wanted = {pose.name: pose for pose in poses}
     others = tuple(pose for pose in assembly.poses if pose.name not in wanted)
     return root(replace(assembly, poses=(*wanted.values(), *others)), replace(mode, poses=tuple(wanted)), Report())
 
 
 def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
-    """Return the initial pose of a mode: its own pose, else all joints at 0, with a name that no pose of the document has."""
+    """Return the initial pose of a mode: the pose that the mode specifies, or else a new pose with all joints at 0."""
     own = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
     if own is not None:
         return own
@@ -34,7 +35,7 @@ def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
 
 
 def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list[NamedPose]:
-    """Return `samples` poses in which joints move through their ranges. The name of a pose is its index."""
+    """Return `samples` poses in which the given joints are spread over their ranges. The other joints are as in `pose`."""
     poses: list[NamedPose] = []
     for number, place in enumerate(quasi_random(samples, len(ranges))):
         moved = {r.joint: r.lower + float(part) * (r.upper - r.lower) for r, part in zip(ranges, place, strict=True)}
@@ -43,11 +44,11 @@ def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list
 
 
 def keyframe(robot: Robot, pose: NamedPose) -> Keyframe | None:
-    """Return the keyframe of a pose, or None if the loops do not close in the pose."""
+    """Return the keyframe of a robot for a named pose. Return None if the loops of the robot do not close in this pose."""
     return next((frame for frame in robot.keyframes if frame.name == pose.name), None)
 
 
 def joints_text(assembly: Assembly, q: Mapping[str, float]) -> str:
-    """Format coordinates [rad or m]: `shoulder -60 deg, elbow 120 deg`."""
+    """Format joint positions [rad or m] with the paths of the joints, such as `shoulder -60 deg, elbow 120 deg`."""
     twists = {joint.path: joint.twist for joint in joints_of(assembly)}
     return ", ".join(f"{path} {twists[path].shown(round(value, 6) + 0.0)}" for path, value in q.items())

@@ -1,4 +1,4 @@
-"""Search for the largest distance between two mounts, and for the smallest distance of a mount from a point."""
+"""Search for the largest distance between two mounts, and for the joint positions that bring a mount closest to a point."""
 
 from __future__ import annotations
 
@@ -27,13 +27,11 @@ CLOSED = 1e-6
 
 
 def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[float, dict[str, float]]:
-    """Return the largest distance [m] between two mounts that was found, and its joint positions.
+    """Search for the largest distance [m] between two mounts. Return the distance, and the joint positions by path.
 
-    The result is a lower bound of the true maximum.
-
-    Samples over the joint ranges are evaluated, and the best samples are optimized within the limits (SLSQP, with the loops of the document
-    as constraints). `robot` may be in any mode without holds and with a base that does not move the mounts relative to each other. `origin`
-    is the place in the documents to which the tried poses belong.
+    The result is a lower bound of the true maximum. The search evaluates samples over the joint ranges, and optimizes the best samples
+    within the joint limits (SLSQP, with closed loops as constraints). `robot` can be the robot in any mode without other holds, if its base
+    does not move the two mounts relative to each other. `origin` is the location in the documents to which the tried poses belong.
     """
     chain = NumpyTree(robot)
     ends = chain.mount(of), chain.mount(base)
@@ -53,8 +51,9 @@ def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[
 
 
 def _starts(chain: NumpyTree, origin: Origin) -> list[Array]:
-    """Return joint positions within the limits at which the search starts. For a robot with loops, return poses of the document and other
-    poses, all with closed loops.
+    """Return the joint positions (n,) at which the search starts. All of them are within the joint limits.
+
+    For a robot with closed loops, they include poses of the document, and the loops are closed in all of them.
     """
     assembly = chain.robot.assembly
     if not chain.robot.closures:
@@ -76,7 +75,7 @@ Ends = tuple[tuple[int, Pose], tuple[int, Pose]]
 
 
 def _distance(chain: NumpyTree, ends: Ends, x: Array) -> tuple[float, Array]:
-    """Return the distance [m] between two mounts, and its derivative (n) by the coordinates."""
+    """Return the distance [m] between two mounts, and its derivatives (n,) by the joint coordinates."""
     q = chain.q(x)
     at = chain.bodies(q)
     one, other = (np.array((at[body] @ pose).translation) for body, pose in ends)
@@ -113,9 +112,10 @@ def _climb(chain: NumpyTree, ends: Ends, start: Array) -> tuple[float, Array] | 
 
 
 class ReachGoal(FrozenStruct):
-    """The goal for a mount: a point [m] in a frame (None: the world), with a tolerance `within` [m].
+    """The goal of a search: a mount should be within the distance `within` [m] of a point [m] in a frame (None: the world).
 
-    With a `direction` (a unit vector in the same frame), the z axis of the mount may deviate from it by at most `angle` [rad].
+    If `direction` is given (a unit vector in the same frame), the z axis of the mount may deviate from this direction by at most `angle`
+    [rad].
     """
 
     mount: MountAt
@@ -127,12 +127,13 @@ class ReachGoal(FrozenStruct):
 
 
 def nearest(robot: Robot, frame: Keyframe, target: ReachGoal) -> tuple[float, float, dict[str, float]] | None:
-    """Return the smallest distance [m] of a mount from a point, the deviation [rad] from the direction, and the joint positions.
+    """Search for the joint positions in which a mount is closest to a point.
 
-    Return None if no tried position closes the loops.
+    Return the distance [m], the deviation of the z axis from the required direction [rad], and the joint positions by path. Return None if
+    the loops of the robot do not close in any of the tried positions.
 
-    The method is inverse kinematics within the joints' limits, by trust-region least squares (scipy's `trf`). It starts from the keyframe
-    and from positions spread over the joint ranges, until one result is near enough.
+    The method is inverse kinematics within the joint limits, by trust-region least squares (scipy's `trf`). The search starts from the
+    keyframe, and then from positions spread over the joint ranges, until a result is close enough.
     """
     chain = NumpyTree(robot, frame.base)
     mount = chain.mount(target.mount)
@@ -159,9 +160,9 @@ def _tries(chain: NumpyTree, frame: Keyframe) -> list[Array]:
 def _situation(
     chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
 ) -> tuple[dict[str, float], tuple[Pose, ...], tuple[Array, Array], tuple[Array, Array]]:
-    """Return the coordinates of the robot and the poses of all bodies at the point x of the search.
+    """Return the joint positions by path, and the poses of all bodies, for the joint coordinates x (n,) of the search.
 
-    Also return, in the world, the origin and z of the mount, and the point and direction of the target.
+    Also return the origin and the z axis of the mount, and the point and the direction of the goal, all in the world.
     """
     q = chain.q(x)
     at = chain.bodies(q)
@@ -207,7 +208,7 @@ def _approach(chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose]
 def _missed(
     chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
 ) -> tuple[float, float, float]:
-    """Return the distance of the mount from the point [m], the deviation from the direction [rad], and the loop error."""
+    """Return the distance [m] of the mount from the goal, its deviation from the required direction [rad], and the largest loop error."""
     q, _, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
     off = 0.0
     if target.direction is not None:
@@ -217,6 +218,6 @@ def _missed(
 
 
 def _joints(chain: NumpyTree, x: Array) -> dict[str, float]:
-    """Return the coordinates [rad or m] by joint path."""
+    """Return the independent joint positions [rad or m] by path, for the joint coordinates x (n,) of the search."""
     q = chain.q(x)
     return {path: q[path] for path in chain.paths}

@@ -1,4 +1,4 @@
-"""Simulate the emitted MuJoCo model after it is released in a pose with its drives set to this pose."""
+"""Simulate the generated MuJoCo model of a robot that is released in a pose, while its drives are commanded to this pose."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoc
 
 
 class SettleResult(FrozenStruct):
-    """The motion of points of the robot: `path` (times, points, 3) [m] with a time `step` [s].
+    """The simulated motion of several points of a robot. `path` is an array (times, points, 3) [m] with one time every `step` seconds.
 
-    `deepest` [m] is the largest depth of contacts while the robot should be at rest.
+    `deepest` [m] is the largest depth of contacts during the time in which the robot should be at rest.
     """
 
     path: Array
@@ -32,18 +32,18 @@ class SettleResult(FrozenStruct):
     deepest: float
 
     def rest(self, drift: float) -> float:
-        """Return the time [s] after which no point is further than `drift` [m] from its final position."""
+        """Return the time [s] after which every point stays within `drift` [m] of its final position."""
         late = np.flatnonzero(self._off() > drift)
         return 0.0 if not len(late) else (int(late[-1]) + 1) * self.step
 
     def drift(self, start: float) -> float:
-        """Return the largest distance [m] of a point from its final position, from time `start` [s] on."""
+        """Return the largest distance [m] of a point from its final position, at any time from `start` [s] to the end."""
         off = self._off()
         return float(off[min(len(off) - 1, round(start / self.step)) :].max())
 
     @property
     def moved(self) -> float:
-        """Return the largest distance [m] between initial and final positions."""
+        """Return the largest distance [m] between the initial and the final position of a point."""
         return float(np.linalg.norm(self.path[-1] - self.path[0], axis=1).max())
 
     def _off(self) -> Array:
@@ -55,10 +55,11 @@ def simulated(
     robot: Robot, frame: Keyframe, scene: str, files: Mapping[str, bytes], *, seconds: float, resting: float, floor: bool,
     separator: str = "/",
 ) -> SettleResult | float:
-    """Simulate the scene of the robot's mode, one of the MJCF `files`, from its keyframe `frame`.
+    """Simulate a robot that starts in the keyframe `frame`, and record the motion of the bounding boxes of all its parts.
 
-    The corners of the bounding boxes of all parts are recorded for `seconds`, and the depth of contacts from `resting` [s] on. Names in the
-    model contain `separator` in their paths. If the simulation diverges, return the time [s] of the divergence.
+    `scene` is the name of the MJCF scene of the mode in `files`. The simulation takes `seconds` seconds. From the time `resting` [s] on,
+    the depth of contacts is also recorded. `separator` is the separator in the paths of element names in the model. If the simulation
+    diverges, return the time [s] of the divergence instead.
     """
     with heard():
         model = _model(scene, files, floor=floor)
@@ -83,7 +84,7 @@ def simulated(
 
 
 def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjModel:
-    """Compile the MuJoCo scene of a mode. Without `floor`, the floor has no contacts."""
+    """Compile the MuJoCo scene of a mode. If `floor` is False, nothing collides with the floor."""
     beside = {path.rpartition("/")[2]: data for path, data in files.items()}
     model = mujoco.MjModel.from_xml_string(files[scene].decode(), beside)
     if not floor:
@@ -97,7 +98,10 @@ def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjM
 
 
 def _points(robot: Robot, model: mujoco.MjModel, separator: str) -> list[tuple[int, Array]]:
-    """Return the body of each link in the model, and points `(n, 3)` in its frame: the origin and the corners of the boxes of its parts."""
+    """Return, for each link, the number of its body in the MuJoCo model, and an array `(n, 3)` of points in its frame [m].
+
+    The points are the origin of the link, and the corners of the bounding boxes of its parts.
+    """
     per_link = []
     for body in robot.bodies:
         link = robot.assembly.links[body.link]

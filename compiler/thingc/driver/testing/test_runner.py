@@ -1,4 +1,4 @@
-"""Run the tests of a document, case by case."""
+"""Run the tests of a document in all requested modes and poses."""
 
 from __future__ import annotations
 
@@ -20,20 +20,24 @@ from thingc.targets.request import EmitRequest
 
 
 class Selection(FrozenStruct):
-    """A selection of tests by patterns of names (empty: all tests) and of modes (empty: the modes of each test)."""
+    """The tests to run, given by patterns of test names (empty: all tests), and the modes in which to run them.
+
+    Without modes, each test runs in its own modes.
+    """
 
     only: tuple[str, ...] = ()
     modes: tuple[str, ...] = ()
 
     def takes(self, test: LinkedTest) -> bool:
-        """Return whether a test is selected."""
+        """Return whether the selection includes a test."""
         return not self.only or any(test.test.name == text or fnmatchcase(test.test.name, text) for text in self.only)
 
 
 def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result], None] = lambda result: None) -> list[Result]:
-    """Run the selected tests of `request.assembly` in document order. `on_result` is called with each result.
+    """Run the selected tests in document order, and return their results. `on_result` is called with each result.
 
-    Failures are reported in `request.report`, at the violated value. `request.robots` are the robots in all modes of the assembly.
+    A failed test is reported in `request.report` as an error at the violated value. `request.robots` must contain the robot in all modes of
+    the assembly.
     """
     results: list[Result] = []
     for linked in request.assembly.tests:
@@ -62,7 +66,7 @@ def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result]
 
 
 def _say(linked: LinkedTest, result: Result, failure: Failure, report: Report) -> None:
-    """Report a failed test at the violated value."""
+    """Report a failed test as an error, at the location of the violated value in the document."""
     test = linked.test
     span = test.spans.get(failure.key)
     where = "" if not result.where else ", ".join(
@@ -75,7 +79,7 @@ def _say(linked: LinkedTest, result: Result, failure: Failure, report: Report) -
 
 
 class _Attempt(FrozenStruct):
-    """A test case that has not been run yet."""
+    """A single run of a test, in one mode and pose, that has not been started yet."""
 
     mode: str | None
     pose: str | None
@@ -83,7 +87,10 @@ class _Attempt(FrozenStruct):
 
 
 def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMode]) -> Iterator[_Attempt]:
-    """Yield the cases of a test in the order of modes and poses: a single case, a case per mode (initial pose), or several per mode."""
+    """Yield all runs of a test, in the order of modes and poses.
+
+    A test that does not depend on a mode has a single run. Other tests have a run for each mode and pose.
+    """
     measurement, assembly, check = measurement_of(linked.test.kind), request.assembly, linked.test.check
     kind = measurement.kind
     if not kind.takes("mode"):
@@ -98,7 +105,7 @@ def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMo
 
 
 def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[NamedPose]:
-    """Return the poses of a test in a mode: the named poses, the initial pose, or all keyframes."""
+    """Return the poses of a test in a mode: the poses that the test names, the initial pose of the mode, or all keyframes."""
     assembly: Assembly = request.assembly
     by_name = {pose.name: pose for pose in assembly.poses}
     if linked.test.every_pose:
@@ -108,7 +115,7 @@ def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[N
 
 
 def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Callable[[], Outcome]:
-    """Return the case in a mode and a pose as a function that runs it."""
+    """Return a function that runs a test in a mode and a pose, and returns the outcome."""
     def run() -> Outcome:
         measurement, check = measurement_of(linked.test.kind), linked.test.check
         wanted = measurement.poses(check, pose)

@@ -1,4 +1,4 @@
-"""The measurements of document tests, with one module for each kind in `documents/checks/`."""
+"""The measurements of document tests. Each module measures one kind of test, which `documents/checks/` defines."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ from thingc.driver.testing.outcomes import TestMeasurement
 
 
 def measurement_of(kind: str) -> TestMeasurement[Any]:
-    """Import and return the measurement of a kind of test."""
+    """Import the module that measures the given kind of document test, such as `reach`, and return its measurement."""
     found: TestMeasurement[Any] = import_module(f"{__name__}.{kind}").MEASUREMENT
     return found

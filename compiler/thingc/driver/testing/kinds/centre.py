@@ -1,4 +1,4 @@
-"""Measure document tests of the kind `centre`."""
+"""Measure the centre of mass, for document tests of the kind `centre`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from thingc.model.robot.kinematics import occurrence_poses
 
 
 def measure(case: TestCase, check: CentreCheck) -> Outcome:
-    """Measure the centre of mass [m] in the frame of a mount, or in the world."""
+    """Measure the centre of mass [m] of the tested components, in the frame of a mount or in the world."""
     robot, frame = case.robot, case.frames[0]
     at = occurrence_poses(robot, frame.q, frame.base)
     whole = total(robot.assembly.occurrences[index].properties.seen_from(at[index]) for index in case.components(check.of))

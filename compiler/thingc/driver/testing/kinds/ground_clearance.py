@@ -1,4 +1,4 @@
-"""Measure document tests of the kind `ground_clearance`."""
+"""Measure the height of a robot above the ground, for document tests of the kind `ground_clearance`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LISTED = 5
 
 
 def measure(case: TestCase, check: GroundClearance) -> Outcome:
-    """Measure the height of the lowest part above the plane of the test."""
+    """Measure the height [m] of the lowest point of all tested parts above the ground plane of the test."""
     expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
     heights = sorted(_heights(case, check))
     if not heights:
@@ -48,9 +48,10 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
 
 
 def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, str]]:
-    """Yield the height [m] of the lowest point of parts and links above the plane, with their paths.
+    """Yield the height [m] of the lowest point of each part above the ground plane, with the path of the part.
 
-    The lowest point and all points that are too low are included. Other points may be omitted if bounding boxes show that they are higher.
+    The lowest part and all parts that are too low are always yielded. Other parts may be omitted if their bounding boxes show that they are
+    higher.
     """
     spared = {index for reference in check.spared for index in case.linked.components[reference]}
     poses = occurrence_poses(case.robot, case.frames[0].q, case.frames[0].base)
@@ -69,12 +70,14 @@ def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, st
 
 
 def _has_end(surface: Surface) -> bool:
-    """Return whether a surface has a lowest point. A plane has no lowest point, because a plane itself represents the ground."""
+    """Return whether a solid has a lowest point. An infinite plane does not, and it usually represents the ground itself."""
     return not isinstance(surface.solid, Primitive) or surface.solid.shape != "plane"
 
 
 def _low(case: TestCase, occurrence: Occurrence, number: int, pose: Pose) -> float:
-    """Return the lowest z [m] of a solid of an occurrence at a pose."""
+    """Return the height [m] of the lowest point of a solid in the world. `number` is the index of the solid, and `pose` the pose of its
+    part.
+    """
     surface = occurrence.solids[number]
     if isinstance(surface.solid, Primitive):
         return pose.translation[2] + surface.solid.lowest(pose.rotation[2])

@@ -1,4 +1,4 @@
-"""Measure document tests of the kind `mass`."""
+"""Measure the mass of a robot or of its components, for document tests of the kind `mass`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from thingc.driver.testing.outcomes import Outcome, TestCase, TestMeasurement, c
 
 
 def measure(case: TestCase, check: MassCheck) -> Outcome:
-    """Measure the total mass [kg] of the components."""
+    """Measure the total mass [kg] of the tested components."""
     occurrences = case.robot.assembly.occurrences
     value = sum_of(occurrences[index].properties.mass for index in case.components(check.of))
     return check_bounds("mass", "the mass", value, check.minimum, check.maximum, MASS, MassCode.TEST_MASS)

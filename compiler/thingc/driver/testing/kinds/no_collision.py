@@ -1,4 +1,4 @@
-"""Measure document tests of the kind `no_collision`."""
+"""Find collisions between parts, for document tests of the kind `no_collision`."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ LISTED = 5
 
 
 def poses(check: CollisionCheck, pose: NamedPose) -> Sequence[NamedPose]:
-    """Return all positions of a sweep, or the pose itself."""
+    """Return the poses in which a test measures: all poses of its sweep, or only the given pose if the test has no sweep."""
     return swept(pose, check.ranges, check.samples) if check.ranges else [pose]
 
 
 def measure(case: TestCase, check: CollisionCheck) -> Outcome:
-    """Measure gaps and overlaps in a pose, or at the positions of a sweep."""
+    """Measure the gaps and overlaps between components in one pose, or in all poses of a sweep."""
     collisions = collisions_of(case.request)
     allowed = _allowed(case.linked, check)
     nearest: NearPair | None = None
@@ -73,7 +73,7 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
 
 
 def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> None:
-    """Warn of allowed pairs that did not collide in any case of the test."""
+    """Report a warning for each pair of components that the test allows to collide, but that did not collide in any mode or pose."""
     check: CollisionCheck = linked.test.check
     needed = {number for outcome in outcomes for number in outcome.needed}
     for number, allowance in enumerate(check.allow):
@@ -86,7 +86,7 @@ def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> N
 
 
 def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int], int]:
-    """Return the index of the first matching allowance, by pair of occurrences."""
+    """Map each pair of components that the test allows to collide to the index of the first entry of `allow` that contains the pair."""
     allowed: dict[tuple[int, int], int] = {}
     for number, allowance in enumerate(check.allow):
         ones, others = (
@@ -99,7 +99,7 @@ def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int],
 
 
 def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], collisions: Collisions) -> Failure:
-    """Format the worst pair as the message, and the other pairs as notes."""
+    """Create the failure of a test. The message describes the worst pair of components, and the notes describe the other pairs."""
     assembly, first = collisions.assembly, worst[0]
     notes = [Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1 : LISTED + 1]]
     if len(worst) > LISTED + 1:
@@ -118,7 +118,7 @@ def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], c
 
 
 def _skipped_text(collisions: Collisions) -> str:
-    """Describe the skipped pairs with the reasons. The JSON output lists all skipped pairs."""
+    """Describe the pairs of components that were not compared, with the reasons. The JSON output lists all of these pairs."""
     return "".join(
         f", {counted(len(pairs), 'pair')} skipped ({reason}: {next(iter(pairs))}{', ...' if len(pairs) > 1 else ''})"
         for reason, pairs in collisions.skipped.items()
@@ -140,7 +140,7 @@ def _how(assembly: Assembly, near: NearPair, clearance: float) -> str:
 
 
 def _at(case: TestCase, check: CollisionCheck, near: NearPair) -> str:
-    """Return a description of the position in a sweep."""
+    """Describe the joint positions of the sweep in which a pair of components is closest."""
     if not check.ranges:
         return ""
     return f" at {joints_text(case.robot.assembly, {r.joint: near.where.q[r.joint] for r in check.ranges})}"

@@ -1,4 +1,4 @@
-"""Measure document tests of the kind `point`."""
+"""Measure how close a mount can get to a point, for document tests of the kind `point`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from thingc.driver.testing.reach_search import ReachGoal, nearest
 
 
 def measure(case: TestCase, check: PointCheck) -> Outcome:
-    """Measure the smallest distance of the mount from the point, and the deviation from the direction at this position."""
+    """Measure the smallest distance [m] that a mount can have from a point, and its deviation from the required direction there [rad]."""
     best = nearest(case.robot, case.frames[0], ReachGoal(
         mount=case.linked.mounts[check.mount], frame=None if check.frame is None else case.linked.mounts[check.frame],
         point=check.point, direction=check.direction, within=check.within, angle=check.angle,

@@ -1,4 +1,4 @@
-"""Measure document tests of the kind `reach`."""
+"""Measure the reach of a robot, for document tests of the kind `reach`."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from thingc.driver.testing.reach_search import farthest
 
 
 def measure(case: TestCase, check: ReachCheck) -> Outcome:
-    """Measure the largest distance between two mounts, without a mode: the base component is fixed, and the robot has no holds.
+    """Measure the largest distance [m] between two mounts over all joint positions. The result is a lower bound of the true reach.
 
-    The result is a lower bound of the true reach.
+    The measurement does not depend on a mode: the base component is fixed, and the world does not hold any other mounts.
     """
     assembly = case.robot.assembly
     mode = replace(assembly.modes[0], holds=(), cut=(), pose=None, base="fixed")

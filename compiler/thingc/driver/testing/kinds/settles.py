@@ -1,4 +1,4 @@
-"""Measure document tests of the kind `settles`."""
+"""Simulate whether a robot comes to rest, for document tests of the kind `settles`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from thingc.targets.mjcf.compat import separator
 
 
 def measure(case: TestCase, check: SettleCheck) -> Outcome:
-    """Emit the mode's model with the pose as a keyframe, and simulate it for `within` plus `for`."""
+    """Simulate the MuJoCo model of the mode, starting in the pose of the test. The simulated time is the sum of `within` and `for`."""
     report = Report()
     artifacts = mjcf.emit(replace(case.request, robots=(case.robot,), report=report, made={}, verify=True))
     if report.failed:
@@ -33,7 +33,7 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
 
 
 def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
-    """Compare the simulated motion of the robot with the requirements of the test."""
+    """Compare the simulated motion of the robot with the limits that the test specifies."""
     rest, drift, moved, deepest = motion.rest(check.drift), motion.drift(check.within), motion.moved, motion.deepest
     # At the last instant, every point is at its final position, so the points must also be at rest for some time before.
     settled = rest <= check.within + 1e-9

@@ -1,4 +1,4 @@
-"""Measure document tests of the kind `torque_margin`."""
+"""Measure whether the drives of a robot can hold a pose, for document tests of the kind `torque_margin`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SLACK = 1e-6
 
 
 def measure(case: TestCase, check: TorqueCheck) -> Outcome:
-    """Measure the smallest ratio of effort limit to static effort among the named drives."""
+    """Measure the torque margin: the smallest ratio of the effort limit to the static effort among the tested drives."""
     robot, frame = case.robot, case.frames[0]
     bodies = body_poses(robot, frame.q, frame.base)
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}
@@ -72,12 +72,15 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
 
 
 def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
-    """Return the drive with the smallest margin. If margins differ only by rounding, return the first of these drives."""
+    """Return the path of the drive with the smallest margin. If margins differ only by rounding, return the first of these drives."""
     return min(check.joints, key=lambda path: rounded(margins[path], 12))
 
 
 def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:
-    """Describe the result and the failure if nothing supports the pose (feet in the air, a falling robot, or an undriven joint)."""
+    """Return a description and a failure if the robot does not stay at rest in the pose. Return None if it stays at rest.
+
+    The robot does not stay at rest if feet are above the floor, if it falls over, or if an undriven joint would move.
+    """
     if robot.mode.feet:
         feet = stance(robot, q, bodies).feet
         high = lifted(feet)
@@ -110,7 +113,10 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
 
 
 def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], check: TorqueCheck) -> float | None:
-    """Return the smallest margin for a floor without friction. Return None without feet, or if such a floor cannot support the robot."""
+    """Return the smallest torque margin of the drives on a floor without friction.
+
+    Return None if the robot does not stand on feet with friction, or if it cannot stand on a floor without friction.
+    """
     if not any(foot.friction > 0.0 for foot in robot.mode.feet):
         return None
     smooth = replace(robot, mode=replace(robot.mode, feet=tuple(replace(foot, friction=0.0) for foot in robot.mode.feet)))
