@@ -347,6 +347,19 @@ def test_workers_open_nothing_of_the_drivers_folder(
 
 
 @pytest.mark.slow
+def test_a_workspace_that_a_worker_cannot_unpack(beside: Apart, tmp_path: Path) -> None:
+    whole = packed(workspace(tmp_path))
+    with DaskCluster(beside.dask.address) as cluster, pytest.raises(BatchFault, match="cannot receive the workspace: .*damaged during"):
+        cluster.ship("thingc-damaged", replace(whole, sha256="0" * 64))
+    assert not beside.places()
+    with DaskCluster(beside.dask.address) as cluster:
+        cluster.ship("thingc-whole", whole)
+        assert len(beside.places()) == 2
+        cluster.unship("thingc-whole")
+    assert not beside.places()
+
+
+@pytest.mark.slow
 def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str) -> None:
     """What workers model is sent there, and comes to the driver from there. Without `--ship` they write into the batch's folder."""
     here = workspace(beside.driver / "ftp", faults=STANDS)
@@ -362,13 +375,14 @@ def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str) 
     )
     try:
         assert server.stdout is not None
+        address = beside.dask.with_workers(1).address  # each starts the kernel
         port = int(server.stdout.readline())
         for ship in (["--ship"], []):
             store = f"parts{len(ship)}"
             env = environment(f"ftp://robot:secret@127.0.0.1:{port}/{store}")
             env["XDG_CACHE_HOME"] = str(tmp_path / f"cache{len(ship)}")
             beside.events()
-            done = thingc("batch", "faults.yaml", "--pictures", "none", "--cluster", beside.dask.address, *ship, cwd=here, env=env)
+            done = thingc("batch", "faults.yaml", "--pictures", "none", "--cluster", address, *ship, cwd=here, env=env)
             assert done.returncode == 0 and "5 built, 3 kept out; 8 parts modelled" in done.stderr, done.stderr
             assert kept(here) == local
             there = {path.parent.name + path.name for path in (served / store / "blobs").rglob("*") if path.is_file()}
@@ -381,39 +395,26 @@ def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str) 
 
 
 @pytest.mark.slow
-def test_a_workspace_that_a_worker_cannot_unpack(beside: Apart, tmp_path: Path) -> None:
-    whole = packed(workspace(tmp_path))
-    with DaskCluster(beside.dask.address) as cluster, pytest.raises(BatchFault, match="cannot receive the workspace: .*damaged during"):
-        cluster.ship("thingc-damaged", replace(whole, sha256="0" * 64))
-    assert not beside.places()
-    with DaskCluster(beside.dask.address) as cluster:
-        cluster.ship("thingc-whole", whole)
-        assert len(beside.places()) == 2
-        cluster.unship("thingc-whole")
-    assert not beside.places()
-
-
-@pytest.mark.slow
 def test_a_worker_that_comes_and_has_no_room_ends_the_batch_in_words(beside: Apart, tmp_path: Path, shared_store: str) -> None:
     """It would otherwise take chunk after chunk, and nobody would know why variants fail."""
-    here = workspace(tmp_path / "here", faults=listed(dict.fromkeys(range(32), "slow"), 32))  # not done before the worker comes
+    here = workspace(tmp_path / "here", faults=listed(dict.fromkeys(range(20), "slow"), 20))  # not done before the worker comes
     (here / "large.stl").write_bytes(bytes(1_000_000))
-    env, two = environment(shared_store, with_emitter(tmp_path)), beside.dask
+    env, one = environment(shared_store, with_emitter(tmp_path)), beside.dask.with_workers(1)
     small = tmp_path / "small"
     small.mkdir()
-    two.before = namespace(small, "500k")
-    process = started(here, env, "--cluster", two.address, "--ship", "--pictures", "none")
+    one.before = namespace(small, "500k")
+    process = started(here, env, "--cluster", one.address, "--ship", "--pictures", "none")
     wait_for_lines(here, 1, process)
-    two.add(small)
-    two.before = ()
+    one.add(small)
+    one.before = ()
     _, err = process.communicate(timeout=60)
     assert process.returncode == 1 and f"error[{Code.RUNNERS.code}]: a worker cannot unpack the workspace: " in err, err
     assert "No space left on device" in err and "--resume" in err and "Traceback" not in err
-    assert {line["status"] for line in journal(here)} == {"built"} and len(journal(here)) < 32
-    two.workers[-1].kill()
-    two.workers[-1].wait()
-    assert "32 built" in shipped(here, env, two.address, "--resume")[-1]
-    assert_whole(here, 32)
+    assert {line["status"] for line in journal(here)} == {"built"} and len(journal(here)) < 20
+    one.workers[-1].kill()
+    one.workers[-1].wait()
+    assert "20 built" in shipped(here, env, one.address, "--resume")[-1]
+    assert_whole(here, 20)
 
 
 @pytest.mark.slow
