@@ -39,13 +39,13 @@ def planner(planning: ModuleType, minchw: Path, shared_store: str) -> tuple:
     """The robot in the tunnel, and the planner."""
     tunnel = planning.TUNNEL
     robot = planning.Climb(minchw, "", tunnel.faces)
-    return robot, tunnel, seeded(planning, planning.modes(robot, shared_store))
+    return robot, tunnel, seeded(planning, planning.modes(robot, shared_store)), minchw
 
 
 @pytest.fixture(scope="module")
 def plan(planning: ModuleType, planner: tuple) -> list:
     """The plan from the floor over the wall to the ceiling."""
-    robot, tunnel, each = planner
+    robot, tunnel, each, _ = planner
     return each.plan(planning.start(robot, tunnel), planning.goal(tunnel))
 
 
@@ -80,7 +80,7 @@ def by_mujoco(minchw: Path, foot: str, face: str, q: np.ndarray) -> tuple[float,
 @pytest.mark.parametrize("face", PLACES)
 @pytest.mark.parametrize("foot", ["front", "rear"])
 def test_margins_are_those_of_mujoco(planning: ModuleType, planner: tuple, minchw: Path, foot: str, face: str) -> None:
-    _, tunnel, each = planner
+    _, tunnel, each, _ = planner
     mode = each.modes[foot]
     mode.hold(planning.Foothold(face=tunnel.faces[list(PLACES).index(face)], distance=0.2))
     for q in np.random.default_rng(3).uniform(-0.7, 1.5, (5, 6)) * [0, 1, 1, 0, 1, 1]:
@@ -102,6 +102,68 @@ def test_every_pose_of_the_plan_has_its_margins(plan: list, minchw: Path) -> Non
             assert torque > 1.98 and pull > 74.0
 
 
+def test_the_pull_of_a_swing_is_the_rate_of_momentum(planner: tuple, plan: list) -> None:
+    """Newton and Euler with differences of momenta over time, against the inverse dynamics that time a swing."""
+    mode, swing = planner[2].modes["rear"], plan[1].swing
+    mode.hold(plan[1].feet["rear"])
+    gravity = np.array([0.0, 0.0, -9.81])
+    nows = list(swing.instants(1e-3))
+    for k in (900, 1700, 2500):
+        model = without_contacts(planner[3] / "mjcf" / "minchw_rear_foot.xml")
+        momenta = []
+        for now in (nows[k - 1], nows[k + 1]):
+            data = mujoco.MjData(model)
+            for name, q, v in zip(JOINTS, now.q, now.v, strict=True):
+                data.joint(name).qpos, data.joint(name).qvel = q, v
+            mujoco.mj_forward(model, data)
+            mujoco.mj_subtreeVel(model, data)
+            mass, lever = model.body_mass[1:].sum(), data.subtree_com[0] - data.site("rear/sole").xpos
+            linear = mass * data.subtree_linvel[0]
+            momenta.append((linear, data.subtree_angmom[0] + np.cross(lever, linear), mass, lever))
+        (p0, l0, mass, c0), (p1, l1, _, c1) = momenta
+        force = (p1 - p0) / 2e-3 - mass * gravity
+        moment = (l1 - l0) / 2e-3 - np.cross((c0 + c1) / 2, mass * gravity)
+        needed = np.hypot(moment[0], moment[1]) / 0.025 - force[2]
+        assert mode.dynamics.load(nows[k], gravity)[1] == pytest.approx(needed, abs=0.05)
+        assert needed <= 300.0 - mode.loads(swing)[1] + 0.5
+
+
+def test_the_pull_of_a_landing_by_jacobians_by_hand(planning: ModuleType, planner: tuple, plan: list) -> None:
+    """Springs in series: the sole is pushed back by 0.1 mm and kept from tilting. Derivatives are differences of planar kinematics."""
+    mode, state = planner[2].modes["rear"], plan[1]
+    mode.hold(state.feet["rear"])
+    degrees_of = dict(zip(JOINTS, np.degrees(state.q).tolist(), strict=True))
+
+    def front_from_rear(q: dict) -> np.ndarray:
+        """x, z [m] and tilt [rad] of the front sole in the frame of the rear sole, which is level."""
+        (xf, zf, upf), (xr, zr, upr) = sole("front", q), sole("rear", q)
+        x, z, turn = (xf - xr) / 1e3, (zf - zr) / 1e3, np.radians(upr)
+        return np.array([x * np.cos(turn) - z * np.sin(turn), x * np.sin(turn) + z * np.cos(turn), -np.radians(upf + upr)])
+
+    moving = [name for name in JOINTS if not name.endswith("yaw")]
+    step = 1e-3
+    columns = [
+        (front_from_rear({**degrees_of, name: degrees_of[name] + step}) - front_from_rear({**degrees_of, name: degrees_of[name] - step}))
+        / np.radians(2 * step)
+        for name in moving
+    ]
+    jacobian = np.array(columns).T
+    soft = np.diag([1.0 / planner[0].models["rear"].actuator(name).gainprm[0] for name in moving])
+    fx, fz, my = np.linalg.solve(jacobian @ soft @ jacobian.T, [0.0, 1e-4, 0.0])  # up from the floor
+    x, z, _ = front_from_rear(degrees_of)
+    assert mode.press(state.q, state.feet["front"]) == pytest.approx(abs(my + z * fx - x * fz) / 0.025, rel=1e-3)
+
+
+def test_a_foot_that_drags_and_a_body_on_the_wall_collide(planning: ModuleType, planner: tuple, plan: list) -> None:
+    _, tunnel, each, _ = planner
+    mode, begin = each.modes["rear"], plan[0]
+    mode.hold(begin.feet["rear"])
+    assert not mode.collides(begin.q, [begin.feet["front"]])
+    assert mode.collides(begin.q, [])  # no foothold there
+    mode.hold(planning.Foothold(face=tunnel.faces[0], distance=tunnel.length - 0.3))
+    assert mode.collides(begin.q, [planning.Foothold(face=tunnel.faces[0], distance=tunnel.length + 0.02)])  # the front foot is in the wall
+
+
 def test_feet_are_flat_on_their_footholds_by_planar_kinematics_by_hand(plan: list) -> None:
     for state in plan[1:]:
         q = {name: degrees(value) for name, value in zip(JOINTS, state.q, strict=True)}
@@ -113,7 +175,7 @@ def test_feet_are_flat_on_their_footholds_by_planar_kinematics_by_hand(plan: lis
 
 def test_the_plan_goes_over_the_wall_to_the_ceiling(planning: ModuleType, planner: tuple, plan: list) -> None:
     """Feet move in turn, each swing begins where the last one ended, and no pose is one of the climb by hand."""
-    robot, tunnel, each = planner
+    robot, tunnel, each, _ = planner
     assert [state.holds for state in plan] == ["rear" if k % 2 == 0 else "front" for k in range(len(plan))]
     assert {seat.face.name for state in plan for seat in state.feet.values()} == {"floor", "wall", "ceiling"}
     assert all(seat.face.name == "ceiling" for seat in plan[-1].feet.values()) and each.progress(plan[-1]) >= planning.goal(tunnel)
@@ -125,7 +187,7 @@ def test_the_plan_goes_over_the_wall_to_the_ceiling(planning: ModuleType, planne
 
 
 def test_onto_the_wall_in_physics(planning: ModuleType, planner: tuple, plan: list) -> None:
-    robot, tunnel, _ = planner
+    robot, tunnel, *_ = planner
     steps, footholds = planning.swings(plan)
     count = next(k for k, state in enumerate(plan) if any(seat.face.name == "wall" for seat in state.feet.values()))
     seen = robot.rooted(steps[:count], None, footholds)
@@ -140,7 +202,7 @@ def test_onto_the_wall_in_physics(planning: ModuleType, planner: tuple, plan: li
 
 
 def test_the_same_seed_gives_the_same_transitions(planning: ModuleType, planner: tuple) -> None:
-    robot, tunnel, each = planner
+    robot, tunnel, each, _ = planner
     one, two = (seeded(planning, each.modes).transitions(planning.start(robot, tunnel)) for _ in range(2))
     assert len(one) == len(two) > 5
     for a, b in zip(one, two, strict=True):
@@ -148,7 +210,7 @@ def test_the_same_seed_gives_the_same_transitions(planning: ModuleType, planner:
 
 
 def test_a_failure_reports_how_far_it_came_and_why(planning: ModuleType, planner: tuple, monkeypatch: pytest.MonkeyPatch) -> None:
-    robot, tunnel, each = planner
+    robot, tunnel, each, _ = planner
     monkeypatch.setattr(sys.modules["inchworm_planner"], "VISITS", 2)
     again = seeded(planning, each.modes)
     with pytest.raises(planning.NoPlan, match=r"no plan after 2 states: the furthest is \d+ mm short \(.* foot on the .*Refused: \d+ x "):
@@ -156,7 +218,7 @@ def test_a_failure_reports_how_far_it_came_and_why(planning: ModuleType, planner
 
 
 def test_a_start_that_is_not_allowed_is_reported(planning: ModuleType, planner: tuple) -> None:
-    robot, tunnel, each = planner
+    robot, tunnel, each, _ = planner
     again = seeded(planning, each.modes)
     begin = planning.start(robot, tunnel)
     bent = planning.State(q=begin.q + np.array([0, 0.8, 0, 0, 0, 0]), feet=begin.feet, holds="rear")
@@ -165,7 +227,7 @@ def test_a_start_that_is_not_allowed_is_reported(planning: ModuleType, planner: 
 
 
 def test_footholds_near_an_edge_are_reported(planning: ModuleType, planner: tuple, plan: list) -> None:
-    _, tunnel, each = planner
+    _, tunnel, each, _ = planner
     shown = planning.report_steps(plan, each.surfaces)
     assert len(shown.splitlines()) == len(plan) + 3
     floor = tunnel.faces[0]
