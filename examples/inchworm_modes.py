@@ -23,10 +23,10 @@ from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot
 from thingc.model.statics.efforts import static_efforts
 
-TORQUE, MAGNET = 2.0, 75.0
+TORQUE, MAGNET = 2.0, 100.0
 """Smallest static margins of a pose: torque (limit / effort), and pull [N] of the magnet that holds."""
 
-LOAD, MOVED = 0.8, 60.0
+LOAD, MOVED = 0.8, 90.0
 """Limits of a motion: the largest load on the torque-speed line of a servo, and the smallest pull margin [N] while it moves."""
 
 LIMIT, CLEARANCE, HOVER = np.radians(10.0), 0.003, 0.02
@@ -153,8 +153,10 @@ class Mode:
         """Return why a pose is not allowed, or an empty text. On `seats`, the free sole may touch the steel."""
         if not (np.all(self.lower <= q) and np.all(q <= self.upper)):
             return "joint limit"
-        if self.collides(q, seats):
-            return "collision"
+        return "collision" if self.collides(q, seats) else self.weakness(q)
+
+    def weakness(self, q: Array) -> str:
+        """Return which static margin of a pose is too small, or an empty text."""
         margins = self.margins(q)
         return "torque margin" if margins.torque < TORQUE else "magnet margin" if margins.magnet < MAGNET else ""
 
@@ -197,9 +199,9 @@ class Mode:
         return abs(float(np.sin(front + rear)))
 
     def clear(self, begin: Array, end: Array) -> bool:
-        """Return whether the straight motion of the joints between two poses is allowed."""
-        count = int(np.ceil(np.abs(end - begin).max() / RESOLUTION)) + 1
-        return not any(self.refusal(begin + (end - begin) * part) for part in np.linspace(0.0, 1.0, count))
+        """Return whether the straight motion of the joints between two poses within the limits of the joints is allowed."""
+        poses = np.linspace(begin, end, int(np.ceil(np.abs(end - begin).max() / RESOLUTION)) + 1)
+        return not any(self.collides(q, ()) for q in poses) and not any(map(self.weakness, poses))
 
     def motion(self, begin: Array, end: Array, seats: tuple[Foothold, Foothold], rng: np.random.Generator) -> Swing | None:
         """Return a swing from one seat of the free foot to the other, or None. The foot leaves and meets the steel along its normal."""

@@ -32,11 +32,11 @@ from walk import PLACES, ROOT, built, write
 TUNNEL = Tunnel(wall=3)
 """In the lower tunnel of `climb`, the robot needs no foothold on the wall."""
 
-SEED = 2
+SEED = 5
 LOW, NEAR = 20.0, 0.02
 """A smaller pull margin [N] is counted as low, and a sole nearer to the edge of a surface [m] is reported."""
 
-COLUMNS, TILE = 3, 0.8
+COLUMNS, TILE = 5, 0.55
 """Pictures in a row, and their scale."""
 
 
