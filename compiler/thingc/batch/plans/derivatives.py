@@ -222,7 +222,8 @@ def _special(
 
     Only variables of decisions between numbers that are equal now are tested.
     """
-    equal = [one for one in decisions if eval(one[0], {}, known)]
+    functions = names()
+    equal = [one for one in decisions if eval(one[0], functions, known)]
     probe = _generated(program, (), (), None)
     special: set[int] = set()
     differ: set[Decision] = set()
@@ -236,7 +237,7 @@ def _special(
                 found = None
             if found is None:
                 special.add(column)
-            differ.update(one for one in equal if column in one[1] and (found is None or not eval(one[0], {}, found[1])))
+            differ.update(one for one in equal if column in one[1] and (found is None or not eval(one[0], functions, found[1])))
     return frozenset(special), [one for one in equal if one not in differ]
 
 
