@@ -91,12 +91,12 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
     weakest = min(seen.margins, key=seen.margins.__getitem__)
     so_far = best_so_far(found)
     first = next(k for k, value in enumerate(so_far) if value == best.bridge) + 1
-    verdict = "\n  The magnet is the limit, not the servos: a bridge of this length requires a wider magnet." if seen.pull > PULL else ""
+    verdict = "\n  A bridge of this length therefore requires a wider magnet." if seen.pull > PULL else ""
     lines += [
         f"- The longest bridge is robot {first} of {len(found)}. In MuJoCo, the model has a bridge of {1e3 * seen.bridge:.1f} mm, and",
         f"  inverse dynamics gives a margin of {seen.margins[weakest]:.3f}, at the drive of `{weakest}`.",
-        f"- The margin does not include the magnet. To prevent tipping about its rim, at {1e3 * RADIUS:.0f} mm, the magnet must pull with",
-        f"  {seen.pull:.1f} N (the moment minus the weight). It can hold {PULL:.0f} N, which is"
+        f"- The torque margin does not include the magnet. To prevent tipping about the rim of the magnet, at {1e3 * RADIUS:.0f} mm, it must pull with",
+        f"  {seen.pull:.1f} N (the moment minus the weight). The magnet can hold {PULL:.0f} N, which is"
         f" {'too little' if seen.pull > PULL else 'enough'}.{verdict}", "",
         "To build the longest bridge, run:", "", "```text", best.command, "```", "",
         "With `python examples/longest_bridge.py --driver optuna`, [Optuna](https://optuna.org) chooses eight robots per round",
