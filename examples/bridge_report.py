@@ -95,9 +95,9 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
     lines += [
         f"- The longest bridge is robot {first} of {len(found)}. In MuJoCo, the model has a bridge of {1e3 * seen.bridge:.1f} mm, and",
         f"  inverse dynamics gives a margin of {seen.margins[weakest]:.3f}, at the drive of `{weakest}`.",
-        f"- The torque margin does not include the magnet. To prevent tipping about the rim of the magnet, at {1e3 * RADIUS:.0f} mm, it must pull with",
-        f"  {seen.pull:.1f} N (the moment minus the weight). The magnet can hold {PULL:.0f} N, which is"
-        f" {'too little' if seen.pull > PULL else 'enough'}.{verdict}", "",
+        "- The torque margin does not include the magnet. To prevent tipping about the rim of the magnet, at",
+        f"  {1e3 * RADIUS:.0f} mm, it must pull with {seen.pull:.1f} N (the moment minus the weight). The magnet can hold {PULL:.0f} N, "
+        f"which is {'too little' if seen.pull > PULL else 'enough'}.{verdict}", "",
         "To build the longest bridge, run:", "", "```text", best.command, "```", "",
         "With `python examples/longest_bridge.py --driver optuna`, [Optuna](https://optuna.org) chooses eight robots per round",
         "(`pip install 'thingc[search]'`), and each round is a document of variants with a list. `--count N` stops after N robots.",
