@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # Neither chance nor how fast the machine is today decides about a test. `--hypothesis-profile search` looks at other examples every time.
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("thingc", settings.get_profile("search"), derandomize=True)
+settings.register_profile("thingc", settings.get_profile("search"), derandomize=True, max_examples=50)
 settings.load_profile("thingc")
 
 
@@ -73,9 +73,10 @@ class _Kept(Workers):
 _KEPT: dict[object, Workers] = {}
 
 
-def _kept(jobs: int, *, seed: int = 0) -> Workers:
-    """What is compiled in this process is modelled by workers that all tests share: the kernel is loaded once, not once a test."""
-    return _KEPT.setdefault((jobs, tuple(environment(seed).items())), _Kept(jobs, seed=seed))
+def _kept(_: int, *, seed: int = 0) -> Workers:
+    """What is compiled in this process is modelled by a worker that all tests share, two parts at once, whatever number was asked for:
+    the kernel is loaded once, not once a test."""
+    return _KEPT.setdefault(tuple(environment(seed).items()), _Kept(2, seed=seed))
 
 
 @pytest.fixture(scope="session", params=TEMPLATES)

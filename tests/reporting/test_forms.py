@@ -148,7 +148,9 @@ def test_colour_is_for_terminals(folder: Path) -> None:
 @pytest.mark.parametrize("form", ["json", "github", "sarif"])
 def test_no_machine_gets_colours(form: str, folder: Path) -> None:
     environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
-    assert "\x1b[1;31m" not in printed_on_terminal(["check", "wrong.yaml", "--format", form], environment)
+    (folder / "bare.yaml").write_text("thingc: assembly/1\nname: bare\ncomponents: {a: {frame: true}, b: {frame: true}}\n")
+    printed = printed_on_terminal(["check", "bare.yaml", "--format", form], environment)
+    assert "TC322" in printed and "\x1b[1;31m" not in printed
 
 
 @pytest.mark.parametrize(("fault", "help"), [
