@@ -21,6 +21,7 @@ from typing import Any
 
 from thingc.base.diagnostic_output import as_json
 from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.base.json_lines_process import connect_to_parent
 from thingc.base.units import Dimension, Quantity
 from thingc.batch.folder_layout import keep_asset, write_variant
 from thingc.batch.job import STOPPED, Job, Row, refusal, row
@@ -189,8 +190,7 @@ def _raised(task: Variant, fault: BaseException) -> Row:
 
 def main() -> None:
     """Read lines from standard input and write an answer for each line to standard output, until standard input ends."""
-    answers = os.dup(1)
-    os.dup2(2, 1)  # redirect other output to standard error
+    answer = connect_to_parent()
     lines: queue.SimpleQueue[str] = queue.SimpleQueue()
     job = Job.decode(sys.stdin.readline())
 
@@ -200,15 +200,6 @@ def main() -> None:
         os._exit(0)  # the driver has ended
 
     threading.Thread(target=listen, daemon=True).start()
-
-    def answer(value: dict[str, Any]) -> None:
-        data = memoryview(json.dumps(value, separators=(",", ":")).encode() + b"\n")
-        try:
-            while data:
-                data = data[os.write(answers, data):]
-        except BrokenPipeError:
-            os._exit(0)
-
     with Runner(job) as runner:
         answer({"ready": True})
         while True:

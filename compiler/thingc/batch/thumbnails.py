@@ -11,9 +11,9 @@ from __future__ import annotations
 import json
 import os
 import sys
-from typing import Any
 
 from thingc.base.filesystem import listing
+from thingc.base.json_lines_process import connect_to_parent
 from thingc.batch.folder_layout import NEW
 from thingc.targets.render.picture import NoGraphics, extent, ready, small_picture
 
@@ -32,16 +32,8 @@ def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
 
 def main() -> None:
     """Read lines from standard input and write an answer for each line to standard output, until standard input ends."""
-    answers = os.dup(1)
-    os.dup2(2, 1)  # redirect output of libraries to standard error
+    answer = connect_to_parent()
     os.environ.setdefault("MUJOCO_GL", "egl")
-
-    def answer(value: Any) -> None:
-        try:
-            os.write(answers, json.dumps(value).encode() + b"\n")
-        except BrokenPipeError:
-            os._exit(0)
-
     asked = json.loads(sys.stdin.readline() or "null")
     if asked is None:
         return
