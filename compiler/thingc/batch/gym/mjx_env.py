@@ -221,7 +221,8 @@ class MjxEnv:
 
     def _step_info(self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, before: jax.Array) -> MjxStep:
         world, seconds = self._worlds[number], model.opt.timestep * self._frame_skip
-        down = data.xmat[world.first_root(self._worlds[0])].T @ model.opt.gravity
+        root = world.family.mj_model.body(self._worlds[0].mode.root_link).id
+        down = data.xmat[root].T @ model.opt.gravity
         size = jnp.linalg.norm(model.opt.gravity)
         velocity = (data.subtree_com[0] - before) / seconds
         return MjxStep(data, world.read(model, data), number, action, velocity, down / jnp.where(size == 0.0, 1.0, size))
@@ -256,11 +257,6 @@ class _World:
             "actuators with activations" if self.family.mj_model.na else "")
         if lacks:
             raise FamilyError(f"mode `{mode.name}` has {lacks}, which switches in MJX do not support", "use `make_vec_env`")
-
-    def first_root(self, first: _World) -> int:
-        """Return the body of the root link of the first mode."""
-        body: int = self.family.mj_model.body(first.mode.root_link).id
-        return body
 
     def read(self, model: mjx.Model, data: mjx.Data) -> State:
         """Return the state of the robot."""
