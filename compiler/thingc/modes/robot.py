@@ -104,14 +104,8 @@ class Modes(Mapping[str, Mode]):
         return mjdata.inertias(self[mode], data)
 
     def switch(
-        self,
-        source: RobotState | tuple[str, Any],
-        target: str | tuple[str, Any],
-        *,
-        on_motion: OnMotion = "raise",
-        at_rest: float = 1e-9,
-        tolerance: float = 1e-6,
-        inertias: Inertias | None = None,
+        self, source: RobotState | tuple[str, Any], target: str | tuple[str, Any], *, on_motion: OnMotion = "raise",
+        at_rest: float = 1e-9, tolerance: float = 1e-6, inertias: Inertias | None = None,
     ) -> SwitchResult:
         """Switch the robot from its current mode to the mode `target`, and return its state in the new mode.
 
