@@ -1,4 +1,4 @@
-"""Read the axes of a `variants/1` document, and check whether every value is valid for its parameter."""
+"""Read the axes of a `variants/1` document, and check that every value on an axis is valid for its parameter."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ MOST_TRIED = 20
 
 
 class Axis(FrozenStruct):
-    """An axis of variants: the values of a parameter or, with `choice`, the parts that are selected at a path.
+    """An axis of a `variants/1` document: the values of one parameter or, if `choice` is true, the values that are selected at one path.
 
-    An axis has `values`, or a `range` from which values are sampled. With `whole`, only integers are sampled, including both ends.
+    An axis has a tuple of `values`, or a `range` from which values are sampled. If `whole` is true, only integers are sampled, including
+    both ends of the range.
     """
 
     key: str
@@ -37,7 +38,7 @@ class Axis(FrozenStruct):
     whole: bool = False
 
     def drawn(self, u: float) -> ExpressionValue:
-        """Return the value at the fraction `u` in [0, 1) of the range."""
+        """Return the value of the axis for a random number `u` in [0, 1), which is interpreted as a fraction of the range."""
         if self.range is None:
             return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
         low, high = self.range
@@ -47,10 +48,10 @@ class Axis(FrozenStruct):
 
 
 class AxisParser:
-    """Reads the values of a `variants/1` document.
+    """Reads the axes and values in a `variants/1` document and reports invalid values.
 
-    `parameters` are the parameters of the assembly. `fits(path, text, at)` returns whether a string is a valid value at one of the `paths`,
-    and reports invalid strings.
+    `parameters` are the parameters of the assembly. `paths` are the paths at which the document sets other values. `fits(path, text, at)`
+    returns whether a string is a valid value at one of these paths, and reports an invalid string.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class AxisParser:
         self.tried: dict[str, int] = {}
 
     def value(self, name: str, raw: Any, path: Path) -> ExpressionValue | None:
-        """Check a value of a parameter or a value at a path. If the value is invalid, report the error and return None."""
+        """Check a value for the parameter or path `name`, and return it. If the value is invalid, report an error and return None."""
         if isinstance(raw, Expression):
             self._error(
                 Code.VARIANT_VALUE, "a variant must have values; write expressions in the assembly", path,
@@ -87,7 +88,11 @@ class AxisParser:
         return value
 
     def _by_path(self, name: str, value: ExpressionValue, path: Path) -> ExpressionValue | None:
-        """Check a value at a path. The first `MOST_TRIED` values are checked with the assembly. Other values must be of the same kind."""
+        """Check a value for a path in the assembly document, and return it. If the value is invalid, return None.
+
+        The first `MOST_TRIED` values of each path are checked by resolving the assembly with them. Further values must only have the same
+        type.
+        """
         tried = self.tried[name] = self.tried.get(name, 0) + 1
         if tried <= MOST_TRIED and not self.fits(name, self._written(path) or text_of(value), path):
             self.tried[name] = MOST_TRIED if tried == 1 else tried
@@ -102,7 +107,10 @@ class AxisParser:
         return sound
 
     def axis(self, name: str, raw: Any) -> Axis | None:
-        """Return the axis of a parameter (a list, a range with steps, or a single value), or None if no value is valid."""
+        """Return the axis of a parameter from its value in the document: a list, a range with steps, or a single value.
+
+        Return None if no value on the axis is valid.
+        """
         path: Path = ("parameters", name)
         if isinstance(raw, list):
             if not raw:
@@ -154,7 +162,8 @@ class AxisParser:
         return tuple(written if written is not None else spaced_si(first, last, count))
 
     def range(self, name: str, raw: list[Any]) -> Axis | None:
-        """Return the axis of a parameter that is sampled from a range. If the range is invalid, report the error and return None."""
+        """Return the axis of a parameter whose values are sampled from a range. If the range is invalid, report an error and return None.
+        """
         path: Path = ("sample", "ranges", name)
         low, high = (self.value(name, one, (*path, index)) for index, one in enumerate(raw))
         if low is None or high is None:
@@ -177,7 +186,9 @@ class AxisParser:
         return Axis(key=name, range=(low, high), whole=whole)
 
     def count(self, raw: Any, path: Path, *, least: int, most: int = MOST_VALUES) -> int | None:
-        """Check an integer key such as `count`. If it is invalid or out of bounds, report the error and return None."""
+        """Check an integer in the document, such as `count`, and return it. If it is not between `least` and `most`, report an error and
+        return None.
+        """
         if isinstance(raw, Expression):
             self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be a number, not an expression", path, help="write the number")
             return None
@@ -193,7 +204,7 @@ class AxisParser:
         return node.text if isinstance(node, ScalarNode) else ""
 
     def _key(self, path: Path) -> Path:
-        """Return the path of a parameter from the path of one of its values."""
+        """Return the key path of a parameter in the document, given the key path of one of its values."""
         while path and (isinstance(path[-1], int) or path[-1] in ("from", "to")):
             path = path[:-1]
         return path

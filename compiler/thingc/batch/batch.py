@@ -1,4 +1,4 @@
-"""Run a batch: submit the variants of a plan in chunks to an executor, and record each result in the journal."""
+"""Run a batch: submit the variants in chunks to an executor, and record the result of each variant in the journal of the batch."""
 
 from __future__ import annotations
 
@@ -122,18 +122,19 @@ def run(
 
 @dataclass(slots=True)
 class _Chunk:
-    """A chunk: variants that are submitted to an executor in a single call."""
+    """A group of variants that is submitted to an executor in a single call."""
 
     variants: list[Variant]
     attempts: int = 0
 
 
 class _Stopped(Exception):
-    """Raised after an interrupt. No further variants are submitted."""
+    """Raised after SIGINT or SIGTERM, so that no further variants are submitted."""
 
 
 class _Batch:
-    """A run of a batch. The run uses a single thread in addition to the threads of the engine."""
+    """A single run of a batch, which submits variants and records their results. It uses one thread in addition to those of the executor.
+    """
 
     def __init__(
         self, plan: Plan, folder: str, asked: RunOptions, transfer: WorkspaceArchive | None, on_progress: OnProgress | None,
@@ -164,7 +165,7 @@ class _Batch:
     # --- the folder -----------------------------------------------------------------------------------------------
 
     def prepare(self, *, resume: bool, retry: bool) -> None:
-        """Prepare the folder, and read the results of an earlier run. Raises `BatchFault`."""
+        """Create the folder of the batch, or continue a batch in an existing folder. Raises `BatchFault` if the batch cannot start."""
         if not resume:
             begin(self.folder, self.plan.relative, self.plan.assembly_relative)
         else:
@@ -186,16 +187,16 @@ class _Batch:
         return describe(self.plan, layout=self.layout, asked=self.count, finished=finished, wanted=wanted)
 
     def journal(self) -> Journal | PackedWriter:
-        """Open the journal, which records finished variants."""
+        """Open the journal of the batch, in which a line is recorded for each finished variant."""
         if self.layout == PACKED:
             return PackedWriter(self.folder, self.done)
         return Journal(os.path.join(self.folder, folder_layout.JOURNAL))
 
     def _remember(self, *, retry: bool) -> None:
-        """Read the results of an earlier run of the same batch.
+        """Read the results of an earlier run of this batch, so that finished variants are not built again.
 
-        A built variant is rebuilt if its files are missing. With `retry`, a failed variant is rebuilt, unless its documents caused the
-        failure.
+        A built variant is built again if its files are missing. With `retry`, a failed variant is also built again, unless its documents
+        caused the failure.
         """
         for index, status, there in outcomes(self.folder, chance=_by_chance if retry else None):
             if index < self.count:
@@ -205,7 +206,8 @@ class _Batch:
     # --- the run --------------------------------------------------------------------------------------------------
 
     def run(self, executor: Executor | None, journal: Journal | PackedWriter) -> Summary:
-        """Build all remaining variants. Raises `BatchFault` and `Interrupted`."""
+        """Build all variants that are not finished yet. Raises `BatchFault` if the batch cannot continue, and `Interrupted` after a signal.
+        """
         own = LocalExecutor(min(self.asked.jobs, max(1, self.count))) if executor is None else None
         engine: Executor = own if own is not None else executor  # type: ignore[assignment]
         cluster = executor if isinstance(executor, Cluster) else None
@@ -249,7 +251,7 @@ class _Batch:
         )
 
     def _tables(self) -> tuple[Column, ...]:
-        """Write the tables, unless they are up to date. Return the columns of the tables."""
+        """Write the tables of results, unless they are up to date. Return the columns of the tables."""
         names = folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET
         if not self.counts and self.before.get("finished") and unchanged(self.folder, *names):
             return tuple(Column(name=one["name"], kind=one["kind"], unit=one["unit"]) for one in self.before["columns"])
@@ -258,13 +260,13 @@ class _Batch:
         return wanted
 
     def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[RemoteExecutor | None]:
-        """Return the executor that transfers files to and from a cluster, or None without `ship`."""
+        """Return the executor that copies the workspace to a cluster and built variants back. Return None without the option `ship`."""
         if self.transfer is None or not isinstance(cluster, FileTransferExecutor):
             return contextlib.nullcontext()
         return RemoteExecutor(cluster, self.transfer, self.folder, store_of(self.asked.options))
 
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
-        """Render the pictures and write the page of the finished batch. Return a warning if rendering is impossible."""
+        """Render pictures of variants, and write the HTML page of the finished batch. Return a warning if this machine cannot render."""
         return show(
             self.folder, self._described(finished=True), self._columns(), most=usual(self.count) if pictures is None else pictures,
             jobs=os.cpu_count() or 1, on_picture=on_picture,
@@ -297,7 +299,10 @@ class _Batch:
         self._tell(last=True)
 
     def _left(self, journal: Journal | PackedWriter) -> Iterator[Variant]:
-        """Yield the variants that must be built, in plan order. Variants that violate a rule on parameters are only recorded."""
+        """Yield the variants that must be built, in the order of the plan.
+
+        Variants that violate a rule on parameters are recorded in the journal, but not yielded.
+        """
         if all(self.done):
             return
         for variant in self.plan.besides(self.done):
@@ -312,13 +317,14 @@ class _Batch:
             yield variant
 
     def _ahead(self, engine: Executor) -> int:
-        """Return the maximum number of chunks that run at the same time."""
+        """Return the maximum number of chunks that are submitted to the executor at the same time."""
         return engine.ahead if isinstance(engine, Cluster) else 2 * self.asked.jobs
 
     def _size(self, engine: Executor) -> int:
-        """Return the size of the next chunk.
+        """Return the number of variants in the next chunk.
 
-        The chunk contains as many variants as can be built in the target duration, but few enough to keep all runners busy.
+        The number is chosen so that building the chunk takes about the target duration, and that all runners have work until the end of the
+        batch.
         """
         first, seconds, most = 1, CHUNK_SECONDS, CHUNK_MOST
         if isinstance(engine, Cluster):
@@ -368,7 +374,7 @@ class _Batch:
             })
 
     def _take(self, journal: Journal | PackedWriter, row: Row) -> None:
-        """Record the result of a variant. Further results of the same variant are ignored."""
+        """Record the result of a variant in the journal. If the variant already has a result, the new result is ignored."""
         variant = self.under_way.get(row["index"])
         if variant is None:
             return
@@ -398,11 +404,11 @@ class _Batch:
         self.counts[row["status"]] += 1
 
     def _path(self, variant: Variant) -> str:
-        """Return the path of a built variant in the folder of the batch."""
+        """Return the path of the files of a built variant, relative to the folder of the batch."""
         return sealed_path(variant.index) if self.layout == PACKED else f"{folder_layout.VARIANTS}/{variant.id}"
 
     def _drain(self, journal: Journal | PackedWriter) -> None:
-        """Record the variants that were finished before the runners ended."""
+        """Record all variants that were finished before the runners were ended."""
         with contextlib.suppress(BatchFault, OSError):
             while True:
                 try:
@@ -415,7 +421,7 @@ class _Batch:
     # --- progress and signals -----------------------------------------------------------------------------------------
 
     def _tell(self, *, last: bool = False) -> None:
-        """Report the progress at most five times per second."""
+        """Report the progress of the batch to the caller, at most five times per second unless `last` is true."""
         now = time.monotonic()
         if self.on_progress is not None and (last or now - self.told > 0.2):
             self.told = now
@@ -426,7 +432,7 @@ class _Batch:
 
     @contextlib.contextmanager
     def _signals(self) -> Iterator[None]:
-        """Handle SIGINT and SIGTERM between two lines of the journal, never while a line is written."""
+        """Handle SIGINT and SIGTERM while the context is active. A signal never interrupts the writing of a line of the journal."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
@@ -447,12 +453,12 @@ class _Batch:
 
 
 def _by_chance(line: Line) -> bool:
-    """Return whether another attempt to build a failed variant can succeed."""
+    """Return whether a failed variant should be built again because another attempt can succeed."""
     return bool(line["status"] == "failed" or line["status"] == "refused" and line["code"] in CHANCE)
 
 
 def _answers(engine: Executor) -> None:
-    """Raise `BatchFault` if an engine no longer responds."""
+    """Raise `BatchFault` if the executor is a cluster that no longer responds."""
     fault = engine.fault() if isinstance(engine, Cluster) else None
     if fault is not None:
         raise fault

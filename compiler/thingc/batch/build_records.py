@@ -1,4 +1,4 @@
-"""Read the results of a batch in plan order: the journal lines and the files of its variants. Both layouts are supported."""
+"""Read the results of a batch: the journal lines and the files of its variants, in the order of the plan. Both layouts are supported."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ File = tuple[Any, ...]
 
 
 def in_order(folder: str) -> Iterator[Line]:
-    """Yield the journal lines of all finished variants, in order of the index."""
+    """Yield the journal lines of all finished variants of a batch, in the order of the plan."""
     for chunk in _chunks(folder):
         yield from map(chunk.line, chunk.indices)
 
 
 def spread(folder: str, most: int) -> tuple[int, Iterator[Line]]:
-    """Return the number of journal lines, and an iterator over evenly spaced lines, at most `most`."""
+    """Return the number of finished variants of a batch, and an iterator over at most `most` of their journal lines, evenly spaced."""
     records = BuildRecords(folder)
     count = len(records.done)
     places = range(count) if count <= most else (k * count // most for k in range(most))
@@ -45,9 +45,10 @@ def spread(folder: str, most: int) -> tuple[int, Iterator[Line]]:
 
 
 def outcomes(folder: str, chance: Callable[[Line], bool] | None = None) -> Iterator[tuple[int, str, bool]]:
-    """Yield the index in the plan, the status, and whether it is final, for each finished variant.
+    """Yield the index, the status and a flag for each finished variant of a batch. The flag is True if the result is final.
 
-    The status is not final for a built variant with missing files, and for any other variant if `chance(line)` is true.
+    The result is not final for a built variant whose files are missing. It is also not final for any other variant whose journal line
+    satisfies `chance`.
     """
     for chunk in _chunks(folder):
         for index, id, _, status in chunk.heads():
@@ -56,12 +57,12 @@ def outcomes(folder: str, chance: Callable[[Line], bool] | None = None) -> Itera
 
 
 def lengths_in(folder: str) -> list[str]:
-    """Return the sorted names of all results `length.JOINT` of all variants."""
+    """Return the sorted names of all results `length.JOINT` that occur in a batch."""
     return sorted({name for chunk in _chunks(folder) for name in chunk.lengths})
 
 
 def losses(folder: str) -> tuple[int, Counter[str]]:
-    """Return the number of variants with losses, and the total number of losses of each kind."""
+    """Return the number of variants with export losses, and the total number of export losses of each kind."""
     counts: Counter[str | None] = Counter()
     for chunk in _chunks(folder):
         counts += chunk.losses()
@@ -80,15 +81,15 @@ def _chunks(folder: str) -> Iterator[Chunk]:
 
 
 def _is_there(folder: str, id: str) -> bool:
-    """Return whether the files of a variant with the status `built` exist. Its manifest is written last."""
+    """Return whether the files of a built variant exist. The manifest of the variant is checked, because it is written last."""
     return packed(folder) or os.path.isfile(os.path.join(folder_layout.variant_folder(folder, id), MANIFEST))
 
 
 class BuildRecords:
-    """The finished variants of the batch in a folder, identified by their index in the plan.
+    """The finished variants of the batch in a folder. A variant is identified by its index in the plan.
 
-    `done` are all finished variants in ascending order, and `built` are the built variants whose files exist. The class uses a few bytes of
-    memory per variant and caches the last chunk that was read.
+    `done` contains the indices of all finished variants in ascending order. `built` contains the indices of the built variants whose files
+    exist. The class uses a few bytes of memory per variant, and caches the chunk that was read last.
     """
 
     def __init__(self, folder: str) -> None:
@@ -105,12 +106,12 @@ class BuildRecords:
             self._ids.extend(int(hash_name(id, 12), 16) for _, id, *_ in heads)
 
     def line(self, index: int) -> Line:
-        """Return the journal line of a variant. Raises `KeyError` if the variant has not finished."""
+        """Return the journal line of the variant with this index. Raises `KeyError` if the variant has not finished."""
         with self._chunks.holding(index) as chunk:
             return chunk.line(index)
 
     def find(self, key: str) -> int | None:
-        """Return the index of the variant with this id or name, or None."""
+        """Return the index of the finished variant with the id or name `key`. Return None if there is no such variant."""
         if _ID.fullmatch(key):
             with contextlib.suppress(ValueError):
                 return self.done[self._ids.index(int(key, 16))]
@@ -121,17 +122,17 @@ class BuildRecords:
         return next((head[0] for chunk in _chunks(self.folder) for head in chunk.heads() if head[2] == key), None)
 
     def files(self, index: int) -> VariantFiles:
-        """Return the files of a built variant."""
+        """Return an object that reads the files of a built variant."""
         if packed(self.folder):
             return _InChunk(self._chunks, index)
         return _InFolder(folder_layout.variant_folder(self.folder, self.line(index)["id"]))
 
 
 class _InFolder:
-    """The files of a variant that has its own folder.
+    """Reads the files of a variant that has its own folder.
 
-    `read` returns the content of a file by its path in the build folder, or raises `FileNotFoundError`. `models` are the sorted file names
-    in `mjcf/`. `meshes` maps the name of each mesh to its identity and its path on disk.
+    `read` returns the content of a file by its path in the build folder, or raises `FileNotFoundError`. `models` returns the sorted names
+    of the files in `mjcf/`. `meshes` returns the identity and the path on disk of each mesh by its file name.
     """
 
     def __init__(self, folder: str) -> None:
@@ -145,9 +146,10 @@ class _InFolder:
         return listing(os.path.join(self.folder, "mjcf"))
 
     def meshes(self) -> dict[str, tuple[File, str]]:
-        """Return the identity and path of each mesh.
+        """Return the identity and the path on disk of each mesh of the variant, by file name.
 
-        All hard links to a mesh have the same identity. Modification times are also compared, because inode numbers are reused.
+        All hard links to the same mesh have the same identity. The identity includes the modification time, because inode numbers are
+        reused.
         """
         place = os.path.join(self.folder, MESHES)
         if not os.path.isdir(place):
@@ -158,7 +160,7 @@ class _InFolder:
 
 
 class _InChunk:
-    """The files of a variant in a packed batch, with the same interface as `_InFolder`."""
+    """Reads the files of a variant in a packed batch. It has the same methods as `_InFolder`."""
 
     def __init__(self, of: Chunks, index: int) -> None:
         self.chunks = of
@@ -191,9 +193,9 @@ VariantFiles = _InFolder | _InChunk
 
 
 def unpack(folder: str, index: int) -> str:
-    """Write the folder `variants/<id>/` of a built variant of a packed batch, with hard links to meshes. Return its path.
+    """Write the files of a built variant of a packed batch to the folder `variants/<id>/`, and return its path.
 
-    Raises `OSError`.
+    Meshes become hard links to shared files. Raises `OSError`.
     """
     with Chunks(folder).holding(index) as chunk:
         id = str(chunk.line(index)["id"])
@@ -206,17 +208,18 @@ def unpack(folder: str, index: int) -> str:
 
 
 def _holds(done: Sequence[int], index: int) -> bool:
-    """Return whether a sorted sequence of numbers contains a number."""
+    """Return whether the sorted sequence `done` contains the number `index`."""
     at = bisect_left(done, index)
     return at < len(done) and done[at] == index
 
 
 def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | None] | None:
-    """Return the variant with this id or name, and the rule that it violates or None. Return None if the variant does not exist.
+    """Return the variant of a plan with the id or name `wanted`, and the rule that it violates, if any. Return None for an unknown variant.
 
-    Ids are computed from differences to the assembly document, and names are numbered. If a document has changed since the batch was built,
-    for example after adopting a variant, an id or name can belong to another variant. Therefore, the variant of the batch in `folder` is
-    matched by its settings. Raises `BatchFault` if no current variant has these settings.
+    The id of a variant depends on how its settings differ from the assembly document, and its default name contains its index. If a
+    document has changed since the batch in `folder` was built, an id or name can therefore belong to another variant. For this reason, the
+    variant is found by the settings that the batch recorded for this id or name. Raises `BatchFault` if no variant of the plan has these
+    settings.
     """
     line = _told(plan, wanted, folder)
     if line is None:
@@ -233,7 +236,9 @@ def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | N
 
 
 def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
-    """Return the journal line for this id or name if the batch in `folder` belongs to this document, else None."""
+    """Return the journal line of the variant with this id or name in `folder`. Return None if the folder contains a batch of another
+    document.
+    """
     described = read_batch(folder)
     if described is None or described.get("document") != plan.relative:
         return None

@@ -1,7 +1,8 @@
-"""Count and check the variants of a batch without building parts or writing files.
+"""Count the variants of a batch and check their settings, without building parts or writing files.
 
-Rules on parameters are evaluated for every variant. The documents (values, limits, poses and parts) are resolved as in a build, but without
-geometry. For many variants, only a random sample is resolved, and others only if a plan computes them.
+Rules on parameters are evaluated for every variant. Variants are also resolved as in a build, which checks values, limits, poses and parts,
+but no geometry. If there are many variants, only a random sample is resolved. Further variants are checked if a plan can compute their
+result.
 """
 
 from __future__ import annotations
@@ -38,12 +39,12 @@ MOST = 1000
 
 @dataclass(slots=True, kw_only=True)
 class DryRun:
-    """The result of a dry run of `count` variants.
+    """The result of a dry run of a batch with `count` variants.
 
-    `failing` counts the variants that violate each rule on parameters. `looked_at` is the number of resolved variants, which satisfy these
-    rules; plans compute most of them. Among the resolved variants, `unsound` counts variants with errors per code, and `examples` contains
-    the first variant and error of each code. The resolved variants use `parts` distinct parts; the store contains `known` of these parts.
-    `first` are the first variants.
+    `failing` contains the number of variants that violate each rule on parameters. `looked_at` is the number of variants that were
+    resolved; they satisfy these rules. `unsound` contains the number of resolved variants with errors, by diagnostic code, and `examples`
+    contains the first variant and error of each code. The resolved variants use `parts` distinct parts, of which `known` are in the store.
+    `first` contains the first variants.
     """
 
     count: int = 0
@@ -57,12 +58,15 @@ class DryRun:
 
     @property
     def left(self) -> int:
-        """The number of variants that satisfy the rules on parameters."""
+        """The number of variants that satisfy all rules on parameters."""
         return self.count - sum(self.failing.values())
 
 
 def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
-    """Check all variants, or the first `limit` variants, without geometry. If there are more than `MOST`, resolve a sample."""
+    """Check the settings of all variants of a plan, or of the first `limit` variants, without geometry.
+
+    If there are more than `MOST` variants, only a random sample is resolved.
+    """
     foreseen, sample = DryRun(), DryRun()
     count = plan.count if limit is None else min(limit, plan.count)
     drawn = range(count) if count <= MOST else frozenset(random.Random(0).sample(range(count), MOST))
@@ -89,7 +93,7 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
 
 
 def _satisfying(variants: Iterable[Variant], foreseen: DryRun) -> Iterator[Variant]:
-    """Count variants in the result `foreseen`, and yield the variants that satisfy the rules on parameters."""
+    """Yield the variants that satisfy all rules on parameters, and add the numbers of variants to the result `foreseen`."""
     for variant in variants:
         foreseen.count += 1
         if len(foreseen.first) < SHOWN:
@@ -101,10 +105,10 @@ def _satisfying(variants: Iterable[Variant], foreseen: DryRun) -> Iterator[Varia
 
 
 class Resolving(Session):
-    """Compiles a document without geometry, up to the pass `link`."""
+    """A session that compiles a document without geometry, up to the pass `link`."""
 
     def passes(self, environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str]) -> Compilation:
-        """Resolve and link the document. The compilation has no records, assembly and robots."""
+        """Run the passes `resolve` and `link` without geometry. The compilation contains no part records, no assembly and no robots."""
         report = Report()
         assert sources is not None
         model = pipeline.model(environment, sources, settings, report)
@@ -116,9 +120,10 @@ class Resolving(Session):
 
 
 class Resolution(Evaluation):
-    """Checks settings without building parts. `parts` are the part definitions of the settings that are resolved, by text.
+    """Checks settings by resolving the document without building parts.
 
-    After `MOST` settings have been resolved, only variants with an index in `drawn` are resolved, and others give no results.
+    `parts` contains the part definitions that resolved settings use, by definition text. After `MOST` settings have been resolved, only
+    variants whose index is in `drawn` are resolved. Other settings then give no results.
     """
 
     def __init__(self, session: Session, reader: SettingsReader, drawn: Container[int]) -> None:
@@ -129,7 +134,7 @@ class Resolution(Evaluation):
         self._resolved = 0
 
     def item(self, variant: Variant) -> Item:
-        """Return the settings of a variant for `each`."""
+        """Return the settings of a variant in the form that `each` requires."""
         settings = {**variant.parameters, **variant.choices}
         read = self.reader.read(settings)
         if variant.index in self._drawn:
@@ -151,6 +156,6 @@ class Resolution(Evaluation):
 
 
 def _example(session: Session, variant: Variant, wrong: Diagnostic) -> tuple[str, Diagnostic]:
-    """Return the name of a variant and its error, with the numbers as they are written in the documents."""
+    """Return the name of a variant, and its error with numbers in the units of the documents."""
     report = session.compile(Settings(parameters=variant.parameters, choices=variant.choices)).report
     return variant.name, next((one for one in report.ordered() if one.code is wrong.code), wrong)

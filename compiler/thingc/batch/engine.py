@@ -1,4 +1,4 @@
-"""Build variants in runner processes. The function `evaluate` can be called through any `concurrent.futures.Executor`.
+"""Build variants in runner processes. The function `evaluate` can be called through any executor with the `concurrent.futures` interface.
 
 A batch submits chunks of tasks with `executor.submit(evaluate, job, tasks)`. On the machine that executes the call, a separate process
 (`thingc.batch.runner`) builds the variants. If the runner dies or hangs, its current variant is recorded as failed, and a new runner
@@ -30,11 +30,11 @@ OnRow = Callable[[Row], None]
 
 
 class Cancelled(Exception):
-    """Raised if the owner of the runners has ended them."""
+    """Raised in a waiting call if another thread has ended all runner processes."""
 
 
 class RunnersBroken(Exception):
-    """Raised if no runner can be started. `detail` is the output of the last attempt."""
+    """Raised if a runner process cannot be started. `detail` is the output of the last attempt."""
 
     def __init__(self, message: str, detail: str) -> None:
         super().__init__(message)
@@ -46,7 +46,7 @@ class RunnersBroken(Exception):
 
 
 class RunnerProcess(JsonLinesProcess):
-    """A process that builds the variants of a job."""
+    """A runner process, which builds the variants of one job."""
 
     def __init__(self, job: str) -> None:
         super().__init__("thingc.batch.runner", cwd=Job.decode(job).cwd)
@@ -55,7 +55,7 @@ class RunnerProcess(JsonLinesProcess):
 
 
 class Runners:
-    """The runner processes that this process has started. Idle runners are reused for the same job. This class is thread-safe."""
+    """The runner processes that this process has started. Idle runner processes are reused for the same job. This class is thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -64,7 +64,8 @@ class Runners:
         self._closed = False
 
     def take(self, job: str) -> RunnerProcess:
-        """Return an idle runner of the job, or a new runner. Raises `RunnersBroken`, and `Cancelled` after `cancel`."""
+        """Return an idle runner process for the job, or start a new one. Raises `RunnersBroken`, and `Cancelled` after a call of `cancel`.
+        """
         with self._lock:
             if self._closed:
                 raise Cancelled
@@ -100,20 +101,20 @@ class Runners:
         raise RunnersBroken(f"cannot start a runner: {said.splitlines()[0]}", said)
 
     def give_back(self, runner: RunnerProcess) -> None:
-        """Make a runner available for reuse."""
+        """Return a runner process after use, so that it can be reused."""
         with self._lock:
             self._busy.discard(runner)
             self._idle.append(runner)
 
     def drop(self, runner: RunnerProcess) -> None:
-        """End a runner that cannot be reused."""
+        """End a runner process that cannot be reused."""
         runner.kill()
         runner.close()
         with self._lock:
             self._busy.discard(runner)
 
     def cancel(self) -> None:
-        """End all runners immediately. Calls that wait for an answer raise `Cancelled`."""
+        """End all runner processes immediately. Calls that wait for a result raise `Cancelled`."""
         with self._lock:
             self._closed = True
             busy = [*self._busy, *self._idle]
@@ -121,7 +122,7 @@ class Runners:
             runner.kill()
 
     def close(self) -> None:
-        """End the idle runners gracefully."""
+        """End all idle runner processes, and wait until they have ended."""
         with self._lock:
             idle, self._idle = self._idle, []
         for runner in idle:
@@ -139,11 +140,11 @@ RUNNERS = Runners()
 
 
 def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow | None = None, runners: Runners | None = None) -> list[Row]:
-    """Build the variants of a chunk, and return their rows in order. Each row is passed to `on_row` as soon as it is available.
+    """Build the variants of a chunk, and return a row of results for each variant, in order.
 
-    `job` is the result of `Job.encode()`, and `timeout` [s] is the time limit for one variant. If a runner dies or hangs, its current
-    variant is recorded as failed, and a new runner continues. A row with the status `stopped` means that files cannot be written; no rows
-    follow.
+    Each row is also passed to `on_row` as soon as it is available. `job` is the result of `Job.encode()`, and `timeout` [s] is the time
+    limit for one variant. If a runner process dies or hangs, its current variant is recorded as failed, and a new runner process continues.
+    If files cannot be written, the last row has the status `stopped`, and further variants are not built.
     """
     pool = runners if runners is not None else RUNNERS
     rows: list[Row] = []
@@ -181,7 +182,7 @@ def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow |
 
 
 class LocalExecutor(Executor):
-    """An executor for this machine: `jobs` threads, each with a runner process."""
+    """An executor for this machine with `jobs` threads, each of which uses a runner process."""
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
@@ -189,13 +190,13 @@ class LocalExecutor(Executor):
         self._threads = ThreadPoolExecutor(max_workers=jobs, thread_name_prefix="thingc-runner")
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Run a call in a thread. `evaluate` uses the runners of this executor."""
+        """Run a call in a thread, and return a future of its result. The function `evaluate` uses the runner processes of this executor."""
         if fn is evaluate:
             named.setdefault("runners", self.runners)
         return self._threads.submit(fn, *arguments, **named)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the runners gracefully, or immediately with `cancel_futures`."""
+        """End all runner processes. With `cancel_futures`, they are ended immediately; otherwise, they finish their work first."""
         if cancel_futures:
             self.runners.cancel()
         self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)

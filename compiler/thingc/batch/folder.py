@@ -1,4 +1,4 @@
-"""The folder of a batch: lock it, protect other files, and check whether a batch can be resumed."""
+"""Prepare the folder of a batch: lock it, protect files of the user, and check whether an existing batch can be resumed."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MANY = 2000
 
 
 class BatchFault(Exception):
-    """Raised if a batch cannot start or continue. `diagnostic` contains the reason. Built variants are not deleted."""
+    """Raised if a batch cannot start or continue. `diagnostic` contains the reason. Variants that are already built are not deleted."""
 
     def __init__(self, code: Code, message: str, help: Hint | None = None, detail: str | None = None) -> None:
         super().__init__(f"{message}: {help}" if help else message)
@@ -48,7 +48,7 @@ class BatchFault(Exception):
 
 @contextlib.contextmanager
 def locked(folder: str) -> Iterator[None]:
-    """Lock the folder for one batch. Raises `BatchFault` if another batch has locked it."""
+    """Lock the folder of a batch while the context is active. Raises `BatchFault` if another process has locked the folder."""
     parent, name = os.path.split(folder)
     os.makedirs(parent, exist_ok=True)
     path = os.path.join(parent, f".{name}.thingc-lock")
@@ -73,7 +73,7 @@ def locked(folder: str) -> Iterator[None]:
 
 
 def read_batch(folder: str) -> dict[str, Any] | None:
-    """Read the file `batch.json` of a batch. Return None if thingc did not write the file."""
+    """Return the content of the file `batch.json` in a folder. Return None if thingc did not write this file."""
     try:
         with open(os.path.join(folder, folder_layout.BATCH), encoding="utf-8") as stream:
             described = json.load(stream)
@@ -83,9 +83,10 @@ def read_batch(folder: str) -> dict[str, Any] | None:
 
 
 def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
-    """Return the content of `batch.json` for the batch of this document.
+    """Return the content of `batch.json` in the folder of a batch. Raises `BatchFault` if the folder does not contain a batch of
+    `document`.
 
-    If the batch does not exist, raises `BatchFault` with the help text `hint`.
+    `hint` is the help text of the error.
     """
     before = read_batch(folder)
     if before is None or before.get("document") != document:
@@ -94,7 +95,7 @@ def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
 
 
 def whole(folder: str, described: Mapping[str, Any]) -> None:
-    """Raise `MissingChunk` if a file of a packed batch is missing. `described` is the content of `batch.json`."""
+    """Raise `MissingChunk` if a file of a packed batch is missing. `described` is the content of its `batch.json`."""
     if described["layout"] == PACKED:
         complete(folder, described.get("asked", 0) if described["finished"] else 0)
 
@@ -112,12 +113,12 @@ def _write(path: str, text: str) -> None:
 
 
 def remember(folder: str, *names: str) -> None:
-    """Store the states of files that users can edit, so that the next batch can detect edits."""
+    """Record the current states of files that users can edit, so that the next batch can detect whether they have been edited."""
     _note(folder, {name: state_of(os.path.join(folder, name)) for name in names})
 
 
 def forget(folder: str, name: str) -> None:
-    """Delete the stored state of a file that is about to be written."""
+    """Delete the recorded state of a file before the file is written again."""
     _note(folder, {name: None})
 
 
@@ -127,7 +128,7 @@ def _note(folder: str, states: Mapping[str, str | None]) -> None:
 
 
 def _noted(folder: str) -> dict[str, str]:
-    """Return the stored states of files, or an empty mapping if they are missing or damaged."""
+    """Return the recorded states of files by name. Return an empty dict if they are missing or damaged."""
     try:
         with open(os.path.join(folder, folder_layout.SHOWN), encoding="utf-8") as stream:
             states = json.load(stream)
@@ -137,22 +138,22 @@ def _noted(folder: str) -> dict[str, str]:
 
 
 def unchanged(folder: str, *names: str) -> bool:
-    """Return whether the files are unchanged since their state was stored."""
+    """Return whether all these files are unchanged since their states were recorded."""
     known = _noted(folder)
     return all(name in known and state_of(os.path.join(folder, name)) == known[name] for name in names)
 
 
 def _edited(folder: str) -> list[str]:
-    """Return the files that the user has edited, except deleted and empty files."""
+    """Return the names of the files that the user has edited. Deleted and empty files do not count."""
     known = _noted(folder)
     mine = (folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE)
     return [name for name in mine if name in known and state_of(os.path.join(folder, name)) not in (known[name], None, NOTHING)]
 
 
 def begin(folder: str, document: str, assembly: str) -> None:
-    """Prepare the folder for a new batch of `document`. A finished batch of this document is set aside; `cleared` deletes this batch.
+    """Prepare the folder for a new batch of `document`. If the folder contains a finished batch of this document, its files are set aside.
 
-    Raises `BatchFault` if the folder contains anything else.
+    The context manager `cleared` later deletes the files that were set aside. Raises `BatchFault` if the folder contains anything else.
     """
     if not os.path.lexists(folder):
         os.makedirs(folder)
@@ -184,14 +185,17 @@ def begin(folder: str, document: str, assembly: str) -> None:
 
 
 def lay_out(folder: str, layout: str) -> None:
-    """Create the subfolders of a layout. `batch.json` must exist, so that an interrupted run can be resumed."""
+    """Create the subfolders of a batch with this layout. The file `batch.json` must already exist, so that an interrupted run can be
+    resumed.
+    """
     for inner in (folder_layout.CHUNKS if layout == PACKED else folder_layout.VARIANTS, folder_layout.ASSETS):
         os.makedirs(os.path.join(folder, inner), exist_ok=True)
 
 
 def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
-    """Rename the files of a finished batch, so that they can be deleted later. After an interruption, the batch is treated as unfinished
-    and can be resumed.
+    """Rename the files of a finished batch, so that they can be deleted later.
+
+    If this is interrupted, the old batch is treated as unfinished and can be resumed.
     """
     write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
     for name in (folder_layout.JOURNAL, folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE):
@@ -206,9 +210,9 @@ def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
 
 @contextlib.contextmanager
 def cleared(folder: str) -> Iterator[None]:
-    """Delete the folders that were set aside, in the background. Deleting thousands of variants takes seconds.
+    """Delete the files of old batches in a background thread, because deleting thousands of variants takes seconds.
 
-    On exit, the context manager waits for the deletion. After an exception, the next batch deletes the remaining folders.
+    On exit, the context manager waits until all files are deleted. After an exception, the next batch deletes the remaining files.
     """
     stopped = threading.Event()
     old = [os.path.join(folder, name) for name in os.listdir(folder) if _OLD.fullmatch(name)]
@@ -224,7 +228,7 @@ def cleared(folder: str) -> Iterator[None]:
 
 
 def _delete(folders: list[str], stopped: threading.Event) -> None:
-    """Delete folders that were set aside, one variant at a time, until `stopped` is set."""
+    """Delete folders that were set aside, one variant at a time, until the event `stopped` is set."""
     for folder in folders:
         for inner in INNER:
             place = os.path.join(folder, inner)
@@ -236,7 +240,10 @@ def _delete(folders: list[str], stopped: threading.Event) -> None:
 
 
 def unexpected_files(folder: str, assembly: str) -> list[str]:
-    """Return the sorted paths of files in the folder that no batch of `assembly` wrote or that have changed since a batch wrote them."""
+    """Return the sorted paths of files in the folder that a batch must not delete.
+
+    These are files that a batch of `assembly` did not write, and files that have changed since a batch wrote them.
+    """
     known: Digests = {}  # variants share meshes
     paths = [name for name in os.listdir(folder) if name.removesuffix(".new") not in folder_layout.OWN and not _OLD.fullmatch(name)]
     for inner, pattern in (
@@ -256,7 +263,7 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
 
 
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Return the reasons why a batch cannot be resumed, or an empty list if the batch can be resumed."""
+    """Compare the content of `batch.json` before and now. Return the reasons why the batch cannot be resumed, or an empty list."""
     words: list[str] = []
     if before["layout"] != now["layout"]:
         words.append(f"its layout is `{before['layout']}`, not `{now['layout']}`")
@@ -270,13 +277,13 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
 
 def _changed(before: Any, now: Mapping[str, Any]) -> list[str]:
-    """Return the sorted names with different values in two mappings."""
+    """Return the sorted names whose values differ between two mappings."""
     old = before if isinstance(before, dict) else {}
     return sorted(name for name in {*old, *now} if old.get(name) != now.get(name))
 
 
 def in_words(folder: str, fault: OSError) -> BatchFault:
-    """Convert an error of the operating system to the reason why a batch cannot be written or read."""
+    """Convert an error of the operating system to a `BatchFault` that explains why the folder of a batch cannot be read or written."""
     if isinstance(fault, DamagedChunk):
         return BatchFault(Code.BATCH_CHANGED, fault.words, fault.cure)
     if isinstance(fault, BadPath):

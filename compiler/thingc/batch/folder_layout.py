@@ -1,4 +1,4 @@
-"""Layout of the folder of a batch, with a folder per variant and shared meshes.
+"""The layout of the folder of a batch: one folder for each variant, and meshes that variants share.
 
     <name>/batch.json            description of the batch, and of its document
     <name>/journal.jsonl         one line per finished variant
@@ -46,20 +46,21 @@ _OWN_END = f"{os.getpid()}-{os.urandom(4).hex()}"
 
 
 def variant_folder(folder: str, id: str) -> str:
-    """Return the path of the folder of a variant. Raises `BadPath` if the id is invalid."""
+    """Return the path of the folder of the variant with this id. Raises `BadPath` if the id is invalid."""
     return os.path.join(folder, VARIANTS, hash_name(id, 12))
 
 
 def pictured(folder: str) -> frozenset[str]:
-    """Return the ids of the variants that have pictures."""
+    """Return the ids of all variants that have a picture."""
     names = listing(os.path.join(folder, PICTURES))
     return frozenset(name.removesuffix(".png") for name in names if name.endswith(".png") and not name.startswith(NEW))
 
 
 def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blobs) -> None:
-    """Write the folder of a variant atomically. Files in the store become hard links to a file in `assets/`.
+    """Write the folder of a variant atomically. Files that are in the store become hard links to shared files in `assets/`.
 
-    The variant of an earlier run is replaced. Raises `BlobMissing`, and `OSError` if writing fails or a path is outside the folder.
+    If the folder exists from an earlier run, it is replaced. Raises `BlobMissing`, and `OSError` if writing fails or a path is outside the
+    folder.
     """
     check_tree(files)
     place = variant_folder(folder, id)
@@ -92,7 +93,10 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
 
 
 def keep_asset(folder: str, sha256: str, store: Blobs) -> None:
-    """Copy a file from the store to `assets/` atomically, unless the copy exists. Raises the same errors as `write_variant`."""
+    """Copy a file from the store to the folder `assets/` atomically, unless it is already there.
+
+    Raises the same errors as `write_variant`.
+    """
     asset = asset_path(folder, sha256)
     if os.path.exists(asset):
         return
@@ -106,24 +110,24 @@ def keep_asset(folder: str, sha256: str, store: Blobs) -> None:
 
 
 class SharedAssets:
-    """The files in `assets/`, by hash."""
+    """Reads the shared files in the folder `assets/` of a batch by their SHA-256."""
 
     def __init__(self, folder: str) -> None:
         self.folder = folder
 
     def read(self, sha256: str) -> bytes:
-        """Read a shared file. Raises `OSError`."""
+        """Return the content of the shared file with this SHA-256. Raises `OSError`."""
         with open(asset_path(self.folder, sha256), "rb") as stream:
             return stream.read()
 
 
 def asset_path(folder: str, sha256: str) -> str:
-    """Return the path of a shared file. Raises `BadPath` if the hash is invalid."""
+    """Return the path of the shared file with this SHA-256. Raises `BadPath` if the hash is invalid."""
     return os.path.join(folder, ASSETS, hash_name(sha256))
 
 
 def _make(fresh: str, folder: str, made: set[str]) -> None:
-    """Create a subfolder of the new folder, with its parent folders, unless `made` contains the subfolder."""
+    """Create the folder `folder` inside the new folder `fresh`, unless it has been created before. `made` contains the created folders."""
     if folder not in made:
         _make(fresh, folder.rpartition("/")[0], made)
         os.mkdir(f"{fresh}/{folder}")
@@ -131,9 +135,9 @@ def _make(fresh: str, folder: str, made: set[str]) -> None:
 
 
 def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> None:
-    """Create `target` as a link to the asset with this content, or as a copy if links are not supported.
+    """Create the file `target` as a hard link to the shared file with this content, or as a copy if links are not supported.
 
-    If the asset does not exist, it is written first.
+    If the shared file does not exist yet, it is written first.
     """
     asset = asset_path(folder, content.sha256)
     full = False
@@ -177,7 +181,7 @@ def remove(path: str) -> None:
 
 
 def sweep(folder: str) -> None:
-    """Remove temporary files of interrupted runs."""
+    """Delete temporary files that interrupted runs of the batch have left in its folder."""
     for inner in (VARIANTS, CHUNKS, ASSETS, PICTURES):
         place = os.path.join(folder, inner)
         for name in listing(place):
@@ -189,10 +193,10 @@ Line = dict[str, Any]
 
 
 class Journal:
-    """The open journal of a batch. On exit, this context manager closes the file.
+    """The journal of a batch, opened for appending. On exit, this context manager closes the file.
 
-    Each line is written with a single system call. An incomplete last line is removed when the journal is opened and after a failed write,
-    which raises `OSError`.
+    Each line is written with a single system call. An incomplete last line is removed when the journal is opened, and after a failed write.
+    A failed write raises `OSError`.
     """
 
     def __init__(self, path: str) -> None:
@@ -211,7 +215,7 @@ class Journal:
         os.close(self._descriptor)
 
     def append(self, line: Line) -> None:
-        """Append a line to the journal."""
+        """Append the line of a finished variant to the journal."""
         data = json_text(json.dumps(line, separators=(",", ":"), ensure_ascii=False)).encode() + b"\n"
         size = os.fstat(self._descriptor).st_size
         try:
@@ -223,12 +227,12 @@ class Journal:
             raise
 
     def sync(self) -> None:
-        """Flush the journal to disk."""
+        """Write the journal to disk, so that it is not lost after a power failure."""
         os.fsync(self._descriptor)
 
 
 def _mend(descriptor: int) -> None:
-    """Remove an incomplete last line of a journal."""
+    """Remove the last line of a journal if it is incomplete."""
     size = os.fstat(descriptor).st_size
     keep = size
     while keep > 0:
@@ -244,7 +248,7 @@ def _mend(descriptor: int) -> None:
 
 
 def lines(path: str) -> Iterator[tuple[int, Line]]:
-    """Yield the offset and content of every complete line, in file order."""
+    """Yield the offset in the file [bytes] and the content of every complete line of a journal."""
     at = 0
     if not os.path.exists(path):
         return

@@ -1,6 +1,7 @@
-"""Descriptions of a batch for other processes: `batch.json`, the files that workers must be able to read, and the job of the runners.
+"""Describe a batch for other processes: the file `batch.json`, the files that workers must be able to read, and the job for runner
+processes.
 
-A job and its variants are plain JSON, so that any executor can transfer them.
+A job and its variants are encoded as JSON, so that any executor can send them to another process.
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ STOPPED = "stopped"
 
 
 class Job(FrozenStruct):
-    """The common data of all variants of a batch.
+    """The data that a runner process needs to build the variants of a batch, apart from the variants themselves.
 
     Attributes:
-        assembly: The absolute path of the document.
+        assembly: The absolute path of the assembly document.
         folder: The absolute path of the folder of the batch. If `folder` is None, no files are written.
-        rules: The comparisons that need results.
-        dimensions: The exponents (length, mass, time, angle) of the numeric parameters.
-        packed: Whether the files of a variant are part of its row, and only shared files are written.
-        verify: MuJoCo compiles one of this many models that differ only in numbers (1: each, 0: none).
-        cwd: The working folder of runners. None means the working folder of their parent process.
+        rules: The rules that compare results of a variant.
+        dimensions: The exponents of length, mass, time and angle for each numeric parameter.
+        packed: Whether the contents of files are part of the row of a variant, so that only shared files are written.
+        verify: MuJoCo compiles one out of this many models that differ only in numbers (1: each, 0: none).
+        cwd: The working folder of runner processes. None means the working folder of their parent process.
     """
 
     assembly: str
@@ -56,12 +57,12 @@ class Job(FrozenStruct):
     cwd: str | None = None
 
     def encode(self) -> str:
-        """Return the job as a line of JSON, for `decode`."""
+        """Encode the job as a single line of JSON. `decode` is the inverse function."""
         return json.dumps(asdict(self), sort_keys=True)
 
     @staticmethod
     def decode(text: str) -> Job:
-        """Convert the output of `encode` to a job."""
+        """Return the job that `encode` has encoded."""
         return convert(json.loads(text), Job)
 
 
@@ -75,21 +76,21 @@ The keys are `index`, `id`, `status` (`built | kept_out | refused | failed`), `r
 
 
 def row(task: Variant, status: str, **more: Any) -> Row:
-    """Create a row of the journal."""
+    """Create the row of results of a variant, which is recorded in the journal."""
     return {"index": task.index, "id": task.id, "status": status, **more}
 
 
 def refusal(fault: OSError) -> str:
-    """Describe an error of the operating system."""
+    """Return a message that describes an error of the operating system."""
     reason = fault.strerror or str(fault)
     return f"`{fault.filename}`: {reason}" if fault.filename is not None else reason
 
 
 def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
-    """Return the content of `batch.json`.
+    """Return the content of the file `batch.json`, which describes a batch.
 
-    `asked` is the number of variants to build, counted from the first one in the plan. `wanted` are the columns of the table of a finished
-    batch.
+    `asked` is the number of variants to build, counted from the first variant of the plan. `wanted` contains the columns of the table of a
+    finished batch.
     """
     return {
         "name": plan.name, "document": plan.relative, "sha256": plan.sha256, "assembly": plan.assembly_relative,
@@ -102,9 +103,9 @@ def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Seq
 
 
 def seen(plan: Plan, folder: str) -> dict[str, str]:
-    """Return the digests of the files that every worker must be able to read, by absolute path.
+    """Return the digests of all files that every worker must be able to read, by absolute path.
 
-    The result includes `batch.json`, but no files outside the workspace, because the plan does not contain their paths.
+    The result includes `batch.json`. Files outside the workspace are not included, because the plan does not contain their paths.
     """
     files = {os.path.join(plan.workspace.root, path): state for path, state in plan.inputs.items() if not path.startswith(OUTSIDE)}
     with open(os.path.join(folder, folder_layout.BATCH), "rb") as stream:
@@ -113,9 +114,9 @@ def seen(plan: Plan, folder: str) -> dict[str, str]:
 
 
 def job_of(plan: Plan, folder: str, options: Options, *, layout: str, verify: int, elsewhere: bool) -> Job:
-    """Return the description of the batch for the runner processes.
+    """Create the job that runner processes receive for a batch.
 
-    `elsewhere` is True for runners on other machines, which have another environment and working folder.
+    `elsewhere` is True for runner processes on other machines, which have a different environment and working folder.
     """
     store = options.store
     if elsewhere:

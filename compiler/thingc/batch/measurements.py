@@ -1,4 +1,4 @@
-"""Compute the results of a variant, such as its mass and reach, from the linked robot without a simulation.
+"""Compute the results of a variant, such as its mass and reach, from the assembly and the robot. No simulation is required.
 
     mass, centre.x y z, inertia.xx ... yz   the whole robot at q = 0, in the frame of the base component
     box.x y z                               sides of the bounding box of the boxes of all parts, along the axes of the world
@@ -51,7 +51,7 @@ TESTED: Mapping[str, Mapping[str, Dimension]] = {
 
 
 class UnknownMount(Exception):
-    """Raised if a mount does not exist. `text` is the reference in the document, and `diagnostic` is the error."""
+    """Raised if a mount does not exist. `text` is the reference to the mount in the document, and `diagnostic` is the error."""
 
     def __init__(self, text: str, known: Sequence[str]) -> None:
         super().__init__(text)
@@ -63,11 +63,12 @@ def measure(
     robot: Robot, pose: str | None, reach: tuple[str, str] | None, sites: Sequence[str] = (), *, torques: bool = True,
     memo: Memo | None = None,
 ) -> Results:
-    """Return the results of a robot in a pose (None: the pose of the mode, else q = 0). Raises `UnknownMount`.
+    """Compute the results of a robot in a pose (None: the pose of the mode, else q = 0). Raises `UnknownMount` for an unknown mount.
 
-    If the loops of the mode do not close in the pose, box, reach, sites and torque margin are omitted. The torque margin is also omitted
-    for robots with closed loops (because the torques depend on how the loops share the load), for robots that do not stand on their feet,
-    and without `torques`. `reach` contains references to two mounts; `sites` contains references to any mounts, or to their coordinates.
+    If the loops of the mode do not close in the pose, the results box, reach, sites and torque margin are omitted. The torque margin is
+    also omitted if the robot has closed loops, if it does not stand on its feet, and if `torques` is False. In a robot with closed loops,
+    the torques depend on how the loops share the load. `reach` contains references to two mounts. `sites` contains references to mounts, or
+    to single coordinates of mounts.
     """
     assembly = robot.assembly
     whole = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
@@ -105,8 +106,9 @@ def measure(
 
 
 def measure_tests(request: EmitRequest, names: Collection[str]) -> Results:
-    """Return the values that document tests measure, by name. A name contains the mode and the pose if a test has several cases, and the
-    key if it measures several values.
+    """Run document tests, and return the values that they measure by name.
+
+    A name contains the mode and the pose if the test runs in several modes or poses, and the key if the test measures several values.
     """
     from thingc.driver.testing.test_runner import Selection, run
 
@@ -127,7 +129,7 @@ def measure_tests(request: EmitRequest, names: Collection[str]) -> Results:
 
 
 def _placed(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pose, ...]] | None:
-    """Return q of every joint and the poses of the bodies in the world, or None if the loops do not close in the pose."""
+    """Return the positions of all joints in a pose, and the poses of all bodies in the world. Return None if the loops do not close."""
     name = pose if pose is not None else robot.mode.pose
     frame = next((one for one in robot.keyframes if one.name == name), None)
     base = robot.bodies[0].X_PL
@@ -141,11 +143,11 @@ def _placed(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pos
 
 
 def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
-    """Return `length.JOINT` [m] of every joint that has a previous joint.
+    """Return the result `length.JOINT` [m] of every joint that has a previous joint.
 
-    This length is the distance from the mount by which the previous joint placed the link, to the parent mount of the joint. Parents and
-    children are as in the documents, so the result does not depend on the root. `within` are the poses of the occurrences in their links
-    (`in_link`).
+    This is the distance between the parent mount of the joint and the mount at which the previous joint holds the link. Parent and child
+    are as in the documents, so the result does not depend on the root. `within` contains the poses of all components in their links (see
+    `in_link`).
     """
     placed = {assembly.link_of[mate.child]: mate for mate in assembly.mates if mate.joints and mate.loop is None}
     distances: Results = {}
@@ -160,9 +162,9 @@ def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
 
 
 def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vector] | None:
-    """Return the smallest and largest corner [m] of the bounding box of all parts at `poses` (by occurrence).
+    """Return the smallest and the largest corner [m] of the bounding box of all parts, or None if the robot does not have geometry.
 
-    Return None if the robot has no geometry.
+    `poses` contains the pose of each component in the world.
     """
     low, high = [inf] * 3, [-inf] * 3
     for occurrence, pose in zip(assembly.occurrences, poses, strict=True):
@@ -177,7 +179,7 @@ def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vec
 
 
 def _mount(assembly: Assembly, text: str) -> tuple[int, str]:
-    """Return the occurrence and the mount of a reference. Raises `UnknownMount`."""
+    """Return the index of the component and the name of the mount to which a reference leads. Raises `UnknownMount`."""
     words = text.split(".")
     path = "/".join(words)
     for exported in assembly.exported:
@@ -193,7 +195,10 @@ def _mount(assembly: Assembly, text: str) -> tuple[int, str]:
 
 
 def _site(assembly: Assembly, text: str) -> tuple[str, tuple[int, str]]:
-    """Return the result of a mount, and the occurrence and the mount. The reference may end with a coordinate: `hook.z`."""
+    """Return the name of the result for a reference to a mount, together with the component and the name of the mount.
+
+    The reference may end with a coordinate, as in `hook.z`.
+    """
     try:
         return f"{SITE}{text}", _mount(assembly, text)
     except UnknownMount:

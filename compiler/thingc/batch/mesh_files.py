@@ -1,4 +1,4 @@
-"""The meshes of the variants of a batch. Each file is read once, and variants share it."""
+"""Read the mesh files of the variants of a batch. Each mesh file is read once, and is shared by all variants that use it."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ MESH_BYTES = 256 * 2**20
 
 
 class MeshFiles:
-    """A cache of mesh files by identity, so that variants share meshes.
+    """A cache for the contents of mesh files. Files with the same identity are read once.
 
-    Above `MESH_BYTES`, the least recently used files are removed. The last virtual file system is also cached. This class is thread-safe. A
-    copy in another process starts empty.
+    If the cache contains more than `most` bytes, the least recently used files are removed. The last virtual file system of MuJoCo is also
+    cached. This class is thread-safe. A copy in another process starts empty.
     """
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class MeshFiles:
         return MeshFiles, ()
 
     def of(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
-        """Return the contents of files by name, given the identity and path of each file."""
+        """Return the contents of mesh files by name. `files` contains the identity and the path of each file."""
         with self._lock:
             return self._read(files)
 
@@ -55,7 +55,7 @@ class MeshFiles:
 
     @contextlib.contextmanager
     def mounted(self, wanted: Mapping[str, tuple[File, str]]) -> Iterator[mujoco.MjVfs]:
-        """Yield a MuJoCo file system with the files, for one thread at a time."""
+        """Yield a virtual file system of MuJoCo that contains the given mesh files. Only one thread at a time can use it."""
         import mujoco
 
         own = {name: file for name, (file, _) in wanted.items()}  # by identity: each variant has links to the same files in its own folder

@@ -1,1 +1,1 @@
-"""Build batches on other machines, with dask or SLURM."""
+"""Build the variants of a batch on other machines, with dask or SLURM."""

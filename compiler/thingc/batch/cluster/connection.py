@@ -19,10 +19,10 @@ HELP = "write `tcp://HOST:8786` for a Dask scheduler, or `slurm:partition=NAME,c
 
 
 def connect(address: str, *, jobs: int = 0, folder: str) -> Cluster:
-    """Return the executor for an address.
+    """Connect to the cluster at an address, and return an executor that builds variants there.
 
-    `jobs` is the number of chunks to run at once (0 for the default of the cluster). `folder` contains files of the executor and must be on
-    a shared file system. Raises `BatchFault` for an invalid address, or if the cluster does not answer.
+    `jobs` is the maximum number of chunks that run at the same time (0: the default of the cluster). `folder` contains files of the
+    executor, and must be on a shared file system. Raises `BatchFault` for an invalid address, or if the cluster does not respond.
     """
     if re.fullmatch(r"slurm(:.*)?", address):
         from thingc.batch.cluster.slurm import SlurmCluster, settings_of

@@ -1,7 +1,7 @@
-"""Build the variants of a batch on workers of a dask scheduler. Workers are processes on any number of machines, and can connect and
-disconnect at any time.
+"""Build the variants of a batch on the workers of a dask scheduler.
 
-If a worker dies, dask assigns its chunks to another worker. If dask reports chunks as lost, the batch submits them again.
+Workers are processes on any number of machines. They can connect and disconnect at any time. If a worker dies, dask assigns its chunks to
+another worker. If dask reports that a chunk is lost, the batch submits the chunk again.
 """
 
 from __future__ import annotations
@@ -30,15 +30,18 @@ LOOK = 5.0
 
 
 def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
-    """Return the installed versions, and the digest (`up_to_date.state_of`) of each file and folder, or None for a missing file.
+    """Return the installed versions of packages on a worker, and the digests of files and folders (see `up_to_date.state_of`).
 
-    This function runs on the worker.
+    The digest of a missing file is None. This function runs on the worker.
     """
     return dict(versions()), {path: state_of(path) for path in paths}
 
 
 class DaskCluster(FileTransferExecutor):
-    """The workers of the scheduler at `address`. Raises `BatchFault` if the scheduler does not respond or has no workers."""
+    """An executor that runs calls on the workers of the dask scheduler at `address`.
+
+    Raises `BatchFault` if the scheduler does not respond or does not have any workers.
+    """
 
     def __init__(self, address: str, *, jobs: int = 0) -> None:
         try:
@@ -70,12 +73,15 @@ class DaskCluster(FileTransferExecutor):
         self.fault()
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Run a call on a worker."""
+        """Run the call `fn(*arguments, **named)` on a worker, and return a future of its result."""
         future: Future[T] = self._executor.submit(fn, *arguments, **named)
         return future
 
     def check(self, files: Mapping[str, str]) -> None:
-        """Check every connected worker. Raises `BatchFault`. Workers that die during the check are ignored."""
+        """Check that every connected worker can read the given files and has the same packages installed. Raises `BatchFault` otherwise.
+
+        Workers that die during the check are ignored.
+        """
         mine = dict(versions())
         try:
             answers: dict[str, Any] = self._client.run(seen, list(files), on_error="return")
@@ -108,9 +114,9 @@ class DaskCluster(FileTransferExecutor):
                     )
 
     def fault(self) -> BatchFault | None:
-        """Return an error if the scheduler has ended, or if no worker was connected for `PATIENCE` seconds.
+        """Return an error if the scheduler has ended, or if no worker has been connected for `PATIENCE` seconds. Otherwise, return None.
 
-        Also update the number of workers.
+        This method also updates the number of workers.
         """
         if self._client.status != "running":
             return self._lost("the connection was closed")
@@ -135,7 +141,8 @@ class DaskCluster(FileTransferExecutor):
         return None
 
     def ship(self, name: str, transfer: WorkspaceArchive) -> None:
-        """Send a workspace to all workers, including workers that connect later. Shipments of drivers that have ended are removed first."""
+        """Send a workspace to all workers, including workers that connect later. Workspaces of batches that have ended are removed first.
+        """
         from thingc.batch.cluster.dask_plugin import UnpackedWorkspace
 
         for left in self._left_behind():
@@ -150,11 +157,11 @@ class DaskCluster(FileTransferExecutor):
             ) from None
 
     def unship(self, name: str) -> None:
-        """Remove a shipped workspace from the workers. Unreachable workers remove it when they end."""
+        """Remove a workspace that was sent to the workers. Workers that cannot be reached remove the workspace when they end."""
         self._unregister(self._plugin(name))
 
     def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
-        """Run a call on a worker, even if its threads are busy. Raises `WorkerLost`."""
+        """Run the call `fn(*arguments)` on one worker immediately, even if all threads of the worker are busy. Raises `WorkerLost`."""
         try:
             if worker in self._client.nthreads([worker]):  # otherwise, the call fails only after half a minute
                 answer: T = self._client.run(fn, *arguments, workers=[worker])[worker]
@@ -173,7 +180,7 @@ class DaskCluster(FileTransferExecutor):
             self._client.unregister_worker_plugin(plugin)
 
     def _left_behind(self) -> list[str]:
-        """Return the shipments of drivers that are no longer connected."""
+        """Return the names of the workspaces that were sent by batches whose process is no longer connected to the scheduler."""
 
         def names(dask_scheduler: Any) -> list[str]:  # sent as code: thingc need not be installed on the scheduler
             return [

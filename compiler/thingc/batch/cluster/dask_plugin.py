@@ -1,7 +1,4 @@
-"""Unpack the workspace of a batch on dask workers.
-
-The plugin unpacks the workspace in the folder of the worker, and removes it at the end.
-"""
+"""A dask plugin that unpacks the workspace of a batch on each worker, and removes it when the batch has ended."""
 
 from __future__ import annotations
 
@@ -26,10 +23,10 @@ class UnpackedWorkspace(WorkerPlugin):
         self.transfer = transfer
 
     def setup(self, worker: Any) -> None:
-        """Unpack the workspace below the worker's folder. dask removes this folder when the worker ends."""
+        """Unpack the workspace into the folder of a worker. dask deletes this folder when the worker ends."""
         settle(self.shipment, self.transfer, worker.local_directory, worker.address)
         self.transfer = replace(self.transfer, data=b"")  # the scheduler keeps the data for later workers
 
     async def teardown(self, worker: Any) -> None:
-        """Remove the unpacked workspace. Idle runners are ended first, which can take a moment."""
+        """End the idle runner processes on a worker, and remove the unpacked workspace. This can take a moment."""
         await asyncio.to_thread(leave, self.shipment)

@@ -1,4 +1,4 @@
-"""The interface of executors that build variants on other machines, optionally with file transfer."""
+"""The interfaces of executors that build variants on other machines, with or without a shared file system."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ PATIENCE = 60.0
 
 
 class WorkerLost(Exception):
-    """Raised if a worker has ended or does not have the requested data. The batch submits the variants of this worker again."""
+    """Raised if a worker has ended, or does not have the requested data. The batch then submits the variants of this worker again."""
 
 
 class Cluster(Executor):
     """An executor that runs calls on other machines.
 
-    At most `ahead` chunks run at the same time. The first chunks contain `first` variants. Later chunks occupy a runner for about
-    `chunk_seconds` [s] and contain at most `chunk_most` variants.
+    At most `ahead` chunks run at the same time. The first chunks contain `first` variants. Later chunks are sized so that each takes about
+    `chunk_seconds` seconds, and contain at most `chunk_most` variants.
     """
 
     ahead = 1
@@ -35,18 +35,18 @@ class Cluster(Executor):
 
     @abstractmethod
     def check(self, files: Mapping[str, str]) -> None:
-        """Raise `BatchFault` unless the workers can read these files and have the same versions installed.
+        """Raise `BatchFault` unless all workers can read these files and have the same package versions installed.
 
-        `files` contains digests of files and folders by absolute path (see `up_to_date.state_of`).
+        `files` maps absolute paths of files and folders to their digests (see `up_to_date.state_of`).
         """
 
     @abstractmethod
     def fault(self) -> BatchFault | None:
-        """Return the error that prevents further results, or None."""
+        """Return an error if the cluster can no longer return results. Otherwise, return None."""
 
 
 class FileTransferExecutor(Cluster):
-    """A cluster that transfers files, so that its workers need no shared file system."""
+    """An executor that copies files to and from its workers, so that a shared file system is not required."""
 
     @abstractmethod
     def ship(self, name: str, transfer: WorkspaceArchive) -> None:
@@ -57,7 +57,7 @@ class FileTransferExecutor(Cluster):
 
     @abstractmethod
     def unship(self, name: str) -> None:
-        """Remove a shipment from all workers that can be reached."""
+        """Remove the workspace with this name from all workers that can be reached."""
 
     @abstractmethod
     def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
@@ -65,5 +65,5 @@ class FileTransferExecutor(Cluster):
 
 
 def missing(package: str) -> BatchFault:
-    """Return the error for a missing Python package that a cluster requires."""
+    """Return the error that is raised if a Python package that a cluster requires is not installed."""
     return BatchFault(Code.CLUSTER, f"the package `{package}` is not installed, and `--cluster` needs it", "pip install 'thingc[cluster]'")

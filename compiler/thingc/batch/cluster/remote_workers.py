@@ -1,9 +1,9 @@
 """Build variants on workers without a shared folder. The driver sends the workspace to each worker once, and fetches built variants.
 
-`RemoteExecutor` wraps a cluster so that the batch can use it like an executor that writes variants into its folder. On a worker,
-`evaluate_there` builds the variants with the same runners, from the unpacked workspace into a folder of the worker, and returns the list of
-files. The driver fetches missing files in groups of a few megabytes, and writes the variants. A file that several variants share is fetched
-once, or not at all if the store of the driver contains the file.
+`RemoteExecutor` wraps a cluster, so that a batch can use it like an executor that writes variants to the folder of the batch. On a worker,
+`evaluate_there` builds variants from the unpacked workspace into a folder of the worker, and returns the list of their files. The driver
+fetches these files in groups of a few megabytes, and writes the variants. A file that several variants share is fetched once. It is not
+fetched if the store of the driver already contains it.
 
     <place>/work/                the unpacked workspace
     <place>/out/variants/<id>/   built variants that have not been fetched
@@ -60,7 +60,7 @@ FAREWELL = 30.0
 
 
 class WorkerFolder(FrozenStruct):
-    """The folder of a shipment on a worker (absolute path without symbolic links), and the address `worker` of the worker."""
+    """The folder `folder` of a workspace on a worker, as an absolute path without symbolic links. `worker` is the address of the worker."""
 
     folder: str
     worker: str
@@ -73,7 +73,7 @@ _REFUSED: dict[str, str] = {}
 
 
 def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> None:
-    """Unpack a workspace atomically below `folder`, the folder of the worker. Raises `OSError` and `ValueError`."""
+    """Unpack a workspace atomically into the folder of a worker. Raises `OSError`, and `ValueError` for a damaged archive."""
     place = os.path.join(os.path.realpath(folder), name)
     fresh = f"{place}.new"
     try:
@@ -89,7 +89,7 @@ def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> N
 
 
 def leave(name: str) -> None:
-    """Remove a shipped workspace from a worker. Builds in progress fail, because their results are no longer needed."""
+    """Remove the workspace of a batch from a worker. Builds in progress fail, because their results are no longer needed."""
     place = _PLACES.pop(name, None)
     _REFUSED.pop(name, None)
     if place is None:
@@ -109,7 +109,11 @@ def _worker_folder(name: str) -> WorkerFolder:
 
 
 class BuiltFile(FrozenStruct):
-    """A file of the variant `id`: path in its folder, size [bytes], SHA-256 (empty for the manifest), and whether it is in `assets/`."""
+    """A file of the variant with this `id` on a worker.
+
+    `path` is the path in the folder of the variant, and `size` the size [bytes]. `sha256` is empty for the manifest. `shared` is true for a
+    file in `assets/`, which several variants share.
+    """
 
     id: str
     path: str
@@ -119,12 +123,14 @@ class BuiltFile(FrozenStruct):
 
     @property
     def there(self) -> str:
-        """The path of the file below `out/`."""
+        """The path of the file on the worker, relative to the folder `out/`."""
         return f"{folder_layout.ASSETS}/{self.sha256}" if self.shared else f"{folder_layout.VARIANTS}/{self.id}/{self.path}"
 
 
 class Answer(FrozenStruct):
-    """The results of a chunk: a row for each variant, and the files of built variants in `place`, by id."""
+    """The results that a worker returns for a chunk: one row per variant, and the list of files of each built variant by the id of the
+    variant.
+    """
 
     place: WorkerFolder
     rows: list[Row]
@@ -132,9 +138,9 @@ class Answer(FrozenStruct):
 
 
 def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float) -> Answer:
-    """Build a chunk of variants on a worker with `engine.evaluate`.
+    """Build the variants of a chunk on a worker, as `engine.evaluate` does on this machine.
 
-    `job` was encoded by `RemoteExecutor`, with paths relative to the workspace. Raises `WorkerLost` and `RunnersBroken`.
+    `job` is encoded by `RemoteExecutor`, and contains paths relative to the workspace. Raises `WorkerLost` and `RunnersBroken`.
     """
     if name in _REFUSED:  # otherwise, a worker that connects later would fail for every chunk
         raise RunnersBroken(f"a worker cannot unpack the workspace: {_REFUSED[name]}", "")
@@ -149,7 +155,7 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float
 
 @lru_cache(maxsize=4)
 def _settled(job: str, place: WorkerFolder) -> str:
-    """Return the job with paths on the worker. The job uses the store of the worker, unless the batch has a store."""
+    """Replace the relative paths in a job by paths on the worker. Unless the job specifies a store, the store of the worker is used."""
     decoded = Job.decode(job)
     work = os.path.join(place.folder, WORK)
     cwd = os.path.join(work, decoded.cwd) if decoded.cwd is not None else ""
@@ -162,7 +168,8 @@ def _settled(job: str, place: WorkerFolder) -> str:
 
 
 def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
-    """Return the files of a built variant. For a packed variant, files that its row contains are omitted."""
+    """Return the files of a built variant that the driver must fetch. Files whose contents are in the row of a packed variant are omitted.
+    """
     folder = folder_layout.variant_folder(os.path.join(place.folder, OUT), row["id"])
     assets = os.path.join(place.folder, OUT, folder_layout.ASSETS)
     try:
@@ -183,7 +190,7 @@ def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
 
 
 def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[bytes]:
-    """Read files below `out/` on a worker, then remove the variants `done`. Raises `WorkerLost`."""
+    """Return the contents of files in the folder `out/` of a worker, and then delete the variants `done`. Raises `WorkerLost`."""
     out = os.path.join(_worker_folder(name).folder, OUT)
     contents: list[bytes] = []
     for path in paths:
@@ -201,11 +208,11 @@ def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[byt
 
 
 class RemoteExecutor(Cluster):
-    """A cluster whose workers share no folder with this machine. The context manager does not close the cluster.
+    """An executor for a cluster whose workers do not share a file system with this machine.
 
-    `folder` is the folder of the batch, `store` is the store of the driver, and `name` is the name of the shipment. `submit` only accepts
-    the function `evaluate`. The returned future completes when the variants have been written. Entering the context raises `BatchFault` if
-    a worker cannot unpack the workspace.
+    `folder` is the folder of the batch, `store` is the store of the driver, and `name` is the name under which the workspace is sent to the
+    workers. `submit` only accepts the function `evaluate`, and the returned future is done when the variants have been written. Entering
+    the context raises `BatchFault` if a worker cannot unpack the workspace. Leaving the context does not close the cluster.
     """
 
     chunk_seconds = CHUNK_SECONDS
@@ -228,19 +235,19 @@ class RemoteExecutor(Cluster):
 
     @property
     def ahead(self) -> int:  # type: ignore[override]
-        """The maximum number of chunks at the same time, as for the cluster."""
+        """The maximum number of chunks that run at the same time, as specified by the cluster."""
         return self.cluster.ahead
 
     def check(self, files: Mapping[str, str]) -> None:
-        """See `Cluster`."""
+        """Check the workers of the cluster. See `Cluster.check`."""
         self.cluster.check(files)
 
     def fault(self) -> BatchFault | None:
-        """See `Cluster`."""
+        """Return the error of the cluster, if any. See `Cluster.fault`."""
         return self.cluster.fault()
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Build a chunk on a worker, and write its variants on this machine."""
+        """Build the variants of a chunk on a worker, and then write them to the folder of the batch on this machine."""
         if fn is not evaluate or named:
             raise TypeError("shipped workspaces can only evaluate chunks")
         job, tasks, timeout = arguments
@@ -251,7 +258,7 @@ class RemoteExecutor(Cluster):
         return outer
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Remove the shipment from the workers. No further variants are written on this machine."""
+        """Stop writing variants on this machine, and remove the workspace from the workers."""
         self._stopping = True
         self._arrived.put(None)
         if self._thread.is_alive():
@@ -259,7 +266,7 @@ class RemoteExecutor(Cluster):
         self.cluster.unship(self.name)
 
     def _packed(self, text: str) -> str:
-        """Return the job with paths relative to the workspace. If the store is a folder on this machine, it is omitted."""
+        """Convert a job so that a worker can use it. Paths become relative to the workspace, and a store on this machine is omitted."""
         job = Job.decode(text)
         root, here = os.path.realpath(self.transfer.root), os.path.realpath(os.getcwd())
         inside = os.path.join(here, "").startswith(os.path.join(root, ""))
@@ -284,7 +291,7 @@ class RemoteExecutor(Cluster):
                 outer.set_exception(fault)
 
     def _taken(self, answer: Answer) -> list[Row]:
-        """Write the built variants, and return the rows that a local runner would return. Raises `WorkerLost`."""
+        """Write the variants that a worker has built, and return their rows as a runner on this machine does. Raises `WorkerLost`."""
         blobs = _Blobs(self, answer)
         rows: list[Row] = []
         for given in answer.rows:
@@ -306,8 +313,9 @@ class RemoteExecutor(Cluster):
         return rows
 
     def _keep(self, row: Row, blobs: _Blobs) -> None:
-        """Write a built variant on this machine. For a packed batch, write only its shared files. Raises the same errors as
-        `write_variant`.
+        """Write the files of a built variant to the folder of the batch. For a packed batch, write only shared files.
+
+        Raises the same errors as `write_variant`.
         """
         files = blobs.files(row["id"])
         if SHARED not in row:
@@ -317,7 +325,7 @@ class RemoteExecutor(Cluster):
             keep_asset(self.folder, sha256, blobs)
 
     def _mapped(self, said: Any, work: str, key: str = "") -> Any:
-        """Replace the paths on the worker in a row with paths on this machine."""
+        """Replace all paths on the worker in a row of results by paths on this machine."""
         if isinstance(said, dict):
             return {name: value if name == FILES else self._mapped(value, work, name) for name, value in said.items()}
         if isinstance(said, list):
@@ -333,7 +341,7 @@ def _stopped(row: Row, message: str) -> Row:
 
 
 class _Blobs:
-    """The files of the variants in an answer, in the order of use. They are read from the store of the driver or fetched in groups."""
+    """Reads the files of the variants in an answer of a worker. Files are read from the store of the driver, or fetched in groups."""
 
     def __init__(self, shipping: RemoteExecutor, answer: Answer) -> None:
         self.shipping = shipping
@@ -343,7 +351,10 @@ class _Blobs:
         self._waiting: deque[BuiltFile] | None = None
 
     def files(self, id: str) -> dict[str, Content]:
-        """Return the files of a variant. The method must be called in the order of the rows. Raises `WorkerLost` and `StoreUnusable`."""
+        """Return the files of the variant with this id. Call this method once per built variant, in the order of the rows of the answer.
+
+        Raises `WorkerLost` and `StoreUnusable`.
+        """
         if self._waiting is None:
             self._waiting = deque(self._wanted())
         self.shared.clear()
@@ -360,7 +371,7 @@ class _Blobs:
         return contents
 
     def read(self, sha256: str) -> bytes:
-        """Return the bytes of a shared file. Raises `WorkerLost` and `StoreUnusable`."""
+        """Return the content of a shared file with this SHA-256. Raises `WorkerLost` and `StoreUnusable`."""
         if sha256 in self.shared:
             return self.shared[sha256]
         with contextlib.suppress(BlobMissing):
@@ -368,7 +379,7 @@ class _Blobs:
         return self._asked([BuiltFile(id="", path="", size=0, sha256=sha256, shared=True)], ())[0]
 
     def _next_is(self, id: str) -> bool:
-        """Return whether the next file belongs to this variant. If it does, fetch the file if necessary."""
+        """Return whether the next file belongs to the variant with this id. If so, fetch the file if it has not been fetched yet."""
         assert self._waiting is not None
         if not self._ahead and self._waiting and self._waiting[0].id == id:
             group = [self._waiting.popleft()]
@@ -380,7 +391,8 @@ class _Blobs:
         return bool(self._ahead) and self._ahead[0][0].id == id
 
     def _wanted(self) -> Iterator[BuiltFile]:
-        """Yield the files to fetch: files of single variants, and shared files that this machine does not have."""
+        """Yield the files that must be fetched from the worker: files of single variants, and shared files that this machine does not have.
+        """
         known: set[str] = set()
         for row in self.answer.rows:
             for one in self.answer.files.get(row["id"], ()):

@@ -1,7 +1,7 @@
-"""Build the variants of a batch as SLURM jobs, through submitit. Each chunk of variants is a job. A job takes long compared with its time
-in the queue.
+"""Build the variants of a batch as SLURM jobs, which are submitted with submitit. Each chunk of variants is a job.
 
-Example of the settings: `slurm:partition=cpu,cpus=8,time=2 h`. With `cluster=local`, jobs are processes on this machine, without SLURM.
+Chunks are large, so that a job takes long compared with its time in the queue. An example of the settings is
+`slurm:partition=cpu,cpus=8,time=2 h`. With `cluster=local`, jobs are processes on this machine, and SLURM is not required.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ POLL = 0.5
 
 
 class SlurmSettings(FrozenStruct):
-    """The settings in an address such as `slurm:partition=cpu,cpus=8`.
+    """The settings of SLURM jobs, parsed from an address such as `slurm:partition=cpu,cpus=8`.
 
-    `cpus` is the number of cores of a job, which builds this number of variants at the same time. `minutes` is the time limit of a job.
-    `cluster` is submitit's name of the engine (`slurm` or `local`), and `more` are further parameters of submitit.
+    `cpus` is the number of cores of a job, which is also the number of variants that it builds at the same time. `minutes` is the time
+    limit of a job. `cluster` is submitit's name of the executor (`slurm` or `local`), and `more` contains further parameters for submitit.
     """
 
     cpus: int = 1
@@ -55,7 +55,7 @@ _MORE = {
 
 
 def settings_of(text: str) -> SlurmSettings:
-    """Parse settings such as `partition=cpu,cpus=8,time=2 h`. Raises `BatchFault`."""
+    """Parse settings such as `partition=cpu,cpus=8,time=2 h`. Raises `BatchFault` for invalid settings."""
     settings: dict[str, Any] = {}
     more: dict[str, str] = {}
     known = ("partition", "cpus", "time", "account", "qos", "constraint", "memory", "cluster")
@@ -91,9 +91,9 @@ def _minutes(text: str) -> int:
 
 
 def spread(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> dict[str, Any]:
-    """Build the variants of a chunk with `width` runners. This function runs in the job.
+    """Build the variants of a chunk with `width` runner processes. This function runs in the SLURM job.
 
-    Returns `{"rows": [...]}`, or `{"broken": message, "detail": ...}` if no runner can be started.
+    It returns `{"rows": [...]}`, or `{"broken": message, "detail": ...}` if runner processes cannot be started.
     """
     size = max(1, len(tasks) // (4 * width))
     with LocalExecutor(width) as executor:
@@ -106,9 +106,9 @@ def spread(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> di
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Discard the standard error of processes started in this context.
+    """Discard the standard error of processes that are started while the context is active.
 
-    submitit starts processes for local jobs, which print a traceback when they are cancelled or interrupted.
+    submitit starts processes for local jobs. These processes print a traceback when they are cancelled or interrupted.
     """
     sys.stderr.flush()
     kept = os.dup(2)
@@ -122,9 +122,9 @@ def _silent() -> Iterator[None]:
 
 
 class SlurmCluster(Cluster):
-    """SLURM jobs, with at most `jobs` in the queue (0 means `JOBS`). submitit uses `folder`, which must be on a shared file system.
+    """An executor that submits SLURM jobs. At most `jobs` jobs are in the queue (0: `JOBS`).
 
-    Raises `BatchFault` if SLURM is not installed.
+    submitit writes files to `folder`, which must be on a shared file system. Raises `BatchFault` if SLURM is not installed.
     """
 
     def __init__(self, settings: SlurmSettings, *, jobs: int = 0, folder: str) -> None:
@@ -158,7 +158,7 @@ class SlurmCluster(Cluster):
         threading.Thread(target=self._watch, daemon=True, name="thingc-slurm").start()
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Submit a job for `evaluate`. Raises `TypeError` for other functions."""
+        """Submit a SLURM job that calls `evaluate`, and return a future of its result. Raises `TypeError` for any other function."""
         if fn is not evaluate or named:
             raise TypeError("SLURM jobs can only evaluate chunks")
         future: Future[T] = Future()
@@ -179,7 +179,7 @@ class SlurmCluster(Cluster):
         """Do nothing, because workers exist only while a job runs. A job that cannot access the files reports an error."""
 
     def fault(self) -> BatchFault | None:
-        """Return the error of the last submission, or None."""
+        """Return the error of the last submission of a job, or None."""
         return self._fault
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:

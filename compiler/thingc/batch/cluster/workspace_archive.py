@@ -1,11 +1,11 @@
-"""Pack a workspace into an archive for machines that cannot access its folder. Equal files result in equal archives.
+"""Pack a workspace into an archive, to be sent to machines that cannot access its folder. Equal workspaces result in equal archives.
 
-The files that part code opens are not known in advance, so the archive contains the whole folder of the workspace, except
+It is not known in advance which files the code of parts opens. The archive therefore contains the whole folder of the workspace, except
 - hidden files and folders, `__pycache__`, `node_modules`, `*.pyc`, and virtual environments;
 - the build folder of the workspace, and the folders of batches.
 
-Part folders, documents and part code of the plan are always included. Links are packed as links. A link to a target outside the workspace
-is an error, because the target can differ on another machine.
+Documents, part folders and the code of parts that the plan uses are always included. Symbolic links are packed as links. A link to a target
+outside the workspace is an error, because the target can differ on another machine.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ class WorkspaceArchive(FrozenStruct):
     names: int
 
     def unpack(self, folder: str) -> None:
-        """Write the workspace to a new folder, and nothing outside it.
+        """Unpack the workspace into a new folder. Nothing is written outside this folder.
 
-        Raises `OSError`, and `ValueError` if the data is damaged or unsafe.
+        Raises `OSError`, and `ValueError` if the archive is damaged or contains unsafe paths.
         """
         if not hasattr(tarfile, "data_filter"):
             raise ValueError("this version of Python cannot unpack archives safely: 3.11.4 or newer is required")
@@ -72,10 +72,10 @@ class WorkspaceArchive(FrozenStruct):
 
 
 def pack(plan: Plan, batch: str) -> WorkspaceArchive:
-    """Pack the workspace of a plan. `batch` is the folder of the batch.
+    """Pack the workspace of a plan into an archive. `batch` is the folder of the batch, which is omitted.
 
-    Raises `BatchFault` if the workspace is too large, contains a link to the outside or an unreadable file, or has changed since the plan
-    was computed.
+    Raises `BatchFault` if the workspace is too large, contains an unreadable file or a link to a target outside, or has changed since the
+    plan was computed.
     """
     workspace = plan.workspace
     names = _Search(workspace, (workspace.build, batch)).names(plan)
@@ -90,7 +90,7 @@ def pack(plan: Plan, batch: str) -> WorkspaceArchive:
 
 
 class _Search:
-    """Collects the files to pack. `without` are the absolute paths of omitted folders."""
+    """Finds the files of a workspace to pack. `without` contains the absolute paths of folders that are omitted."""
 
     def __init__(self, workspace: Workspace, without: tuple[str, ...]) -> None:
         self.workspace = workspace
@@ -100,7 +100,7 @@ class _Search:
         self.found: set[str] = set()
 
     def names(self, plan: Plan) -> set[str]:
-        """Return the paths of the files relative to the workspace, with `/` as separator."""
+        """Return the paths of all files to pack, relative to the workspace, with `/` as separator."""
         self._folder(self.root)
         for folder in self.workspace.parts:
             if folder != self.root:
@@ -171,7 +171,7 @@ def _unreadable(path: str, fault: OSError) -> BatchFault:
 
 
 def _put(archive: tarfile.TarFile, workspace: Workspace, name: str, sha256: str | None) -> None:
-    """Add a file, folder or link. Raises `BatchFault` if a file differs from its `sha256` in the plan."""
+    """Add a file, folder or link of the workspace to the archive. Raises `BatchFault` if the content of a file differs from `sha256`."""
     path = os.path.join(workspace.root, name)
     try:
         state = os.lstat(path)
@@ -190,7 +190,7 @@ def _put(archive: tarfile.TarFile, workspace: Workspace, name: str, sha256: str 
 
 
 def _link(archive: tarfile.TarFile, workspace: Workspace, name: str, target: str) -> None:
-    """Add a link with a relative target."""
+    """Add a symbolic link with a relative target to the archive."""
     place = os.path.realpath(os.path.dirname(os.path.join(workspace.root, name)))
     path = os.path.join(place, target)
     first = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))  # the first link of a chain of links
