@@ -1,4 +1,4 @@
-"""Convert many settings to a few models and arrays, for simulators that step many worlds of a model at once."""
+"""Convert many settings to a few MuJoCo models and arrays, for simulators that step many worlds with the same model at once."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 
 class Batched(OneLineRepr, FrozenStruct, eq=False):
-    """A group of settings that share a model, and the arrays in which their models differ.
+    """A group of settings that share one MuJoCo model, and the arrays in which the models of these settings differ.
 
-    `fields` are the arrays in which the settings differ, by the name of the field of `MjModel` (`body_mass`; `opt.gravity` for an option),
-    with shape (settings, *shape of the field), for `thingc.batch.apply`. Fields of `LEADING` only contain the rows of bodies. `indices` are
-    the indices of the settings in the input. `model` is the model of the first settings. If the settings have different meshes, the model
+    `fields` maps the name of a field of `MjModel` (`body_mass`; `opt.gravity` for an option) to an array with shape (settings, *shape of
+    the field), as `thingc.batch.apply` requires. Fields in `LEADING` only contain the rows of bodies. `indices` contains the indices of
+    these settings in the input. `model` is the model of the first of these settings. If the settings have different meshes, the model
     contains all meshes, and `geom_dataid` selects the mesh of each geom.
     """
 
@@ -36,18 +36,22 @@ class Batched(OneLineRepr, FrozenStruct, eq=False):
 
 
 class Batches(OneLineRepr, FrozenStruct):
-    """The result for a list of settings: groups that share a model, ordered by their first settings, and refused settings by index."""
+    """The result for a list of settings. `groups` contains groups of settings that share a model, and `refused` the refused settings by
+    index.
+
+    The groups are ordered by the index of their first settings.
+    """
 
     groups: tuple[Batched, ...]
     refused: Mapping[int, NoModel]
 
 
 def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], ModelSource] | None) -> Batches:
-    """Group the models of settings. Several settings may share a model object.
+    """Group the models of many settings, so that the settings of each group can share a model.
 
-    Models in a group differ only in numbers that a simulation reads at every step (`thingc.batch.shared_model`). If `source` is given,
-    which returns the source of the model at an index, models in a group may also differ in meshes. Such models must have the same elements,
-    limits and contacts.
+    The models of a group differ only in numbers that a simulation reads at every step (see `thingc.batch.shared_model`). If `source` is
+    given, they may also differ in meshes; they must then have the same elements, limits and contacts. `source` returns the XML and the
+    meshes of the model at an index. The same model object may occur several times in `models`.
     """
     groups: dict[bytes, _Group] = {}
     refused: dict[int, NoModel] = {}
@@ -85,14 +89,14 @@ class _Group:
         self.rows: dict[str, dict[int, Array]] = {}
 
     def value(self, model: mujoco.MjModel, name: str) -> Array:
-        """Return the value of a model field. For fields in `LEADING`, return only the rows of bodies."""
+        """Return the value of a field of a model. For fields in `LEADING`, return only the rows that belong to bodies."""
         import numpy as np
 
         value = np.asarray(getattr(*owner_of(model, name)))
         return value[: self.bodies] if name in LEADING else value
 
     def add(self, index: int, model: mujoco.MjModel) -> None:
-        """Add the model of the settings at an index."""
+        """Add the model of the settings with this index to the group."""
         for name, first in self._bytes.items():
             value = self.value(model, name)
             if value.tobytes() != first:
@@ -100,7 +104,7 @@ class _Group:
         self.indices.append(index)
 
     def stack(self, name: str) -> Array:
-        """Return the values of a field for all models, with shape (models, *shape of the field)."""
+        """Return the values of a field for all models of the group, as an array with shape (models, *shape of the field)."""
         import numpy as np
 
         first = self.first[name]
@@ -112,7 +116,7 @@ class _Group:
 
 
 def _stacked(groups: Sequence[_Group], model: mujoco.MjModel, more: Mapping[str, Array]) -> Batched:
-    """Combine several groups of settings, in the order of the settings."""
+    """Combine the settings of several groups in one `Batched`. `more` contains additional fields."""
     import numpy as np
 
     first = groups[0]
@@ -128,7 +132,7 @@ def _stacked(groups: Sequence[_Group], model: mujoco.MjModel, more: Mapping[str,
 
 
 def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> Batched | None:
-    """Combine groups with different meshes, or return None if this is impossible."""
+    """Combine groups whose models have different meshes. Return None if the models cannot be merged."""
     import numpy as np
 
     together = united([source(group.indices[0]) for group in groups], [group.model for group in groups])
@@ -140,7 +144,7 @@ def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> B
 
 
 def _kind(model: mujoco.MjModel) -> bytes:
-    """Return a digest of all values that must be equal in a group: sizes, names, and arrays that cannot be changed."""
+    """Return a digest of all values of a model that must be equal within a group: sizes, names, and arrays that cannot be changed."""
     digest = hashlib.sha256()
     for name in names(model):
         if name not in changeable_fields():

@@ -1,4 +1,4 @@
-"""Compute the results of many settings of a family."""
+"""Compute the results of a robot, such as its mass and reach, for many settings."""
 
 from __future__ import annotations
 
@@ -42,12 +42,13 @@ FEW = 8
 
 
 class Evaluation:
-    """Computes the results of settings in one mode, including results of the mounts in `sites`, and without the torque margin if `torques`
-    is False.
+    """Computes the results of a robot for many settings, in one mode.
 
-    With `tests`, which are names, the results are what these tests measure.
+    `sites` contains references to mounts whose positions are also results. If `torques` is False, the torque margin is not computed. With
+    `tests`, which are names of document tests, the values that these tests measure are computed instead of all other results.
 
-    Pose, reach and rules are those of `plan`, if there is one. `verify` is as in `ModelsOfMode`.
+    The pose, the mounts of the reach and the rules are taken from the variants document `plan`, if any. `verify` has the same meaning as in
+    `ModelsOfMode`.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class Evaluation:
         self.forms: PlanCaches[ResultsShape] = PlanCaches(is_refused=refusals.applies)
 
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
-        """Yield the results for each set of settings, in order."""
+        """Yield the results of each set of settings, in order. With `tests`, the tests of the document are also run."""
         source = iter(many)
         while chunk := list(islice(source, 1 if tests else TOGETHER)):
             ready: dict[int, Planned] = {}
@@ -90,14 +91,16 @@ class Evaluation:
                     yield self._judged(settings, read, plan.made.of(outputs), plan.made.problems)
 
     def confirms(self, plan: NumericPlan[ResultsShape], outputs: Sequence[float], read: ParsedSettings) -> bool:
-        """Compile settings, and return whether the results are those of a plan. If not, drop all plans for such settings."""
+        """Compile settings, and return whether the compilation gives the same results as the plan. If not, stop using plans for such
+        settings.
+        """
         if self._measured(read) == (plan.made.of(outputs), plan.made.problems):
             return True
         self.forms.of(read).wrong(f"a plan gave different results for {dict(zip(read.names, read.values))}")
         return False
 
     def _together(self, plan: NumericPlan[ResultsShape], chunk: Sequence[Item], place: int, ready: Collection[int]) -> dict[int, Planned]:
-        """Run a plan for the settings after `place` that set the same names to the same texts, and return its outputs by index."""
+        """Run a plan for all settings after the index `place` that differ only in numbers. Return the outputs of the plan by index."""
         if plan.exchange is not None:
             return {}
         form = (chunk[place][1].names, chunk[place][1].texts)
@@ -115,10 +118,11 @@ class Evaluation:
         self, rows: Floats, names: Sequence[str], item: Callable[[Floats], Item],
         restricted: Callable[[NumericPlan[ResultsShape]], NumericPlan[ResultsShape]],
     ) -> tuple[Floats, Booleans, tuple[Diagnostic, ...]] | None:
-        """Run a plan for many rows of numbers. Return the outputs, a flag for each row that shows whether the plan applies, and the common
-        diagnostics. Return None if there is no plan.
+        """Compute the results of many settings at once with a plan. Each row of `rows` contains values of the numbers `names`.
 
-        Rows are values of `names`, which `item` completes to settings. `restricted` returns a plan that computes the outputs only.
+        Return the outputs of the plan, a flag for each row that is True if the plan applies to it, and the diagnostics that all rows have
+        in common. Return None if no plan exists. `item` converts a row to settings. `restricted` returns a plan that computes only the
+        required outputs.
         """
         if len(rows) < FEW or self.rules:
             return None
@@ -138,7 +142,9 @@ class Evaluation:
         return outputs, applies, plan.made.problems
 
     def plan_at(self, read: ParsedSettings) -> tuple[NumericPlan[ResultsShape] | None, str]:
-        """Return the plan that applies to settings, creating it if necessary. If there is none, return None and the reason."""
+        """Return the plan that applies to the given settings. It is created if necessary. If this is impossible, return None and the
+        reason.
+        """
         form = self.forms.of(read)
         known = form.plan_for(read)
         plan = self._plan(read, form) if known is None and form.refused is None else None
@@ -148,7 +154,7 @@ class Evaluation:
         return (None if known is None else known[0]), "; ".join(f"`{name}`: {why}" for name, why in form.why.items()) or form.refused or ""
 
     def _plan(self, read: ParsedSettings, form: PlanCache[ResultsShape]) -> NumericPlan[ResultsShape] | None:
-        """Create a plan that gives the same results as compilations. If this is impossible, return None and store the reason in `form`."""
+        """Create a plan that gives the same results as compilations. If this is impossible, store the reason in `form` and return None."""
         first = self._measured(read)
         if not first[0]:
             return None
@@ -182,7 +188,10 @@ class Evaluation:
         return results, tuple(report.ordered())
 
     def _compiled(self, read: ParsedSettings) -> tuple[Results, Report, Compilation | None]:
-        """Compile settings. Return the results (empty for refused settings), the report, and the compilation (None after errors)."""
+        """Compile the document with the given settings. Return the results, the report, and the compilation.
+
+        For refused settings, the results are empty. After errors, the compilation is None.
+        """
         if read.report is not None:
             return {}, read.report, None
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
@@ -225,7 +234,9 @@ class Evaluation:
         return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
 
     def _broken(self, read: ParsedSettings, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
-        """Return the first rule that the results violate (or None), and the errors of rules that cannot be evaluated."""
+        """Return the first rule of the variants document that the results violate, or None, and the errors of rules that cannot be
+        evaluated.
+        """
         has_texts = any(name in self.reader.parameters for name, _ in read.texts)  # not only numbers: flags, texts or expressions
         given: Mapping[str, ExpressionValue] = self.reader.values(read) if has_texts else self.reader.quantities(read)
         undecided: list[Diagnostic] = []
@@ -237,7 +248,10 @@ class Evaluation:
 
 
 class ResultsShape(TracedResults):
-    """The structure of the results of one plan. `problems` are the diagnostics that all results have in common."""
+    """The names of the results that one plan computes, with the values that do not depend on numbers.
+
+    `problems` contains the diagnostics that all results have in common.
+    """
 
     def __init__(self, results: Mapping[str, Any], problems: tuple[Diagnostic, ...]) -> None:
         super().__init__(results)

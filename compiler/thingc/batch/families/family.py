@@ -48,31 +48,33 @@ if TYPE_CHECKING:
 
 
 class ModeNames(tuple[str, ...]):
-    """The names of the modes of a family.
+    """The names of all modes of a family of robots.
 
-    A call with settings returns a `thingc.modes.Modes` object, which switches between these modes (default: all) at run time. If the
-    settings are refused, the call returns `NoModel`, whose truth value is False. Raises `UnknownChoice` for an unknown mode.
+    Call this object with settings to get the robot's `thingc.modes.Modes`, which switch between modes at run time. The names of the
+    required modes are further arguments (default: all modes). For refused settings, the call returns `NoModel`, which is false in a boolean
+    context. Raises `UnknownChoice` for an unknown mode.
     """
 
     of: Callable[[Mapping[str, Any] | Variant, Sequence[str]], Modes | NoModel]
 
     def __call__(self, settings: Mapping[str, Any] | Variant, *modes: str) -> Modes | NoModel:
-        """Return the modes for given settings."""
+        """Return the modes of the robot with the given settings."""
         return self.of(settings, modes)
 
 
 class RobotFamily:
-    """A document as a family of robots in memory. On exit, this context manager ends the worker for parts.
+    """A family of robots: an assembly or variants document that is compiled in memory for many settings.
 
-    Settings are mappings from names of parameters, or paths in the document (`joints.elbow.limit.upper`, `components.bus_board.mass`,
-    `joints.*.dynamics.damping`), to numbers in SI units or strings as in documents. A `Variant` of a plan is also accepted. Settings are
-    checked as for `thingc build -p`, and errors are part of the results. The documents are read once; later changes have no effect.
+    Settings map names of parameters, or paths in the document such as `joints.elbow.limit.upper` or `joints.*.dynamics.damping`, to values.
+    A value is a number in SI units, or a string as in documents. A `Variant` of a plan is also accepted. Settings are checked as for
+    `thingc build -p`, and errors are part of the results. The documents are read once; later changes have no effect.
 
     Most models and results are computed without a compilation. `verify` controls how often such a model or result is compared with a
-    compilation: the first, then one in `verify` (0: never; None: the first, second, fourth, eighth ...).
+    compilation: the first one, then one in `verify` (0: never; None: the first, second, fourth, eighth ...).
 
-    Not thread-safe; after a fork or when pickled, each process has its own family. All methods that build parts or read their meshes raise
-    `StoreUnusable` if the store cannot be used or has lost them.
+    This class is not thread-safe. After a fork, or when the object is pickled, each process has its own family. On exit, the context
+    manager ends the worker process that builds parts. All methods that build parts or read their meshes raise `StoreUnusable` if the store
+    cannot be used, or if files are missing.
     """
 
     def __init__(
@@ -128,7 +130,7 @@ class RobotFamily:
         return self._again, ()
 
     def close(self) -> None:
-        """End the worker for parts, if any."""
+        """End the worker process that builds parts, if it is running."""
         self._session.__exit__()
 
     def __repr__(self) -> str:
@@ -141,10 +143,11 @@ class RobotFamily:
     @overload
     def evaluate(self, settings: Iterable[Mapping[str, Any] | Variant], *, tests: bool = False) -> list[Evaluated]: ...
     def evaluate(self, settings: Any, *, tests: bool = False) -> Evaluated | list[Evaluated]:
-        """Compute the results for one set of settings, or a list of results for a list of settings.
+        """Compute the results of the robot for one set of settings. For a list of settings, return a list of results.
 
-        The mode and the pose come from the variants document; for an assembly, they are the mode of the family and the pose of this mode.
-        With `tests`, the tests of the assembly document are run, too. Errors in settings are not raised; they are part of the results.
+        The variants document specifies the mode and the pose. For an assembly document, the mode is the mode of the family, and the pose is
+        the pose of this mode. With `tests`, the tests of the assembly document are also run. Errors in settings are not raised, but are
+        part of the results.
         """
         found = list(self._evaluation_of(self.mode).each(map(self._read, as_many(settings)), tests=tests))
         return found[0] if is_single(settings) else found
@@ -152,10 +155,10 @@ class RobotFamily:
     def model(
         self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True, floor: bool = False,
     ) -> mujoco.MjModel | NoModel:
-        """Return a new compiled MuJoCo model for settings in a mode. For refused settings, return `NoModel`, whose truth value is False.
+        """Return a new MuJoCo model of the robot with the given settings. For refused settings, return `NoModel`, which is false.
 
-        Without `visual`, visual geometry is omitted. With `floor`, the model includes the floor of its scene. Raises `UnknownChoice` for an
-        unknown mode.
+        `mode` is the name of the mode. Without `visual`, visual geometry is omitted. With `floor`, the model includes the floor of its
+        scene. Raises `UnknownChoice` for an unknown mode.
         """
         return next(self._of(mode, visual, floor).each([self._read(settings)], share=False))
 
@@ -163,21 +166,22 @@ class RobotFamily:
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, share: bool = False, visual: bool = False,
         floor: bool = False,
     ) -> Iterator[mujoco.MjModel | NoModel]:
-        """Yield the models for many settings in order. Up to 128 settings are read ahead.
+        """Yield the MuJoCo models of the robot for many settings, in order. At most 128 settings are read ahead.
 
-        With `share`, the yielded models may be the same object: a model is valid until the next model is requested. An `MjData` of the
-        model stays valid as long as the model is the same object. Changes of a lent model may persist in the next lent model, but not in
-        other models. `NoModel` replaces the model of refused settings. Raises `UnknownChoice` for an unknown mode.
+        With `share`, several yielded models can be the same object. A model is then valid until the next model is requested. An `MjData` of
+        the model stays valid as long as the model is the same object. If the caller changes a shared model, the change may persist in the
+        next model. For refused settings, a `NoModel` is yielded. Raises `UnknownChoice` for an unknown mode.
         """
         return self._of(mode, visual, floor).each(map(self._read, as_many(many)), share=share)
 
     def batched(
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, union: bool = True, floor: bool = False,
     ) -> Batches:
-        """Convert many settings to a few models without visual geometry, and to arrays with the values in which the settings differ.
+        """Convert many settings to a few MuJoCo models without visual geometry, and to arrays that contain the differences between
+        settings.
 
-        With `union`, variants with different geometry also share a model, which contains the meshes of all variants. With `floor`, models
-        include the floor of their scenes. Raises `UnknownChoice` for an unknown mode.
+        With `union`, settings with different geometry can share a model, which then contains the meshes of all these settings. With
+        `floor`, models include the floor of their scenes. Raises `UnknownChoice` for an unknown mode.
         """
         models, read = self._of(mode, False, floor), [self._read(one) for one in as_many(many)]
         models.take_back()
@@ -188,10 +192,11 @@ class RobotFamily:
     ) -> tuple[Diagnostic, ...]:
         """Write the build of these settings into `folder`, with the same bytes as `thingc build`, and return the diagnostics.
 
-        Nothing is written if there are errors. `emit` are the targets, or a string as for `--emit`. The default is the targets of the
-        variants document, else the default targets of a build. MuJoCo does not check files that are computed without a compilation (for
-        targets other than `hag`, `glb` and `html`), unless these files are compared with a compilation. Raises `UnknownChoice` for an
-        unknown target, `OutputError` for a system error, and `UnexpectedFilesError` if the folder contains other files.
+        If there are errors, nothing is written. `emit` contains the names of the targets, or is a string as for `--emit`. By default, the
+        targets of the variants document are written, else the default targets of a build. All targets except `hag`, `glb` and `html` can be
+        computed without a compilation. MuJoCo does not check the computed models, unless they are compared with a compilation. Raises
+        `UnknownChoice` for an unknown target, `OutputError` for an error of the operating system, and `UnexpectedFilesError` if the folder
+        contains other files.
         """
         from thingc.driver.output import OutputError, write_build
         from thingc.geometry.store.local import BlobMissing
@@ -216,7 +221,7 @@ class RobotFamily:
         return problems
 
     def _switching(self, settings: Mapping[str, Any] | Variant, modes: Sequence[str]) -> Modes | NoModel:
-        """Return the modes of a robot with given settings, for switching between modes."""
+        """Return the modes of the robot with the given settings, which switch between modes at run time."""
         from thingc.modes import Modes
 
         given, read = self._read(settings)
@@ -234,8 +239,8 @@ class RobotFamily:
     def adopt(self, settings: Mapping[str, Any] | Variant) -> tuple[Diagnostic, ...]:
         """Write settings into the assembly document, as `thingc set` does, and return the diagnostics.
 
-        Comments and layout are preserved, and values are in the units of the document. Nothing is written if there are errors. This family
-        is not changed. Raises `OSError` if the document cannot be read.
+        Comments and layout of the document are preserved, and values are written in its units. If there are errors, nothing is written.
+        This family is not changed. Raises `OSError` if the document cannot be read.
         """
         from thingc.driver.edit_document import write_values
 
@@ -251,12 +256,14 @@ class RobotFamily:
         self, names: Sequence[str] | str, outputs: Sequence[str] | str = ("mass", "centre"), *, mode: str | None = None,
         at: Mapping[str, Any] | None = None,
     ) -> FamilyFunction:
-        """Return the family as a differentiable function, which maps numbers, given by parameter or path, to results.
+        """Return a differentiable function that maps numbers in the document to results of the robot.
 
-        `outputs` are results of `evaluate`, groups of results (`centre`, `inertia`, `box`), or positions of mounts in the world
-        (`site:hook`, `site:hook.z`). They can also be what tests measure (`tests.weight`), without other results. `at` are additional
-        fixed settings. Raises `FamilyError` for a name that is not a number and for an unknown result, and `UnknownChoice` for an unknown
-        mode. The rules of a variants document do not apply.
+        `names` contains names of parameters, or paths in the document. `outputs` contains names of results of `evaluate`, groups of results
+        (`centre`, `inertia`, `box`), or positions of mounts in the world (`site:hook`, `site:hook.z`). Alternatively, all outputs are
+        values that document tests measure, such as `tests.weight`. `at` contains additional fixed settings. The rules of a variants
+        document do not apply.
+
+        Raises `FamilyError` for a name that does not belong to a number and for an unknown result, and `UnknownChoice` for an unknown mode.
         """
         from thingc.batch.families.function import FamilyFunction
 
@@ -273,9 +280,10 @@ class RobotFamily:
         self, outputs: Sequence[str] | str = ("mass", "centre"), names: Sequence[str] | str = (), *, mode: str | None = None,
         at: Mapping[str, Any] | None = None,
     ) -> list[Sensitivity]:
-        """Return the derivative of each output by each number, by parameter or path (default: the parameters that are numbers).
+        """Compute the derivative of each output by each number in `names`. By default, these are all numeric parameters of the document.
 
-        `outputs` are as in `function`, patterns such as `tests.*`, or both. `at` are other settings, also of the numbers. Raises as
+        `names` contains names of parameters, or paths in the document. `outputs` is as for `function`, and can also contain patterns such
+        as `tests.*`. `at` contains further settings, and can contain values of the numbers themselves. Raises the same errors as
         `function`, and `FamilyError` for settings without results.
         """
         from thingc.batch.families.sensitivity import results_by_function, sensitivities
@@ -302,10 +310,11 @@ class RobotFamily:
         self, names: Sequence[str] | str, *, mode: str | None = None, at: Mapping[str, Any] | None = None, floor: bool = False,
         dtype: str = "float64",
     ) -> FamilyMjx:
-        """Return the family as a pure function that maps numbers, given by parameter or path, to models of MJX (MuJoCo in JAX).
+        """Return a pure function that maps numbers in the document to models of MJX (MuJoCo in JAX).
 
-        `at` are additional fixed settings. With `floor`, models include the floor of their scenes. Raises `FamilyError` for a name that is
-        not a number, if JAX has no 64-bit numbers (with `dtype="float64"`), and for what MJX does not support; `UnknownChoice` for an
+        `names` contains names of parameters, or paths in the document. `at` contains additional fixed settings. With `floor`, models
+        include the floor of their scenes. Raises `FamilyError` for a name that does not belong to a number, and for features that MJX does
+        not support. With `dtype="float64"`, also raises `FamilyError` if JAX does not use 64-bit numbers. Raises `UnknownChoice` for an
         unknown mode.
         """
         from thingc.batch.families.mjx_family import FamilyMjx
@@ -314,14 +323,16 @@ class RobotFamily:
 
     @cached_property
     def space(self) -> SearchSpace:
-        """The dimensions of the settings: the axes of the variants document, else the parameters of the assembly."""
+        """The search space of the family: the axes of the variants document, or the parameters of the assembly document."""
         if self._plan is not None:
             return of_axes(self._plan.axes, {**self._plan.own, **self._plan.paths.own})
         return of_parameters(self._spec, self._reader.parameters, self._bound)
 
     def numbers(self, settings: Mapping[str, Any] | Variant) -> dict[str, float]:
-        """Return the numbers [SI] and flags (0 or 1) of settings by name. Fixed values of the family and values computed from them are
-        included; values that equal those of the documents are not.
+        """Return the values of all numeric settings [SI] and flags (0 or 1) by name.
+
+        The result includes fixed values of the family, and values that are computed from the settings. Values that equal the values in the
+        documents are omitted.
         """
         _, read = self._read(settings)
         values, own = self._reader.values(read), self._reader.parameters
@@ -334,14 +345,14 @@ class RobotFamily:
 
     @property
     def variants(self) -> Iterator[Variant]:
-        """The variants of the variants document, in order. For an assembly, the list is empty."""
+        """An iterator over the variants of the variants document, in order. It is empty for an assembly document."""
         return iter(self._plan or ())
 
     def explain(self, name: str, value: Any = None, *, mode: str | None = None) -> Explanation | NoModel:
-        """Explain how the models of a mode depend on a number, which is given by its parameter or path.
+        """Explain how the MuJoCo models of a mode depend on one number in the document, and how fast new models are computed.
 
-        The number is set to `value` (None: the value in the document) and to nearby values. Returns `NoModel` if the number cannot be set
-        to `value`.
+        `name` is the name of a parameter, or a path. The number is set to `value` (None: the value in the document) and to nearby values.
+        Returns `NoModel` if the number cannot be set to `value`.
         """
         models = self._of(mode, False)
         settings: dict[str, Any] = {one: self._stated(one) if value is None else value for one in self._reader.meant(str(name))}
@@ -365,7 +376,7 @@ class RobotFamily:
         return settings if isinstance(settings, Mapping) else {}, self._reader.read(settings)
 
     def _stated(self, name: str) -> Any:
-        """Return the value in the document [SI], or an empty string if the document contains no value."""
+        """Return the value of a number in the document [SI], or an empty string if the document does not contain a value."""
         kind = self._reader.kind(name)
         return kind.value if isinstance(kind, Quantity) else "" if kind is None else kind
 
@@ -396,7 +407,9 @@ class RobotFamily:
         return self._evaluations[key]
 
     def _check_tests(self, names: Sequence[str], *, alone: bool) -> None:
-        """Raise `FamilyError` for tests whose result is not differentiable and, unless `alone` is True, for any test."""
+        """Raise `FamilyError` if a name refers to a test whose result is not differentiable. Unless `alone` is True, also raise it for any
+        test.
+        """
         for name in names:
             if name not in self._spec.tests:
                 raise FamilyError(f"there is no test `{name}`", did_you_mean(name, self._spec.tests, what="tests"))
@@ -429,7 +442,7 @@ class RobotFamily:
         return self._plan.written_in if self._plan is not None else {}
 
     def _written(self, names: Iterable[str]) -> dict[str, ScalarNode]:
-        """Return the values of numbers in the document, by name. Expressions and missing values are omitted."""
+        """Return the nodes of the document that contain the given numbers, by name. Expressions and missing values are omitted."""
         from thingc.driver.edit_document import keys_of
 
         root = self._sources.documents.root
@@ -437,7 +450,7 @@ class RobotFamily:
         return {name: node for name, node in nodes.items() if isinstance(node, ScalarNode) and not node.text.startswith("=")}
 
     def _bound(self, name: str, key: str) -> float | None:
-        """Return a bound of a parameter [SI], or None."""
+        """Return the bound `key` of a parameter [SI], or None if the parameter does not have this bound."""
         entry = self._spec.parameters[name]
         raw: Any = getattr(entry, key) if isinstance(entry, ParameterSpec) else None
         if isinstance(raw, Expression):
@@ -449,7 +462,7 @@ class RobotFamily:
 
 
 def _planned(path: str, options: Options) -> Plan | None:
-    """Return the plan of a variants document, or None for other documents. Raises `CompileError`."""
+    """Return the plan of variants if the document is a variants document, otherwise None. Raises `CompileError` for errors."""
     from thingc.batch.variants_document import read_plan
     from thingc.documents.load.documents import load
     from thingc.documents.workspace import Workspace
@@ -465,12 +478,12 @@ def _planned(path: str, options: Options) -> Plan | None:
 
 
 def is_single(settings: Any) -> bool:
-    """Return whether the argument is a single set of settings (or an invalid value)."""
+    """Return whether an argument is a single set of settings. Also return True for a value that is not a list of settings."""
     return isinstance(settings, (Mapping, str, bytes)) or not isinstance(settings, Iterable)
 
 
 def as_many(settings: Any) -> Iterable[Any]:
-    """Convert an argument to an iterable of sets of settings."""
+    """Convert an argument, which is a single set of settings or an iterable of sets of settings, to an iterable of sets of settings."""
     return [settings] if is_single(settings) else settings
 
 

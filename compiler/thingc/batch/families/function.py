@@ -1,4 +1,4 @@
-"""Use a family as a function with derivatives, which maps numbers of the document to results of the robot."""
+"""Use a family of robots as a mathematical function with derivatives, which maps numbers in the document to results of the robot."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ FINE = 1e-4
 
 
 class NotDifferentiable(FamilyError):
-    """Raised if a result has no derivative at the given settings. The message contains the result and the reason."""
+    """Raised if a result does not have a derivative at the given settings. The message contains the result and the reason."""
 
 
 class FamilyValues(np.ndarray[Any, np.dtype[np.float64]]):
-    """The results of a family function as an array `(m,)` or `(k, m)`, in SI units. Missing results are NaN.
+    """The results of a `FamilyFunction` in SI units, as an array with shape `(m,)` or `(k, m)`. Missing results are NaN.
 
-    `ok` is True for settings without errors that have all results: a boolean or `(k,)`. `problems` are the diagnostics of every setting.
-    Arrays computed from this one have neither.
+    `ok` is True for settings without errors that have all results. It is a boolean, or an array with shape `(k,)`. `problems` contains the
+    diagnostics of every set of settings. Arrays that are computed from this array do not have these attributes.
     """
 
     ok: bool | npt.NDArray[np.bool_] | None
@@ -53,10 +53,10 @@ class FamilyValues(np.ndarray[Any, np.dtype[np.float64]]):
 
 
 class FamilyJacobian(np.ndarray[Any, np.dtype[np.float64]]):
-    """The derivatives `(m, n)` of m results by n numbers, in SI units.
+    """The derivatives of m results by n numbers in SI units, as an array with shape `(m, n)`.
 
-    `error`, `(m, n)`, is 0 for exact derivatives (their rounding error is about 1e-15), otherwise an estimate of the error of a difference
-    quotient. Arrays computed from this one have None.
+    `error` is an array with the same shape. It is 0 for exact derivatives, whose rounding error is about 1e-15. For a derivative that is
+    computed by finite differences, it is an estimate of the error. Arrays that are computed from this array have the error None.
     """
 
     error: Floats | None
@@ -67,9 +67,10 @@ class FamilyJacobian(np.ndarray[Any, np.dtype[np.float64]]):
 
 @dataclass(frozen=True)
 class RestrictedPlan:
-    """A plan that is restricted to some outputs.
+    """A plan that computes only the outputs of a function.
 
-    `traced` maps the indices of the traced names to the indices of their variables. Parts do not depend on them, but on `modelled`.
+    `traced` maps the index of each name on which no part depends to the index of its variable in the plan. `modelled` is the same for names
+    on which parts depend.
     """
 
     plan: NumericPlan[ResultsShape]
@@ -79,12 +80,16 @@ class RestrictedPlan:
 
     @cached_property
     def derivatives(self) -> DerivativeFunction:
-        """A function of all variables that computes the outputs and their derivatives by the traced names."""
+        """A function that computes the outputs and their derivatives by the names in `traced`. Its arguments are all variables of the plan.
+        """
         return derivative_function(self.restricted.program, list(self.traced.values()))
 
     @cached_property
     def through_parts(self) -> Mapping[int, DerivativeFunction]:
-        """The derivatives by modelled names, as functions of all variables, the slopes of numbers of parts, and the value of the name."""
+        """For each name in `modelled`, a function that computes the derivatives of the outputs by this name.
+
+        Its arguments are all variables of the plan, the derivatives of the numbers of parts by the name, and the value of the name.
+        """
         program, first = self.restricted.program, len(self.plan.free)
         numbers = program.variables[first:]
         return {
@@ -94,9 +99,10 @@ class RestrictedPlan:
 
 
 class FamilyFunction:
-    """A function that maps values of `names` to `outputs`, in SI units, in one mode and with all other settings fixed.
+    """A function that maps values of the numbers `names` to the results `outputs`, in one mode. All values are in SI units.
 
-    `start` has the values of the document, `(n,)`, and `bounds` the limits of the parameters, `(n, 2)`; a missing limit is infinite.
+    All other settings are fixed. `start` `(n,)` contains the values in the document. `bounds` `(n, 2)` contains the lower and upper bounds
+    of parameters, which are infinite if the document does not specify them.
     """
 
     def __init__(
@@ -122,16 +128,17 @@ class FamilyFunction:
         self._plans: dict[int, RestrictedPlan] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Support copying and pickling. A copy opens the family again."""
+        """Support copying and pickling. A copy opens the document again."""
         return self._again, ()
 
     def __repr__(self) -> str:
         return f"FamilyFunction({', '.join(self.names)} -> {', '.join(self.outputs)})"
 
     def value(self, x: npt.ArrayLike) -> FamilyValues:
-        """Compute the outputs for values of the names. An array `(n,)` gives `(m,)`, and an array `(k, n)` gives `(k, m)`.
+        """Compute the outputs for given values of the numbers. An array with shape `(n,)` gives `(m,)`, and an array `(k, n)` gives
+        `(k, m)`.
 
-        They have the bits of `RobotFamily.evaluate`. Raises `FamilyError` for another shape.
+        The results equal the results of `RobotFamily.evaluate` bit by bit. Raises `FamilyError` for an array of another shape.
         """
         rows, single = self._rows(x)
         made, ok = np.full((len(rows), len(self.outputs)), np.nan), np.zeros(len(rows), dtype=np.bool_)
@@ -152,10 +159,11 @@ class FamilyFunction:
         return values
 
     def jacobian(self, x: npt.ArrayLike) -> FamilyJacobian:
-        """Compute the derivatives `(m, n)` of the outputs by the names, at the values `(n,)`.
+        """Compute the derivatives of the outputs by the numbers as an array `(m, n)`, at the values `x` `(n,)`.
 
-        Derivatives are exact, unless a part, a decision or a search depends on the name: then they are estimated from settings near it, and
-        their `error` is greater than 0. Raises `NotDifferentiable`, and `FamilyError` for another shape or refused settings.
+        Derivatives are exact, unless a part, a decision of the compiler or a search depends on a number. In this case, they are estimated
+        from nearby settings, and their `error` is greater than 0. Raises `NotDifferentiable` if a derivative does not exist, and
+        `FamilyError` for an array of another shape or refused settings.
         """
         rows, single = self._rows(x)
         if not single:
@@ -182,11 +190,12 @@ class FamilyFunction:
         return jacobian
 
     def jax(self, *, dtype: str = "float64") -> JaxFunction:
-        """Return a pure function for JAX that maps values `(n,)` to `(outputs (m,), ok)`. It can be used with `jit`, `vmap` and `grad`.
+        """Return a pure JAX function that maps values `(n,)` of the numbers to `(outputs (m,), ok)`. It can be used with `jit`, `vmap` and
+        `grad`.
 
-        It makes the decisions of `start`: `ok` is False for settings that are refused or decide otherwise, and their outputs are undefined.
-        Raises `FamilyError` if JAX has no 64-bit numbers (with `dtype="float64"`), cannot run an operation, or if a part or a decision
-        depends on one of the names.
+        The JAX function makes the same decisions as the compiler makes for `start`. For settings that are refused, or that require other
+        decisions, `ok` is False and the outputs are undefined. Raises `FamilyError` if JAX does not support an operation, if a part or a
+        decision depends on one of the numbers, and, with `dtype="float64"`, if JAX does not use 64-bit numbers.
         """
         from thingc.batch.families.jax_function import jax_function
 
@@ -202,14 +211,14 @@ class FamilyFunction:
     # --- implementation -------------------------------------------------------------------------------------------------
 
     def _require(self, row: Floats) -> None:
-        """Raise `FamilyError` if the settings of a row are refused or lack a result."""
+        """Raise `FamilyError` if the settings with these values are refused, or if one of the outputs is missing."""
         values = self.value(row)
         if not values.ok:
             missing = "; ".join(f"there is no `{name}`" for name, value in zip(self.outputs, values, strict=True) if np.isnan(value))
             raise FamilyError(f"there are no results at {self._shown(row)}: {_errors(values.problems[0]) or missing}")
 
     def _restricted(self, plan: NumericPlan[ResultsShape]) -> NumericPlan[ResultsShape]:
-        """Restrict a plan to the requested outputs."""
+        """Return a plan that computes only the outputs of this function."""
         if id(plan) not in self._plans:
             while len(self._plans) >= MOST:
                 self._plans.pop(next(iter(self._plans)))
@@ -226,7 +235,11 @@ class FamilyFunction:
         return self._plans[id(plan)].restricted
 
     def _derivatives_at(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
-        """Return the derivatives by the names that a plan traces, and the indices of these names. The plan is created if necessary."""
+        """Return the indices of the numbers whose derivatives a plan computes exactly, and these derivatives. A plan is created if
+        necessary.
+
+        Return None if no plan applies to the settings.
+        """
         found = self._exact(read)
         if found is None and read.report is None:
             plan, _ = self._evaluation.plan_at(read)
@@ -236,7 +249,9 @@ class FamilyFunction:
         return found
 
     def _exact(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
-        """Return the derivatives by the names that an existing plan traces, and the indices of these names."""
+        """Return the indices of the numbers whose derivatives an existing plan computes exactly, and these derivatives. Return None without
+        a plan.
+        """
         for one, given in self._known(read):
             try:
                 found = one.derivatives(given)
@@ -251,18 +266,19 @@ class FamilyFunction:
         return None
 
     def _known(self, read: ParsedSettings) -> Iterator[tuple[RestrictedPlan, tuple[float, ...]]]:
-        """Yield the known plans that may apply to settings, and their variables."""
+        """Yield each existing plan that may apply to the given settings, together with its variables."""
         known = self._evaluation.forms.of(read).plans if read.report is None else ()
         for one in self._plans.values():
             if any(one.plan is other for other in known) and (given := one.plan.given(read.values)) is not None:
                 yield one, given
 
     def _beside(self, x: Floats, place: int, own: Floats) -> tuple[Floats, Floats]:
-        """Return the derivatives by one name, and their errors, at settings where two compared numbers are equal. The derivatives on both
-        sides are compared.
+        """Return the derivatives of all outputs by one number, and their errors, if the compiler compares two numbers that are equal at
+        `x`.
 
-        Other operations may compute the results for greater or smaller numbers, so derivatives next to `x` are compared with changes of the
-        results. If only one side is valid, as at a bound, the derivative `own` at `x` is the one of this side.
+        The results may be computed by other operations for greater and for smaller values. The derivatives on both sides of `x` must
+        therefore agree with each other, and with the change of the results. If only one side is valid, as at a bound, the derivative `own`
+        at `x` is returned. Raises `NotDifferentiable` if the derivatives do not agree.
         """
         low, high = self.bounds[place]
         scale = abs(x[place]) or min(high - low, 1.0)
@@ -292,7 +308,9 @@ class FamilyFunction:
         return np.mean([slope for slope, _ in sides], axis=0), error
 
     def _estimated(self, x: Floats, place: int) -> tuple[Floats, Floats]:
-        """Return the derivatives by one name from five settings near `x`, and the estimates of their errors."""
+        """Estimate the derivatives of all outputs by one number from the results at five nearby settings. Return the derivatives and their
+        errors.
+        """
         low, high = self.bounds[place]
         width = high - low if np.isfinite(low) and np.isfinite(high) else np.inf
         results = np.abs(np.asarray(self.value(x)))
@@ -309,7 +327,9 @@ class FamilyFunction:
         return best, error
 
     def _stencil(self, x: Floats, place: int, step: float) -> tuple[Floats, Floats]:
-        """Return five settings within the bounds, one of which is `x`, and the weights of their results."""
+        """Return five settings within the bounds, one of which is `x`, and the weights `(4, 5)` by which their results are combined to
+        derivatives.
+        """
         low, high = self.bounds[place]
         nodes = min(max(x[place], low + 2.0 * step), high - 2.0 * step) + step * np.arange(-2.0, 3.0)
         nodes[np.argmin(np.abs(nodes - x[place]))] = x[place]
@@ -318,9 +338,10 @@ class FamilyFunction:
         return points, _weights(nodes - x[place])
 
     def _through_parts(self, x: Floats, place: int, step: float) -> Floats | None:
-        """Return the derivatives `(5, m)` by a name on which parts depend, for each row of the weights and with noise, or None.
+        """Return estimates `(5, m)` of the derivatives of all outputs by a number on which parts depend, or None if this is impossible.
 
-        Only the numbers of the parts are combined with the weights, and the chain rule gives the derivatives of the results.
+        Only the numbers of the parts are estimated from nearby settings. The chain rule then gives the derivatives of the results. There is
+        one row for each row of weights, and one with the noise of the numbers.
         """
         low, high = self.bounds[place]
         for offset in (0.0, SPECIAL * step, -SPECIAL * step) if any(place in one.modelled for one in self._plans.values()) else ():
@@ -345,7 +366,9 @@ class FamilyFunction:
         return None
 
     def _sound(self, points: Floats, place: int) -> Floats:
-        """Return the results at settings near each other. Raises `NotDifferentiable` if there are none."""
+        """Return the results at several settings near each other. Raises `NotDifferentiable` if one of these settings does not have
+        results.
+        """
         values = self.value(points)
         if not np.all(values.ok):
             name, problems = self.names[place], values.problems[int(np.argmin(values.ok))] if values.ok is not None else ()
@@ -356,7 +379,7 @@ class FamilyFunction:
         return np.asarray(values)
 
     def _rows(self, x: npt.ArrayLike) -> tuple[Floats, bool]:
-        """Convert values to an array of rows, and return whether there is a single row."""
+        """Convert values of the numbers to an array with one row per set of settings. Also return whether there is only a single row."""
         try:
             rows = np.array(x, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
@@ -371,7 +394,7 @@ class FamilyFunction:
         return settings, self._reader.read(settings)
 
     def _number(self, name: str) -> Quantity:
-        """Return the value of a number in the document. Raises `FamilyError` if the value is not a number."""
+        """Return the value of a number in the document. Raises `FamilyError` if the value in the document is not a number."""
         if not isinstance(name, str) or "*" in name:
             raise FamilyError(f"expected the name of one number, found `{name}`", "write the names one by one")
         kind = self._reader.kind(name)
@@ -389,7 +412,10 @@ class FamilyFunction:
         raise FamilyError(f"the document has no value for `{name}`", "give it one in the document")
 
     def _expanded(self, outputs: Sequence[str]) -> tuple[str, ...]:
-        """Return the names of results: `centre` becomes `centre.x`, `centre.y` and `centre.z`. Raises `FamilyError`."""
+        """Replace groups of results by the names of their results: `centre` by `centre.x`, `centre.y` and `centre.z`.
+
+        Raises `FamilyError` for an unknown result.
+        """
         settings, read = self._item(self.start)
         results = next(self._evaluation.each([(settings, read)], tests=False))
         if not results.results:
@@ -425,10 +451,10 @@ ROUNDING = 1e-15
 
 
 def _weights(offsets: Floats) -> Floats:
-    """Return weights `(4, 5)` of values at five offsets, for derivatives at 0.
+    """Return weights `(4, 5)` for the values of a function at five offsets. The weighted sums are estimates of its derivative at 0.
 
-    The first row is the derivative of the polynomial through all values. The others differ from it by estimates of its error: they are
-    the derivatives of polynomials through three values, and the first row with the fourth differences, which a jump or noise changes.
+    The first row is the derivative of the polynomial through all values. The others differ from it by estimates of its error: they are the
+    derivatives of polynomials through three values, and the first row with the fourth differences, which a jump or noise changes.
     """
     size = np.abs(offsets).max()
     rows = np.zeros((4, 5))

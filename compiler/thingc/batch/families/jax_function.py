@@ -1,4 +1,4 @@
-"""Convert a family to a function of JAX for use with `jit`, `vmap` and `grad` (`pip install thingc[jax]`)."""
+"""Convert the computation of the results of a robot to a JAX function for use with `jit`, `vmap` and `grad` (`pip install thingc[jax]`)."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ LONGEST = 10_000
 
 
 def jax_function(program: Program, by: Sequence[int], values: Sequence[float], dtype: str, instead: str = "value") -> JaxFunction:
-    """Convert a program to a JAX function of the variables at the indices `by`. The other variables have fixed `values`.
+    """Convert a program to a JAX function of the variables with the indices `by`. All other variables keep their value in `values`.
 
-    Decisions are made for the values of the program: for others that decide otherwise, the boolean is False. Raises `FamilyError` for a
-    program with operations that JAX does not have, for one that is too long, and for `float64` without 64-bit numbers in JAX; its help is
-    to use the method `instead`.
+    The JAX function makes the same decisions as the program makes for `values`. It returns the outputs, and a boolean that is False for
+    variables that require other decisions. Raises `FamilyError` if JAX does not support an operation, if the program is too long, and, for
+    the dtype `float64`, if JAX does not use 64-bit numbers. The help text of the error suggests the method `instead`.
     """
     if dtype not in ("float64", "float32"):
         raise FamilyError(f"expected `dtype` to be \"float64\" or \"float32\", found `{dtype}`")

@@ -1,4 +1,4 @@
-"""Merge models with different meshes into one model that contains all meshes, and an array that selects the mesh of each geom."""
+"""Merge MuJoCo models that have different meshes into one model, which contains all meshes. An array selects the mesh of each geom."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ _FOLLOWING = frozenset(("noct", "nnames", "nnames_map", "npaths", "nbuffer", "na
 
 
 class ModelSource(FrozenStruct, eq=False):
-    """The source of a model: its XML, and its meshes by file name."""
+    """The XML text of a MuJoCo model, and the contents of its mesh files by file name."""
 
     text: str
     assets: Mapping[str, bytes]
 
 
 def likeness(model: mujoco.MjModel) -> bytes:
-    """Return a digest of all values that must be equal to merge two models: all values except changeable numbers and meshes."""
+    """Return a digest of all values that must be equal in models to be merged. These are all values except meshes and changeable numbers.
+    """
     digest = hashlib.sha256()
     for name in names(model):
         if name not in changeable_fields() and name not in _FOLLOWING and not name.startswith(_OF_MESHES):
@@ -38,9 +39,10 @@ def likeness(model: mujoco.MjModel) -> bytes:
 
 
 def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> tuple[mujoco.MjModel, list[list[int]]] | None:
-    """Merge models without visual geometry. Return the model, and for each source the mesh number of every geom (-1: no mesh).
+    """Merge several MuJoCo models without visual geometry into one. Return the model, and the mesh number of every geom in each of the
+    sources.
 
-    Return None if the geoms of the merged model differ from the geoms of the sources.
+    The mesh number of a geom without a mesh is -1. Return None if the geoms of the merged model do not match the geoms of the sources.
     """
     root = ElementTree.fromstring(sources[0].text)
     for body in root.iter("body"):
@@ -88,10 +90,10 @@ def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> 
 
 
 def _with_hulls(text: str, files: dict[str, bytes], meshes: Sequence[str]) -> mujoco.MjModel:
-    """Compile a model so that every mesh has a convex hull.
+    """Compile a MuJoCo model in such a way that every mesh has a convex hull.
 
-    MuJoCo computes a hull only for meshes of colliding geoms, but any geom may get any mesh later. A hull remains in the model after its
-    geom is deleted.
+    MuJoCo computes a convex hull only for the meshes of colliding geoms, but each geom can later use any mesh. A temporary geom is
+    therefore added for each mesh and deleted again, because its hull remains in the model.
     """
     import mujoco
 

@@ -1,6 +1,6 @@
-"""Recompile a model for other numbers, by its XML with slots for numbers or by an `MjSpec`.
+"""Recompile a MuJoCo model with other numbers and meshes, from an XML template or from an `MjSpec`.
 
-Numbers and meshes in the `MjSpec` are replaced, so that MuJoCo recompiles the model without parsing.
+An `MjSpec` is faster, because MuJoCo does not need to parse the XML again.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 
 class ModelTemplate:
-    """The XML of a model with slots for numbers and names.
+    """The XML of a MuJoCo model with slots, in which numbers and names of meshes can be inserted.
 
-    `outputs` are the numbers for the slots, in the order of the values for `text`. `why` is the reason why `Arrays` cannot be used. If
-    parts are exchanged, the names of their `meshes` are also slots. `slotted` is the XML with slots, `places` maps a slot to the index of
-    its value, and `plain` is the XML with the numbers of the rehearsal.
+    `outputs` contains the numbers for the slots, in the order in which `text` expects their values. `why` is the reason why the faster
+    `Arrays` cannot be used. If parts depend on numbers, the names of the `meshes` of these parts are also slots. `slotted` is the XML with
+    slots. `places` maps each slot to the index of its value. `plain` is the XML with the numbers of the traced compilation.
     """
 
     def __init__(self, rehearsal: TraceResult, why: str = "", meshes: Sequence[str] = ()) -> None:
@@ -40,7 +40,7 @@ class ModelTemplate:
         self.plain = self.text([number.value for number in self.outputs], meshes)
 
     def text(self, values: Sequence[float], meshes: Sequence[str] = ()) -> str:
-        """Return the XML with the given values, formatted as by the compiler, and the given names."""
+        """Insert values and names of meshes into the slots, and return the XML. Numbers are formatted as by a compilation."""
         return self._template.fill({**self._numbers.words(values), **dict(zip(self._meshes.values(), meshes, strict=True))})
 
 
@@ -51,14 +51,14 @@ _KINDS = ("body", "geom", "site", "joint", "key")
 
 
 class NotInMjSpec(Exception):
-    """Raised if a slot has no equivalent in `MjSpec`, or the value in the spec differs from the value in the XML."""
+    """Raised if a slot has no counterpart in `MjSpec`, or if the value in the `MjSpec` differs from the value in the XML."""
 
 
 class RecompiledSpec:
-    """A model template as an `MjSpec`, whose numbers can be changed.
+    """An `MjSpec` for a model template, whose numbers and meshes can be changed.
 
-    `text` is the XML of the template with some values and names of `meshes`, whose files are in `files`. Raises `NotInMjSpec` if the number
-    of a slot does not appear unchanged in the spec, and `ValueError` if MuJoCo rejects the XML.
+    `text` is the XML of the template with some values, and with the names `meshes` of the mesh files in `files`. Raises `NotInMjSpec` if
+    the number of a slot does not appear unchanged in the `MjSpec`, and `ValueError` if MuJoCo rejects the XML.
     """
 
     def __init__(self, template: ModelTemplate, text: str, meshes: Sequence[str], files: mujoco.MjVfs) -> None:
@@ -77,7 +77,9 @@ class RecompiledSpec:
         self._geoms = [(geom, order[geom.meshname]) for geom in self._spec.geoms if geom.meshname in order]
 
     def _entries(self, kind: str, name: str, attribute: str, stated: Sequence[str], gaps: Sequence[int | None]) -> list[int | float]:
-        """Return the entries of an attribute: the index of a value (an `int`) for a slot, and a number (a `float`) otherwise."""
+        """Return the elements of an attribute. For a slot, the element is the index of its value (an `int`), otherwise a number (a
+        `float`).
+        """
         one = getattr(self._spec, kind)(name)
         value: Any = getattr(one, attribute, None) if one is not None else None
         try:
@@ -90,7 +92,7 @@ class RecompiledSpec:
         return [*(number if gap is None else gap for number, gap in zip(words, gaps, strict=True)), *numbers[len(words):]]
 
     def model(self, values: Sequence[float], meshes: Sequence[str], files: mujoco.MjVfs) -> mujoco.MjModel:
-        """Compile the model with the given values and meshes. Raises `ValueError` if MuJoCo rejects the model."""
+        """Change the numbers and meshes of the `MjSpec`, and compile it. Raises `ValueError` if MuJoCo rejects the model."""
         for one, attribute, entries in self._places:
             numbers = [values[entry] + 0.0 if type(entry) is int else entry for entry in entries]
             setattr(one, attribute, numbers if len(numbers) > 1 else numbers[0])
@@ -104,8 +106,10 @@ class RecompiledSpec:
 
 
 def _gaps(template: ModelTemplate, root: ElementTree.Element) -> list[tuple[str, str, str, list[str], list[int | None]]]:
-    """Return the slots for numbers: kind and name of the element, the attribute, its words in the text with the root `root`, and the index
-    of the value of each word (None if it is not a slot).
+    """Return all slots for numbers in the XML with the root element `root`.
+
+    Each entry contains the kind and the name of the element, the attribute, and the words of the attribute. The last item contains the
+    index of the value for each word, or None for a word that is not a slot.
     """
     found = []
     for (element, above), (own, _) in zip(_walk(ElementTree.fromstring(template.slotted)), _walk(root), strict=True):
@@ -122,5 +126,5 @@ def _gaps(template: ModelTemplate, root: ElementTree.Element) -> list[tuple[str,
 
 
 def _walk(root: ElementTree.Element) -> list[tuple[ElementTree.Element, ElementTree.Element]]:
-    """Return all elements with their parents, in a fixed order."""
+    """Return all elements of an XML tree together with their parents, in a fixed order."""
     return [(element, above) for above in root.iter() for element in above]

@@ -1,4 +1,4 @@
-"""Compute in JAX the model fields that MuJoCo computes when it compiles a model."""
+"""Compute in JAX the fields of a model that MuJoCo's compiler computes from other fields, such as `body_invweight0`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ Fields = dict[str, Any]
 
 
 def bounds(kind: int, size: Any) -> tuple[Any, Any]:
-    """Return the radius of the bounding sphere of a primitive, and half of its bounding box, as `geom_rbound` and `geom_aabb` contain."""
+    """Return the radius of the bounding sphere of a geometric primitive, and half of its bounding box, as in `geom_rbound` and `geom_aabb`.
+
+    `kind` is MuJoCo's type of the geom, and `size` is its size as in `geom_size`.
+    """
     radius, half = size[0], size[1]
     match mujoco.mjtGeom(kind):
         case mujoco.mjtGeom.mjGEOM_SPHERE:
@@ -38,9 +41,10 @@ def bounds(kind: int, size: Any) -> tuple[Any, Any]:
 
 
 def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int, Any]], relaxed: Sequence[int]) -> Fields:
-    """Compute the fields that `mj_setConst` sets from the other fields of a model.
+    """Compute the fields of a model that `mj_setConst` computes from the other fields.
 
-    `ratios` are damping ratios by actuator, from which damping is computed, and `relaxed` the tendons whose springs have no given length.
+    `ratios` contains indices of actuators with their damping ratios, from which the damping is computed. `relaxed` contains the tendons
+    whose springs do not have a specified length.
     """
     places = jax.vmap(partial(_placed, model, data))(jnp.stack([model.qpos0, model.qpos_spring] if relaxed else [model.qpos0]))
     composite = mjx.crb(model, jax.tree_util.tree_map(lambda leaf: leaf[0], places))
@@ -66,14 +70,14 @@ def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int,
 
 
 def _placed(model: mjx.Model, data: mjx.Data, qpos: Any) -> mjx.Data:
-    """Return the positions of bodies and tendons at `qpos`, with held bodies at the positions that the model specifies."""
+    """Return MJX data with the positions of all bodies and tendons at `qpos`. Held bodies are at the positions that the model specifies."""
     held = np.flatnonzero(model.body_mocapid >= 0)
     data = data.replace(qpos=qpos, mocap_pos=model.body_pos[held], mocap_quat=model.body_quat[held])
     return mjx.tendon(model, mjx.com_pos(model, mjx.kinematics(model, data)))
 
 
 def _subtree_sums(model: mjx.Model) -> Any:
-    """Return the matrix `(bodies, bodies)` that sums values of bodies over subtrees."""
+    """Return a matrix `(bodies, bodies)` whose product with values of bodies is the sum of the values over the subtree of each body."""
     sums = np.eye(model.nbody)
     for body in range(model.nbody - 1, 0, -1):
         sums[model.body_parentid[body]] += sums[body]
@@ -81,7 +85,11 @@ def _subtree_sums(model: mjx.Model) -> Any:
 
 
 def _inverse_weights(model: mjx.Model, data: mjx.Data, inverse: Any) -> tuple[Any, Any]:
-    """Return the mean of the diagonal of the inverse inertia: for translation and rotation of each body, and for each degree of freedom."""
+    """Return MuJoCo's inverse weights, which are means of diagonal elements of the inverse inertia.
+
+    The first array contains two values for each body, for translation and rotation. The second array contains one value for each degree of
+    freedom.
+    """
     moves = (_subtree_sums(model).T > 0)[:, model.dof_bodyid].astype(float)  # of each body by each degree of freedom
     turns, offsets = data.cdof[:, :3], data.xipos - data.subtree_com[model.body_rootid]
     shifts = data.cdof[:, 3:] + jnp.cross(turns[None], offsets[:, None])
@@ -104,7 +112,7 @@ def _inverse_weights(model: mjx.Model, data: mjx.Data, inverse: Any) -> tuple[An
 
 
 def _lengths(rows: Any) -> Any:
-    """Return the length of each row of an array. The derivative at length 0 is 0."""
+    """Return the Euclidean norm of each row of an array. The derivative of the norm of a zero row is defined as 0."""
     squares = jnp.sum(rows * rows, axis=1)
     return jnp.where(squares > 0.0, jnp.sqrt(jnp.where(squares > 0.0, squares, 1.0)), 0.0)
 
@@ -121,7 +129,10 @@ def _cameras(model: mjx.Model, data: mjx.Data) -> Fields:
 
 
 def _damped(model: mjx.Model, weights: Any, ratios: Sequence[tuple[int, Any]]) -> Any:
-    """Return `actuator_biasprm` with the damping of actuators for their damping ratios and the inverse inertia that they move."""
+    """Return the field `actuator_biasprm` with the damping of actuators whose damping ratio is specified.
+
+    The damping is computed from the ratio, and from the inverse inertia that the actuator moves.
+    """
     bias = model.actuator_biasprm
     for actuator, ratio in ratios:
         bias = bias.at[actuator, 2].set(-2.0 * ratio * jnp.sqrt(model.actuator_gainprm[actuator, 0] / weights[actuator]))
@@ -130,9 +141,10 @@ def _damped(model: mjx.Model, weights: Any, ratios: Sequence[tuple[int, Any]]) -
 
 @jax.custom_jvp
 def principal_axes(matrix: Any) -> tuple[Any, Any]:
-    """Return the principal moments of an inertia `(3, 3)`, descending, and the quaternion of the axes, by Jacobi rotations.
+    """Return the principal moments of an inertia matrix `(3, 3)` in descending order, and the quaternion of the principal axes.
 
-    The axes have no derivative where a change couples two axes with equal moments: such a change counts as 0.
+    The method is Jacobi rotations. If two moments are equal, the axes have no derivative by a change that couples these two axes; the
+    derivative is then 0.
     """
     tolerance = float(np.finfo(matrix.dtype).eps) * jnp.trace(matrix)
     rows, columns = jnp.array([0, 0, 1]), jnp.array([1, 2, 2])

@@ -1,4 +1,4 @@
-"""Compute models of MJX (MuJoCo in JAX) as a pure function of numbers (`pip install thingc[jax]`)."""
+"""Compute MJX models (MuJoCo in JAX) of a family of robots as a pure function of numbers (`pip install thingc[jax]`)."""
 
 from __future__ import annotations
 
@@ -42,10 +42,11 @@ FRICTION = ("dof_frictionloss", "tendon_frictionloss")
 
 
 class FamilyMjx:
-    """A function that maps values of `names` to models of MJX, in one mode and with all other settings fixed.
+    """A function that maps values of the numbers `names` to MJX models, in one mode and with all other settings fixed.
 
-    `base` is the model for `start`, the values of the document, `(n,)`, and `mj_model` the `MjModel` from which it is converted. `varied`
-    are the names of the fields in which models differ. Other fields, such as keyframes, are those of `base`.
+    `start` `(n,)` contains the values of the numbers in the document. `base` is the MJX model for `start`, and `mj_model` is the `MjModel`
+    from which it was converted. `varied` contains the names of the fields in which models differ. All other fields, such as keyframes, are
+    the same as in `base`.
     """
 
     def __init__(self, models: ModelsOfMode, function: FamilyFunction, dtype: str) -> None:
@@ -74,24 +75,23 @@ class FamilyMjx:
 
     @cached_property
     def varied(self) -> tuple[str, ...]:
-        """The names of the fields in which models differ."""
+        """The names of the model fields that depend on the numbers."""
         return tuple(jax.eval_shape(self._one, jnp.asarray(self.start))[0])
 
     def model(self, p: Any) -> tuple[mjx.Model, Any]:
-        """Return the model for values `(n,)` of the names, and whether the values are valid. This pure function can be used with `jit`,
-        `vmap` and `grad`.
+        """Return the MJX model for values `(n,)` of the numbers, and a boolean that is True for valid values.
 
-        For values that are refused, or for which thingc makes another decision than for `start`, the boolean is False and the model
-        undefined.
+        This is a pure function, which can be used with `jit`, `vmap` and `grad`. The boolean is False, and the model is undefined, for
+        values that are refused or for which the compiler makes another decision than for `start`.
         """
         fields, ok = self._one(p)
         return self.base.tree_replace(fields), ok
 
     def batch(self, p: npt.ArrayLike) -> tuple[mjx.Model, mjx.Model, Any]:
-        """Return the models for rows `(k, n)` as one batched model, with the axes for `in_axes` of `jax.vmap` and a flag `(k,)` for each
-        valid row.
+        """Return the MJX models for rows `(k, n)` of values of the numbers, as one batched model.
 
-        The fields `varied` have a leading axis; the others are shared.
+        Also return the model with the axes for `in_axes` of `jax.vmap`, and flags `(k,)` that are True for valid rows. The fields in
+        `varied` have a leading axis. All other fields are shared.
         """
         rows = jnp.asarray(p)
         if rows.ndim != 2 or rows.shape[1] != len(self.names):
@@ -101,9 +101,9 @@ class FamilyMjx:
         return self.base.tree_replace(fields), axes.tree_replace(dict.fromkeys(fields, 0)), ok
 
     def put(self, model: mjx.Model, state: mujoco.MjData | mjx.Data) -> tuple[mjx.Model, mjx.Data]:
-        """Return a model and data of MJX for a state, such as the `MjData` of a model of this family.
+        """Return an MJX model and MJX data with the state of an `MjData` or of MJX data.
 
-        MJX moves a mocap body without its children. Therefore the pose of a held base is also written to the model.
+        MJX moves a mocap body without its children. The pose of a held base is therefore also written to the returned model.
         """
         data = state if isinstance(state, mjx.Data) else mjx.put_data(self.mj_model, state)
         held = np.flatnonzero(self.mj_model.body_mocapid >= 0)
@@ -117,7 +117,7 @@ class FamilyMjx:
     # --- implementation -------------------------------------------------------------------------------------------------
 
     def _read_template(self, template: ModelTemplate) -> None:
-        """Find the entries of model fields that contain the numbers of the XML."""
+        """Find the elements of model fields that contain the numbers of the XML template."""
         model, root = self.mj_model, ElementTree.fromstring(template.slotted)
         named = {model.geom(geom).name for geom in range(model.ngeom)}
         for above in root.iter():
@@ -149,7 +149,7 @@ class FamilyMjx:
         self._meshes = np.array([geom for geom in moved if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH], dtype=int)
 
     def _rows(self, name: str) -> list[int]:
-        """Return the rows of a field that have entries for numbers."""
+        """Return the indices of the rows of a field in which an element depends on a number."""
         write = self._writes.get(name)
         return [] if write is None else sorted(set((write.at // getattr(self.mj_model, name).shape[1]).tolist()))
 
@@ -157,7 +157,7 @@ class FamilyMjx:
         return FamilyError(f"{why}, and it depends on {', '.join(self.names)}", "fix them with `at`, or use `models`")
 
     def _put_base(self, mode: str) -> mjx.Model:
-        """Convert the model for `start`, so that it can have the fields of the other models."""
+        """Convert the MuJoCo model for `start` to MJX in such a way that the fields of the other models can be inserted."""
         model = copy.copy(self.mj_model)
         for name in FRICTION:
             if name in self._writes:  # MJX has constraints only for joints with friction in the model that it converts
@@ -184,8 +184,8 @@ class FamilyMjx:
         return base.tree_replace({name: jnp.asarray(getattr(self.mj_model, name)) for name in FRICTION if name in self._writes})
 
     def _raw(self, name: str) -> Any:
-        """Return a field of `base`. For geoms with meshes, return the poses in the XML, before the compiler of MuJoCo adds the poses of the
-        meshes.
+        """Return a field of `base`. For geoms with meshes, return the poses in the XML instead, to which MuJoCo's compiler adds the poses
+        of the meshes.
         """
         value = attrgetter(name)(self.base)
         if name not in ("geom_pos", "geom_quat") or not len(self._meshes):
@@ -200,7 +200,7 @@ class FamilyMjx:
         return jnp.asarray(self.mj_model.mesh_pos[meshes]), jnp.asarray(self.mj_model.mesh_quat[meshes])
 
     def _fields(self, p: Any) -> tuple[Fields, Any]:
-        """Return the fields that differ from `base`, and whether the values are valid."""
+        """Return the values of all fields that differ from `base`, and whether the values of the numbers are valid."""
         numbers, ok = self._run(p)
         fields: Fields = {}
         for name, write in self._writes.items():
@@ -219,7 +219,7 @@ class FamilyMjx:
         return fields, ok & self._wraps_alike(model)
 
     def _shape(self, fields: Fields) -> None:
-        """Add the bounds of geoms with other sizes, and compose the poses of meshes."""
+        """Add the bounding volumes of geoms whose size depends on numbers, and the poses of geoms with meshes."""
         if self._sized:
             radii, boxes = self.base.geom_rbound, self.base.geom_aabb
             for geom in self._sized:
@@ -234,7 +234,9 @@ class FamilyMjx:
             fields["geom_quat"] = own["geom_quat"].at[self._meshes].set(jax.vmap(math.quat_mul)(turned, turns))
 
     def _wraps_alike(self, model: mjx.Model) -> Any:
-        """Return whether tendons wrap around the same sides of geoms as in `base`, which MJX fixes when it converts a model."""
+        """Return whether every tendon wraps around its geoms on the same side as in `base`. MJX determines this side only when it converts
+        a model.
+        """
         wraps = np.flatnonzero(np.isin(self.mj_model.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER)))
         geoms, sides = self.mj_model.wrap_objid[wraps], np.round(self.mj_model.wrap_prm[wraps]).astype(int)
         squares = jnp.sum((model.site_pos[sides] - model.geom_pos[geoms]) ** 2, axis=1)
@@ -244,7 +246,7 @@ class FamilyMjx:
 
 @dataclass(frozen=True)
 class Write:
-    """The entries of a field that contain numbers: their flat indices, and the columns of the numbers with their signs."""
+    """The elements of a model field that depend on numbers: their flat indices, and for each the column of its number and a sign."""
 
     at: npt.NDArray[np.int_]
     columns: npt.NDArray[np.int_]
@@ -252,7 +254,7 @@ class Write:
 
     @classmethod
     def of(cls, entries: Sequence[tuple[int, Entry]]) -> Write:
-        """Return the entries of a field by column."""
+        """Create a `Write` from the elements of a field, each given as a tuple of a column and an entry."""
         return cls(
             np.array([entry.index for _, entry in entries]), np.array([column for column, _ in entries]),
             np.array([entry.sign for _, entry in entries]),

@@ -1,4 +1,4 @@
-"""Compute the models of a mode. Each model is computed in the fastest way that results in the same model as a build."""
+"""Compute the MuJoCo models of a robot in one mode for many settings, in the fastest way that gives the same models as a build."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ Item = tuple[Mapping[str, Any], ParsedSettings]
 
 
 class ModelsOfMode:
-    """The models of one mode, with or without visual geometry and floor.
+    """Computes the MuJoCo models of one mode, with or without visual geometry, and with or without the floor.
 
-    For each plan, the first model, and then every `verify`-th model, is compared with a compilation (None: the first, second, fourth,
-    eighth ...).
+    A model that is computed by a plan is compared with a compiled model: for each plan, the first model, and then one in `verify` (None:
+    the first, second, fourth, eighth ...).
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class ModelsOfMode:
         self._kept: OrderedDict[tuple[ParsedSettings, bool], mujoco.MjModel] = OrderedDict()
 
     def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
-        """Yield the models of settings in order. A shared model is valid until the next model is requested."""
+        """Yield the models for many settings in order. With `share`, a model is valid only until the next model is requested."""
         waiting: list[tuple[Item, NumericPlan[Any], tuple[float, ...]]] = []
         for item in many:
             planned = None if self._is_kept(item[1], share) else self.forms.planned(item[1], self.plan)
@@ -78,7 +78,7 @@ class ModelsOfMode:
         yield from self._together(waiting, share)
 
     def take_back(self) -> None:
-        """Ensure that changes of lent models do not persist in later models."""
+        """Undo the changes that callers have made to shared models, so that these changes do not persist in later models."""
         for form in self.forms.kept.values():
             for plan in form.plans:
                 if isinstance(plan.made, Arrays):
@@ -86,11 +86,14 @@ class ModelsOfMode:
         self._kept = OrderedDict((key, model) for key, model in self._kept.items() if not key[1])
 
     def _is_kept(self, read: ParsedSettings, share: bool) -> bool:
-        """Return whether the compiled model is cached and writing arrays would not be faster."""
+        """Return whether the compiled model of these settings is cached, and writing arrays would not be faster."""
         return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
     def template_at(self, read: ParsedSettings) -> tuple[NumericPlan[ModelTemplate] | None, str]:
-        """Return a plan for the XML that applies to settings, if no modelled part depends on them. Otherwise, return None and the reason.
+        """Return a plan that computes the XML of the model for these settings, and the reasons why some numbers must not change in this
+        plan.
+
+        If this is impossible, for example because a built part depends on the settings, return None and the reason.
         """
         form: PlanCache[Arrays | ModelTemplate] = PlanCache()
         plan = self.plan(read, form, text=True)
@@ -101,9 +104,9 @@ class ModelsOfMode:
     def plan(
         self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate], *, text: bool = False,
     ) -> NumericPlan[Arrays | ModelTemplate] | None:
-        """Create a plan that gives the same models as compilations. With `text`, the plan only creates XML.
+        """Create a plan that gives the same models as compilations. With `text`, the plan only computes XML.
 
-        If no such plan exists, set the reason in `form` and return None.
+        If this is impossible, store the reason in `form` and return None.
         """
         first = self._compiled(read)
         if isinstance(first, tuple):  # refused settings do not prove that other settings have no plan
@@ -144,9 +147,9 @@ class ModelsOfMode:
             slower = f"a plan by arrays gave a different `{wrong}`"
 
     def _compared(self, plan: NumericPlan[Arrays | ModelTemplate], samples: Sequence[ParsedSettings], first: mujoco.MjModel) -> str:
-        """Return the first field in which a plan's models differ from compiled models, or an empty string.
+        """Compare the models of a plan with compiled models. Return the name of the first field that differs, or an empty string.
 
-        `first` is the compiled model of the first sample.
+        `samples` contains the settings of the models to compare. `first` is the compiled model of the first of these settings.
         """
         for read in samples:
             outputs = plan.outputs(read.values)
@@ -187,7 +190,7 @@ class ModelsOfMode:
     def _kept_spec(
         self, template: ModelTemplate, text: str, outputs: tuple[float, ...], meshes: Sequence[str], model: mujoco.MjModel,
     ) -> RecompiledSpec | None:
-        """Return a spec that compiles to the same `model` as the XML, or None."""
+        """Return an `MjSpec` that compiles to the same model as the XML `text`. Return None if this is impossible."""
         try:
             spec = RecompiledSpec(template, self._asked(text), meshes, self._files)
             return None if different_fields(spec.model(outputs, meshes, self._files), model) else spec
@@ -197,7 +200,7 @@ class ModelsOfMode:
     def _together(
         self, waiting: Sequence[tuple[Item, NumericPlan[Any], tuple[float, ...]]], share: bool,
     ) -> Iterator[mujoco.MjModel | NoModel]:
-        """Yield the models of consecutive settings that have the same plan."""
+        """Yield the models of consecutive settings that use the same plan."""
         if not waiting:
             return
         plan = waiting[0][1]
@@ -227,7 +230,7 @@ class ModelsOfMode:
             yield model if share or prepared is None else copy.copy(model)
 
     def _right(self, read: ParsedSettings, plan: NumericPlan[Any], model: mujoco.MjModel) -> bool:
-        """Return whether the model of a plan equals the compiled model. If the models differ, stop using plans for these settings."""
+        """Return whether the model of a plan equals the compiled model. If not, stop using plans for such settings."""
         whole = self._compiled(read)
         wrong = ["refused"] if isinstance(whole, tuple) else different_fields(model, whole)
         if wrong:
@@ -235,7 +238,7 @@ class ModelsOfMode:
         return not wrong
 
     def _passed(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:
-        """Return the model from the cache, or compile the settings."""
+        """Return the model of the given settings from the cache, or compile it."""
         settings, read = item
         known = self._kept.get((read, share)) if read.report is None else None
         if known is None:
@@ -250,8 +253,7 @@ class ModelsOfMode:
         return known if share else copy.copy(known)
 
     def _keep(self, read: ParsedSettings, share: bool, model: mujoco.MjModel) -> None:
-        """Add a model to the cache. Models that are lent, and may therefore be changed, are cached separately from models that are copied.
-        """
+        """Add a model to the cache. Shared models, which callers may change, are cached separately from models that are copied."""
         self._kept[read, share] = model
         self._kept.move_to_end((read, share))
         if len(self._kept) > KEPT:
@@ -260,7 +262,7 @@ class ModelsOfMode:
     # --- through every pass ---------------------------------------------------------------------------------------------
 
     def _compiled(self, read: ParsedSettings) -> mujoco.MjModel | tuple[Diagnostic, ...]:
-        """Compile settings. Return the model, or the diagnostics if the settings have no model."""
+        """Compile the document with the given settings. Return the MuJoCo model, or the diagnostics if the settings are refused."""
         if read.report is not None:
             return tuple(read.report.ordered())
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
@@ -278,12 +280,12 @@ class ModelsOfMode:
             return tuple(report.ordered())
 
     def problems(self, read: ParsedSettings) -> tuple[Diagnostic, ...]:
-        """Return the diagnostics that explain why settings have no model. For settings with a model, return no diagnostics."""
+        """Return the diagnostics that explain why the given settings have no model. Return an empty tuple for settings with a model."""
         outcome = self._compiled(read)
         return outcome if isinstance(outcome, tuple) else ()
 
     def source(self, read: ParsedSettings) -> ModelSource:
-        """Return the source of the model of valid settings."""
+        """Return the XML and the meshes of the model for valid settings."""
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
         texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False), floor=self.floor)
         self._mount(assets)
@@ -302,7 +304,7 @@ class ModelsOfMode:
                 self._held[file] = stored
 
     def _bytes(self, stored: StoredArtifact) -> bytes:
-        """Read a mesh from the store. Raises `StoreUnusable` if the store no longer contains the mesh."""
+        """Return the content of a mesh in the store. Raises `StoreUnusable` if the store no longer contains the mesh."""
         store = self.session.environment.store
         try:
             return store.read(stored.sha256)

@@ -1,4 +1,4 @@
-"""The results of a family for given settings."""
+"""The results of a robot for one set of settings, and the reasons why settings have no model."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from thingc.driver.testing.results import Result as TestResult
 
 
 class Evaluated(OneLineRepr, FrozenStruct):
-    """The results for one set of settings.
+    """The results of a robot for one set of settings.
 
-    `results` are as in the table of a batch, in SI units: `mass`, `centre.x`, `reach`, `length.elbow`, `torque_margin`. For refused
-    settings, `results` is empty. `problems` are all diagnostics, including warnings. `broken` is the violated rule of the variants
-    document, if any. `tests` are the results of the tests in the assembly document, if requested.
+    `results` maps names of results, such as `mass`, `centre.x`, `reach`, `length.elbow` or `torque_margin`, to values in SI units, as in
+    the table of a batch. It is empty for refused settings. `problems` contains all diagnostics, including warnings. `broken` is the rule of
+    the variants document that the results violate, if any. `tests` contains the results of document tests, if requested.
     """
 
     settings: Mapping[str, Any]
@@ -29,7 +29,7 @@ class Evaluated(OneLineRepr, FrozenStruct):
 
     @property
     def sound(self) -> bool:
-        """Whether the settings are valid, so that the results have no errors."""
+        """Whether the settings are valid, which means that there are no errors."""
         return not any(one.severity is Severity.ERROR for one in self.problems)
 
     @property
@@ -38,7 +38,9 @@ class Evaluated(OneLineRepr, FrozenStruct):
         return self.sound and self.broken is None and all(one.passed for one in self.tests)
 
     def __getitem__(self, name: str) -> float | None:
-        """Return a result by name. If the result does not exist, raises `UnknownVariant`, a `KeyError`, with the reason."""
+        """Return a result by its name. If the result does not exist, raises `UnknownVariant` (a `KeyError`), whose message contains the
+        reason.
+        """
         if name in self.results:
             return self.results[name]
         refused = next((one.message for one in self.problems if one.severity is Severity.ERROR), None)
@@ -48,7 +50,7 @@ class Evaluated(OneLineRepr, FrozenStruct):
 
 
 class NoModel(OneLineRepr, FrozenStruct):
-    """The result for settings without a model. This object is false in a boolean context. `problems` are all diagnostics."""
+    """The result for settings that have no MuJoCo model. It is false in a boolean context. `problems` contains all diagnostics."""
 
     settings: Mapping[str, Any]
     problems: tuple[Diagnostic, ...]
@@ -58,7 +60,7 @@ class NoModel(OneLineRepr, FrozenStruct):
 
     @property
     def reason(self) -> str:
-        """The messages of the errors because of which the settings have no model."""
+        """The error messages that explain why the settings have no model."""
         return "; ".join(dict.fromkeys(one.message for one in self.problems if one.severity is Severity.ERROR))
 
     def __repr__(self) -> str:
@@ -66,11 +68,12 @@ class NoModel(OneLineRepr, FrozenStruct):
 
 
 class Explanation(OneLineRepr, FrozenStruct):
-    """An explanation of how the models of a mode depend on a number.
+    """Explains how the MuJoCo models of a mode depend on one number in the document.
 
-    `way` is `arrays` (the number is written into arrays of a compiled model, `fields`), `text` (the number is written into the XML of a
-    model, which MuJoCo recompiles), `parts` (as `text`, with other parts) or `passes` (all passes run). `why` is the reason why no faster
-    way is possible.
+    `way` is the way in which a model for another value of the number is computed. For `arrays`, the number is written into arrays of a
+    compiled model, which `fields` lists. For `text`, the number is written into the XML of the model, which MuJoCo recompiles. `parts` is
+    the same as `text`, but parts are also replaced. For `passes`, all compiler passes run. `why` is the reason why a faster way is
+    impossible.
     """
 
     name: str

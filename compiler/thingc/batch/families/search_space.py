@@ -1,4 +1,4 @@
-"""The search space of a family, for optimization."""
+"""The search space of a family of robots, for optimization: the settings that can be varied, and their bounds."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 
 
 class SpaceDimension(OneLineRepr, FrozenStruct):
-    """A dimension of a search space: a number between `low` and `high` (SI, in `unit`; None: unbounded; `whole`: integers only), or one of
-    `choices`.
+    """A dimension of a search space, which is either a number between `low` and `high`, or one of `choices`.
 
-    `value` is the value in the document.
+    Bounds are in SI units (`unit`). A bound is None if the number is unbounded. If `whole` is true, the number must be an integer. `value`
+    is the value in the document.
     """
 
     name: str
@@ -32,12 +32,12 @@ class SpaceDimension(OneLineRepr, FrozenStruct):
 
     @property
     def bounded(self) -> bool:
-        """Whether values of the dimension can be sampled."""
+        """Whether the dimension has bounds or choices, so that its values can be sampled."""
         return bool(self.choices) or (self.low is not None and self.high is not None)
 
 
 class SearchSpace(Sequence[SpaceDimension]):
-    """The dimensions of a family, in the order of its document."""
+    """The dimensions of the search space of a family, in the order of its document."""
 
     def __init__(self, dimensions: Sequence[SpaceDimension]) -> None:
         self._dimensions = tuple(dimensions)
@@ -46,7 +46,7 @@ class SearchSpace(Sequence[SpaceDimension]):
         return len(self._dimensions)
 
     def __getitem__(self, key: Any) -> Any:
-        """Return a dimension by index or name. Raises `UnknownVariant`, a `KeyError`, for an unknown name, and `IndexError`."""
+        """Return a dimension by its index or name. Raises `UnknownVariant` (a `KeyError`) for an unknown name, and `IndexError`."""
         if isinstance(key, str):
             for dimension in self:
                 if dimension.name == key:
@@ -66,7 +66,7 @@ class SearchSpace(Sequence[SpaceDimension]):
         return (dimension for dimension in self if dimension.bounded)
 
     def suggest(self, trial: Any) -> dict[str, Any]:
-        """Return settings chosen by an `optuna.Trial`, for all bounded dimensions."""
+        """Ask an `optuna.Trial` for a value of each bounded dimension, and return these values as settings."""
         settings: dict[str, Any] = {}
         for one in self._drawn():
             if one.choices:
@@ -78,10 +78,10 @@ class SearchSpace(Sequence[SpaceDimension]):
         return settings
 
     def gymnasium(self) -> Any:
-        """Return a `gymnasium.spaces.Dict` of all bounded dimensions: a `Box` for a number, a `Discrete` for integers or indices of
-        choices.
+        """Return a `gymnasium.spaces.Dict` that contains a space for each bounded dimension.
 
-        `settings` converts a point of this space to settings.
+        The space is a `Box` for a number, and a `Discrete` for an integer or an index of a choice. The method `settings` converts a point
+        of this space to settings.
         """
         import numpy as np
         from gymnasium import spaces
@@ -97,7 +97,7 @@ class SearchSpace(Sequence[SpaceDimension]):
         return spaces.Dict(made)
 
     def settings(self, point: Mapping[str, Any]) -> dict[str, Any]:
-        """Convert a point of `gymnasium()` to settings.
+        """Convert a point of the space that `gymnasium()` returns to settings.
 
         Raises `UnknownVariant`, a `KeyError`, for an unknown name, and `ValueError` for an invalid point.
         """
@@ -113,11 +113,11 @@ class SearchSpace(Sequence[SpaceDimension]):
             raise ValueError(f"expected a point of `gymnasium()`, found `{point}`") from None
 
     def bounds(self) -> tuple[tuple[float, float], ...]:
-        """Return the bounds of all bounded numbers, as for `scipy.optimize`. `at` converts a vector of these numbers to settings."""
+        """Return the lower and upper bound of each bounded number, as `scipy.optimize` requires. `at` converts a vector to settings."""
         return tuple((one.low, one.high) for one in self._drawn() if one.low is not None and one.high is not None)
 
     def at(self, vector: Sequence[float]) -> dict[str, float]:
-        """Convert a vector of the bounded numbers to settings; integers are rounded.
+        """Convert a vector with a value for each bounded number to settings. Values of integers are rounded.
 
         Raises `ValueError` for a vector of another length, or for a value that is not a vector of numbers.
         """
@@ -132,7 +132,7 @@ class SearchSpace(Sequence[SpaceDimension]):
 
 
 def of_axes(axes: Sequence[Axis], own: Mapping[str, ExpressionValue]) -> SearchSpace:
-    """Return the dimensions of a variants document."""
+    """Create the search space of a variants document from its axes. `own` contains the values in the assembly document."""
     return SearchSpace([_of_axis(axis, own.get(axis.key)) for axis in axes])
 
 
@@ -146,7 +146,7 @@ def _of_axis(axis: Axis, own: ExpressionValue | None) -> SpaceDimension:
 
 
 def of_parameters(spec: AssemblySpec, values: Mapping[str, ExpressionValue], bound: Any) -> SearchSpace:
-    """Return the dimensions of an assembly, its parameters. `bound(name, key)` returns a bound [SI]."""
+    """Create the search space of an assembly document from its parameters. `bound(name, key)` returns a bound of a parameter [SI]."""
     dimensions: list[SpaceDimension] = []
     for name, own in values.items():
         entry = spec.parameters[name]

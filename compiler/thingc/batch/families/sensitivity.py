@@ -1,4 +1,4 @@
-"""Compute the sensitivity of results to numbers of the document, as derivatives with units."""
+"""Compute how sensitive the results of a robot are to numbers in the document: derivatives with units and errors."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from thingc.batch.values import unit_in
 
 
 class Sensitivity(OneLineRepr, FrozenStruct):
-    """The `derivative` of a `result` by a number of the document, in SI units, with an estimate of its `error` (0: exact).
+    """The `derivative` of one `result` by one number in the document, in SI units. `error` is an estimate of its error (0: exact).
 
-    `value` and `number` are the values of the result and of the number. The document writes the number at `span`, in `unit`. If there is
-    no derivative, it is NaN, and `missing` is the reason with a help text.
+    `value` is the value of the result, and `number` is the value of the number. The document contains the number at `span`, in the unit
+    `unit`. If the derivative does not exist, it is NaN, and `missing` contains the reason with a help text.
     """
 
     result: str
@@ -37,14 +37,15 @@ class Sensitivity(OneLineRepr, FrozenStruct):
 
     @property
     def change(self) -> float:
-        """The change of the result if the number grows by 1 %, in SI units."""
+        """The change of the result in SI units if the number increases by 1 %."""
         return self.derivative * self.number.value / 100.0
 
 
 def results_by_function(patterns: Iterable[str], kinds: Mapping[str, str]) -> list[list[str]]:
-    """Group results into functions: all ordinary results in one function, and each test in its own. `kinds` are the kinds of tests by name.
+    """Group names of results, so that one function can compute each group. All results except tests form one group; each test is a separate
+    group.
 
-    Patterns such as `tests.*` match tests that measure smooth numbers.
+    `kinds` contains the kind of each test by name. A pattern such as `tests.*` matches all tests whose measured value is a smooth number.
     """
     results, tests = list[str](), dict[str, list[str]]()
     for text in patterns:
@@ -62,10 +63,10 @@ def sensitivities(
     function: FamilyFunction, x: Mapping[str, float], kinds: Mapping[str, str], written: Mapping[str, ScalarNode],
     alone: Callable[[str, str], FamilyFunction],
 ) -> Iterator[Sensitivity]:
-    """Yield the derivatives of a function at `x`. If they do not exist together, each is computed with the function that `alone(result,
-    name)` returns.
+    """Yield the derivatives of all results of a function by all its numbers, at the values `x`.
 
-    `written` are the values in the document.
+    If the derivatives cannot be computed together, each is computed with the function that `alone(result, name)` returns. `written`
+    contains the nodes of the document with the numbers.
     """
     point = np.array([x[name] for name in function.names])
     values = function.value(point)
@@ -88,7 +89,7 @@ def sensitivities(
 
 
 def _derivative(function: FamilyFunction, x: float) -> tuple[float, float, NotDifferentiable | None]:
-    """Return the derivative of a function of one number, its error, and the reason if the derivative does not exist."""
+    """Return the derivative of a function of a single number at `x`, and its error. If it does not exist, the third value is the reason."""
     try:
         jacobian = function.jacobian([x])
     except NotDifferentiable as fault:
