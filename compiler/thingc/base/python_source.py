@@ -8,7 +8,7 @@ import warnings
 
 
 def parse_python(source: str | bytes) -> ast.Module:
-    """Parse the source code of a Python file, and return its syntax tree.
+    r"""Parse the source code of a Python file, and return its syntax tree.
 
     Warnings of the parser are suppressed, such as the warning about `"\d"` since Python 3.12, because the code is not run. Raises the same
     errors as `ast.parse` for invalid source code: `SyntaxError`, `ValueError`, `RecursionError` or `MemoryError`.
