@@ -1,1 +1,1 @@
-"""Gymnasium environments of families and batches."""
+"""Gymnasium environments whose robots are the variants of a batch or the robots of a family."""

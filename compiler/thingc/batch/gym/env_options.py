@@ -1,4 +1,4 @@
-"""The options of environments of a family."""
+"""The options of Gymnasium environments for families of robots."""
 
 from __future__ import annotations
 
@@ -27,36 +27,43 @@ CACHED = 1024
 
 
 class EnvOptions(TypedDict, total=False):
-    """The options of `make_vec_env` and `make_env`.
+    """The options of the functions `make_vec_env` and `make_env`.
 
     Attributes:
-        settings: The settings of episodes, with equal probability, or a function that draws them with a `numpy.random.Generator`. By
-            default, the valid variants of the document that satisfy its rules, or the robot of an assembly.
-        mode: The mode of the models (default: that of the family).
-        modes: Modes between which actions switch. Episodes start in the first. An action is then a mapping with `mode` and `joints`.
-        on_motion: What happens to the motion of a link that the new mode holds: `"impact"` (default), `"drop"`, or `"raise"`, which refuses
-            the switch.
-        may_switch: A function of an `MjData` and the names of the old and the new mode, which refuses a switch by returning false.
-        floor: Include the floor of the scene (default: true).
-        visual: Include visual geometry (default: only with `render_mode`).
+        settings: The settings of the robots, one of which is drawn with equal probability for each episode. Alternatively, a function that
+            draws settings with a `numpy.random.Generator`. By default, the valid variants of the document that satisfy its rules, or the
+            robot of an assembly.
+        mode: The mode of the models (default: the mode of the family).
+        modes: The modes between which actions can switch. Episodes start in the first of these modes. An action is then a mapping with
+            `mode` and `joints`.
+        on_motion: What happens if the new mode holds a link that moves: `"impact"` (default) or `"drop"` stops the link, and `"raise"`
+            refuses the switch.
+        may_switch: A function of an `MjData` and the names of the old and the new mode. It refuses a switch by returning false.
+        floor: Whether models include the floor of the scene (default: true).
+        visual: Whether models include visual geometry (default: only with `render_mode`).
         reward: A function of a `StepInfo`, or a name in `TASKS` (default: `"hold"`).
-        terminated: A function of a `StepInfo` that ends an episode.
+        terminated: A function of a `StepInfo` that returns true to end an episode.
         frame_skip: Number of simulation steps per action (default: 5).
         max_steps: Number of actions per episode (default: 1000).
-        observation: The terms of observations: `qpos`, `qvel`, `joints` (q and v in the same order in every mode), `sensors`, `gravity`
-            (its direction in the root link of the first mode), `action` (the last one) and `mode` (one number per mode, of which one is 1).
-            By default `qpos` and `qvel`, or with `modes` `joints`, `gravity` and `mode`.
-        observation_noise: The largest random change of the numbers in an observation except `action` and `mode`, or changes by term.
-        descriptor: Names in `family.space` whose values, scaled from their bounds to [-1, 1], are appended to the observation.
-        action_scale: Change of a control for an action of 1. By default, [-1, 1] is mapped to the range of each control.
-        action_offset: The controls for an action of 0, if there is an `action_scale` (default: those of the first keyframe of the mode).
-        action_delay: Number of actions by which controls are late, or the smallest and the largest number, drawn for each episode.
-        push: After how many actions a random body is pushed in a random horizontal direction, and the impulse [N s].
-        pose: The keyframe in which episodes start (default: the first).
-        noise: Maximum change of each degree of freedom at the start [rad or m].
-        cache: Number of morphologies to cache.
-        seed: The seed of the first `reset` without a seed.
-        render_mode: `"rgb_array"`: `render` returns images.
+        observation: The terms of an observation: `qpos`, `qvel`, `joints` (joint positions and velocities in the same order in every mode),
+            `sensors`, `gravity` (the direction of gravity in the root link of the first mode), `action` (the last action) and `mode`
+            (one-hot encoding of the mode). The default is `qpos` and `qvel`, or with `modes` `joints`, `gravity` and `mode`.
+        observation_noise: The largest random change of the numbers in an observation, or a mapping from terms to such changes. `action` and
+            `mode` have no noise.
+        descriptor: Names in `family.space` whose values are appended to the observation. The values are scaled from their bounds to [-1,
+            1].
+        action_scale: The change of a control for an action of 1. By default, the interval [-1, 1] is mapped to the range of each control.
+        action_offset: The controls for an action of 0, if there is an `action_scale` (default: the controls of the first keyframe of the
+            mode).
+        action_delay: The number of actions by which controls are delayed. For a tuple of the smallest and the largest number, it is drawn
+            for each episode.
+        push: A tuple of a number of actions, after which a random body is pushed in a random horizontal direction, and the impulse of the
+            push [N s].
+        pose: The keyframe in which episodes start (default: the first keyframe).
+        noise: Maximum random change of each degree of freedom at the start [rad or m].
+        cache: Number of robots whose models are cached.
+        seed: The seed of the first `reset` that is called without a seed.
+        render_mode: With `"rgb_array"`, the method `render` returns images.
     """
 
     settings: Iterable[Settings] | Draw | None
@@ -85,7 +92,7 @@ class EnvOptions(TypedDict, total=False):
 
 
 class EnvRules(FrozenStruct):
-    """The options of environments with their defaults. `EnvOptions` describes them.
+    """The options of an environment, with default values for options that are not given. See `EnvOptions` for their meaning.
 
     Raises `UnknownVariant` for an unknown task, and `FamilyError` for invalid values.
     """
@@ -135,22 +142,23 @@ class EnvRules(FrozenStruct):
 
     @property
     def reward_function(self) -> Reward:
-        """The reward, which may be given as the name of a task."""
+        """The function that computes the reward. The option `reward` may be this function, or the name of a task."""
         return TASKS[self.reward] if isinstance(self.reward, str) else self.reward
 
     @property
     def shows_visual(self) -> bool:
-        """Whether models have visual geometry."""
+        """Whether the models of the robots include visual geometry."""
         return self.render_mode is not None if self.visual is None else self.visual
 
     @property
     def delays(self) -> tuple[int, int]:
-        """The smallest and the largest delay of actions."""
+        """The smallest and the largest number of actions by which controls are delayed."""
         return self.action_delay if isinstance(self.action_delay, tuple) else (self.action_delay, self.action_delay)
 
 
 def env_rules(options: EnvOptions) -> EnvRules:
-    """Add default values to the options. Raises `TypeError` for an unknown option, as Python does for arguments."""
+    """Check the options of an environment and add default values. Raises `TypeError` for an unknown option, as Python does for arguments.
+    """
     for name in options:
         if name not in EnvRules.__struct_fields__:
             raise TypeError(f"environments have no option `{name}`: {did_you_mean(name, EnvRules.__struct_fields__, what='options')}")

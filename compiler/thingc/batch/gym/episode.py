@@ -1,4 +1,4 @@
-"""Run an episode of a robot: its initial state, actions, switches between modes, and rewards."""
+"""Simulate an episode of a robot: set its initial state, apply actions, switch between modes, and compute rewards."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from thingc.modes import Modes
 
 def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
-    """Check the options of `reset`, and return them. Raises `FamilyError` for unknown options."""
+    """Return the options that were passed to `reset`. Raises `FamilyError` for an unknown option."""
     if options is not None and not isinstance(options, Mapping):
         raise FamilyError(f"expected `options` to be a mapping from names to values, found `{options}`")
     options = dict(options or {})
@@ -31,7 +31,7 @@ def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> di
 
 
 def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
-    """Convert actions to an array of the given shape. Raises `FamilyError` for invalid actions."""
+    """Convert actions to a numpy array. Raises `FamilyError` if they are not numbers or do not have the given shape."""
     try:
         numbers = np.asarray(actions, np.float64)
     except (TypeError, ValueError):
@@ -42,9 +42,9 @@ def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
 
 
 class ModeSimulation:
-    """The simulation of a robot in the mode `name`.
+    """The MuJoCo model and data of a robot in the mode `name`.
 
-    `spans` are the lower and upper bounds of its controls, and `controls` the index of each control in an action.
+    `spans` contains the lower and the upper bounds of the controls. `controls` contains the index of each control in an action.
     """
 
     def __init__(self, name: str, model: mujoco.MjModel, data: mujoco.MjData, spans: tuple[Array, Array], controls: Any = None) -> None:
@@ -56,10 +56,10 @@ class ModeSimulation:
 
 
 class Episode:
-    """An episode of a robot: its `simulations` (one for each mode, which `robot` switches), and its `variant`.
+    """An episode of one robot. `simulations` contains a simulation for each mode, and `robot` switches between these modes.
 
-    Call `begin` first, and then `ask`, `run` and `judge` for each action. `run` executes the simulation. It can be called for several
-    episodes in parallel threads.
+    Call `begin` first. Then, for each action, call `ask`, `run` and `judge`. `run` executes the simulation, and can run for several
+    episodes in parallel threads. `variant` is the variant of the robot.
     """
 
     def __init__(self, simulations: Sequence[ModeSimulation], variant: Any, rules: EnvRules, robot: Modes | None = None) -> None:
@@ -80,18 +80,19 @@ class Episode:
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The model of the current mode."""
+        """The MuJoCo model of the current mode."""
         return self.simulations[self.mode].model
 
     @property
     def data(self) -> mujoco.MjData:
-        """The state of the current mode."""
+        """The MuJoCo data of the current mode."""
         return self.simulations[self.mode].data
 
     def begin(self, source: np.random.Generator, name: str, size: int = 0) -> None:
-        """Set the initial state in the first mode. `name` is the name of the variant in error messages. `size` is that of actions.
+        """Start the episode in the first mode: set the initial state, and add random noise to it.
 
-        Raises `UnknownVariant` for an unknown pose.
+        `source` is the random generator. `name` is the name of the variant in error messages. `size` is the number of elements of an
+        action. Raises `UnknownVariant` if the initial pose does not exist.
         """
         import mujoco
 
@@ -108,10 +109,11 @@ class Episode:
         self._delayed = deque(maxlen=1 + (first if first == last else int(source.integers(first, last + 1))))
 
     def ask(self, action: Array, mode: int = 0) -> None:
-        """Set the action, with shape (nu,) or longer, in the mode with this number. A switch can be `refused`.
+        """Set the action for the next call of `run`. If `mode` is not the current mode, switch to it first. `mode` is the index of a mode.
 
-        The interval [-1, 1] is mapped to the range of each control, or to `action_offset` plus or minus `action_scale`. Raises
-        `FamilyError` for NaN, which MuJoCo would replace by 0.
+        The shape of the action is (nu,) or longer. The interval [-1, 1] is mapped to the range of each control, or to `action_offset` plus
+        or minus `action_scale`. If the switch is refused, `refused` contains the reason. Raises `FamilyError` for NaN, which MuJoCo would
+        replace by 0.
         """
         if np.isnan(action).any():
             raise FamilyError(f"expected an action of numbers, found {action}")
@@ -124,7 +126,7 @@ class Episode:
         self._before, self._started = np.array(self.data.subtree_com[0]), self.data.time
 
     def _control(self, action: Array) -> None:
-        """Set the controls of the simulation for an action."""
+        """Compute the controls of the current mode from an action, and set them."""
         own, rules = self.simulations[self.mode], self._rules
         low, high = own.spans
         if rules.action_scale is None:
@@ -137,7 +139,7 @@ class Episode:
         own.data.ctrl[:] = np.clip(offset + scaled[own.controls], low, high)
 
     def _switch(self, mode: int) -> str | None:
-        """Switch to a mode, or return why it is refused."""
+        """Switch the robot to the mode with this index. If the switch is refused, return the reason, otherwise None."""
         import mujoco
 
         from thingc.modes import ModesError
@@ -156,7 +158,7 @@ class Episode:
         return None
 
     def _push(self) -> None:
-        """Push a random body of the robot during this action, if a push is due."""
+        """Apply a random horizontal force to a random body during this action, if the option `push` requires it for this action."""
         if self._rules.push is None:
             return
         every, impulse = self._rules.push
@@ -169,7 +171,7 @@ class Episode:
             forces[body, :3] = np.array([np.cos(angle), np.sin(angle), 0.0]) * impulse / seconds
 
     def run(self) -> None:
-        """Simulate the time steps of an action."""
+        """Simulate the robot for the duration of one action."""
         import mujoco
 
         model, data = self.model, self.data
@@ -180,7 +182,8 @@ class Episode:
             mujoco.mj_forward(model, data)
 
     def judge(self) -> tuple[float, bool, bool, Mapping[str, Any]]:
-        """Return the reward, whether the episode is terminated, whether it is truncated, and further infos.
+        """Return the reward of the last action, whether the episode is terminated, whether it is truncated, and a dict of further
+        information.
 
         The episode is terminated if `terminated` returns true or if the simulation is unstable (reward 0). Raises `FamilyError` for an
         invalid reward.
@@ -201,7 +204,10 @@ class Episode:
 
 
 def _number(reward: Any) -> float:
-    """Convert a reward to a number. Raises `FamilyError` for NaN and other invalid values, because training would continue with them."""
+    """Convert the return value of a reward function to a float. Raises `FamilyError` for NaN and other invalid values.
+
+    Otherwise, training would continue with these values.
+    """
     try:
         number = float(reward)
     except (TypeError, ValueError):
@@ -229,7 +235,7 @@ def _keyframe(model: mujoco.MjModel, pose: str, name: str) -> int:
 
 
 def _unstable(data: mujoco.MjData) -> bool:
-    """Return whether MuJoCo has reset the simulation because of invalid or very large numbers."""
+    """Return whether the simulation is unstable, so that MuJoCo has reset it because of NaN or very large numbers."""
     import mujoco
 
     faults = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
@@ -237,6 +243,8 @@ def _unstable(data: mujoco.MjData) -> bool:
 
 
 def spans_of(model: mujoco.MjModel) -> tuple[Array, Array]:
-    """Return the lower and upper bounds of all controls, each with shape (nu,). The bounds of a control without limits are [-1, 1]."""
+    """Return the lower and the upper bounds of all controls of a model, each with shape (nu,). A control without limits has the bounds -1
+    and 1.
+    """
     limited = model.actuator_ctrllimited.astype(bool)
     return np.where(limited, model.actuator_ctrlrange[:, 0], -1.0), np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)

@@ -1,4 +1,5 @@
-"""Gymnasium vector environments for a family, in one process, with a different robot in each world (`pip install thingc[learning]`).
+"""Gymnasium vector environments in one process, in which each world simulates a different robot of a family
+(`pip install thingc[learning]`).
 
     from thingc.batch.gym.family_env import make_vec_env
 
@@ -60,11 +61,12 @@ RENDERERS = 8
 
 
 class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
-    """Worlds with robots of a family, which are stepped together in threads. Create it with `make_vec_env`.
+    """A Gymnasium vector environment whose worlds simulate robots of a family in threads. Create it with `make_vec_env`.
 
-    A world behaves like a single environment of `thingc.batch.gym.variants_env` with the same robot: it has the same observations, rewards
-    and infos, and the same episodes for the same seed. When an episode has ended, the world restarts as defined by
-    `metadata["autoreset_mode"]`. If settings are refused, new settings are drawn; `refused` counts the refused settings by message.
+    Each world behaves like a single environment of `thingc.batch.gym.variants_env` with the same robot. It has the same observations,
+    rewards and infos, and the same episodes for the same seed. When an episode has ended, the world starts a new one as specified by
+    `metadata["autoreset_mode"]`. If the drawn settings of a robot are refused, other settings are drawn. `refused` counts the refused
+    settings by message.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}
@@ -103,7 +105,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
 
     @property
     def refused(self) -> Counter[str]:
-        """The number of refused settings by message."""
+        """The number of refused settings of robots, by error message."""
         return self._morphologies.refused
 
     # --- Gymnasium API --------------------------------------------------------------------------------------------------
@@ -113,8 +115,9 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
     ) -> tuple[Array, dict[str, Any]]:
         """Start an episode in every world, or in the worlds selected by `options["reset_mask"]`.
 
-        Each world uses a random variant, or all worlds use `options["variant"]` (an index, or for a variants document also an id or name).
-        World k uses the seed `seed + k`. Raises gymnasium's `ClosedEnvironmentError` after `close`.
+        Each world simulates a random variant. With `options["variant"]`, all worlds simulate this variant, which is given by its index, or
+        for a variants document also by its id or name. World k uses the seed `seed + k`. Raises gymnasium's `ClosedEnvironmentError` after
+        `close`.
         """
         self._open()
         options = known_options(options, ("variant", "reset_mask"))
@@ -134,10 +137,11 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         return self._observations.copy(), infos
 
     def step(self, actions: Any) -> tuple[Array, Array, np.ndarray[Any, Any], np.ndarray[Any, Any], dict[str, Any]]:
-        """Apply actions with shape (num_envs, nu), or with `modes` a mapping: `mode` (num_envs,) and `joints` (num_envs, nu).
+        """Apply an action in every world. `actions` is an array (num_envs, nu), or, with several modes, a mapping.
 
-        A switch to another mode happens before the action is applied. If it is refused, `infos["refused"]` contains the reason. With
-        `NextStep`, worlds with ended episodes restart instead. Raises `ClosedEnvironmentError` after `close`.
+        The mapping contains `mode` (num_envs,) and `joints` (num_envs, nu). A robot first switches to the mode, and then the action is
+        applied. If a switch is refused, `infos["refused"]` contains the reason. With the autoreset mode `NextStep`, worlds whose episode
+        has ended start a new episode instead. Raises `ClosedEnvironmentError` after `close`.
         """
         self._open()
         modes, actions = self._split(actions)
@@ -169,17 +173,19 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
 
     @property
     def settings(self) -> tuple[Settings, ...]:
-        """The settings of the robot in each world, which change with every episode."""
+        """The settings of the robot in each world. They change with every episode."""
         return tuple(self._world(k)[1].settings for k in range(self.num_envs))
 
     @property
     def models(self) -> tuple[mujoco.MjModel, ...]:
-        """The model of each world. Worlds with equal settings share a model, so do not modify it."""
+        """The MuJoCo model of each world. Worlds whose robots have equal settings share a model, so do not modify it."""
         return tuple(self._world(k)[2].model for k in range(self.num_envs))
 
     @property
     def data(self) -> tuple[mujoco.MjData, ...]:
-        """The state of each world, for reading or rendering with the model of the world. `data.model` can be another model."""
+        """The MuJoCo data of each world, for reading or rendering with the model of this world. The attribute `model` of the data can be
+        another model.
+        """
         return tuple(self._world(k)[2].data for k in range(self.num_envs))
 
     @property
@@ -188,11 +194,11 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         return tuple(self._source(k) for k in range(self.num_envs))
 
     def render(self) -> tuple[Any, ...] | None:
-        """Return an image (480, 640, 3) of each world, if `render_mode` is `"rgb_array"`."""
+        """Return an image (480, 640, 3) of each world if `render_mode` is `"rgb_array"`, otherwise None."""
         return None if self.render_mode is None else tuple(self._image(k) for k in range(self.num_envs))
 
     def close_extras(self, **named: Any) -> None:
-        """End the threads, and the worker of a family that this environment opened."""
+        """End all threads. If this environment opened the family, also end the worker process that builds parts."""
         for renderer, _ in self._renderers.values():
             renderer.close()
         if self._pool is not None:
@@ -203,12 +209,12 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
     # --- implementation -------------------------------------------------------------------------------------------------
 
     def _open(self) -> None:
-        """Raise `ClosedEnvironmentError` after `close`, with Gymnasium's message."""
+        """Raise `ClosedEnvironmentError` if `close` has been called. The message is the same as in Gymnasium."""
         if self.closed:
             raise ClosedEnvironmentError(f"Trying to operate on `{type(self).__name__}`, after a call to `close()`.")
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """Return a seed for each world. None means that the random generator of the world does not change."""
+        """Return a seed for each world. The seed None means that the random generator of this world is not seeded again."""
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, Integral):
@@ -219,7 +225,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         return [None if one is None else int(one) for one in seeds]
 
     def _split(self, actions: Any) -> tuple[Sequence[int], Array]:
-        """Return the number of the mode and the action of each world. Raises `FamilyError` for invalid actions."""
+        """Split actions into the index of the mode and the action array of each world. Raises `FamilyError` for invalid actions."""
         shape = (self.num_envs, self._controls)
         if not self._modes:
             return [0] * self.num_envs, as_actions(actions, shape)
@@ -244,15 +250,18 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         return renderer.render()
 
     def _simulate(self, episodes: Sequence[Episode]) -> None:
-        """Run the episodes. A large number of episodes runs in threads, because MuJoCo releases the GIL while it steps."""
+        """Simulate the given episodes. If there are many, they run in several threads, because MuJoCo releases the GIL during a simulation
+        step.
+        """
         if self._pool is None or len(episodes) < 2 * self._threads:
             _run(episodes)
         else:
             list(self._pool.map(_run, [episodes[k:: self._threads] for k in range(self._threads)]))
 
     def _begin(self, worlds: Sequence[int], infos: dict[str, Any], wanted: Any) -> None:
-        """Start episodes in some worlds. Refused settings are replaced by newly drawn settings. Raises `FamilyError` if `wanted` or too
-        many other settings are refused.
+        """Start a new episode in the given worlds. If the drawn settings of a robot are refused, draw other settings.
+
+        Raises `FamilyError` if the settings of the variant `wanted` are refused, or if too many drawn settings are refused.
         """
         refused: NoModel | None = None
         for _ in range(DRAWS if wanted is None else 1):
@@ -291,7 +300,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         row[self._observer.length :] = morphology.described
 
     def _called(self, k: int) -> dict[str, Any]:
-        """Return the `infos` of a world: the variant of its episode, and the current mode."""
+        """Return the `infos` of a world at the start of an episode: the variant of its robot, and the current mode."""
         key, _, episode = self._world(k)
         choices = self._morphologies.choices
         mode = {"mode": episode.simulations[episode.mode].name} if self._modes else {}
@@ -305,16 +314,16 @@ def make_vec_env(
     family: RobotFamily | str | os.PathLike[str], num_envs: int = 1, *, threads: int = 0,
     autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **options: Unpack[EnvOptions],
 ) -> FamilyVectorEnv:
-    """Create `num_envs` worlds with robots of a family or document (see `thingc.family`), which are stepped together in threads.
+    """Create a Gymnasium vector environment with `num_envs` worlds, which simulate robots of a family or document in threads.
 
     Args:
         threads: Number of threads (0: one per core).
-        autoreset_mode: When a world restarts after its episode (`NextStep`, `SameStep` or `Disabled`).
-        options: See `EnvOptions`.
+        autoreset_mode: When a world starts a new episode after the end of an episode (`NextStep`, `SameStep` or `Disabled`).
+        options: Further options, see `EnvOptions`.
 
-    If settings are refused, new settings are drawn. Raises `FamilyError` if no settings are given or too many successive settings are
-    refused, `UnknownVariant` for an unknown task or descriptor, `UnknownChoice` for an unknown mode, and `CompileError` for a document with
-    errors.
+    If the drawn settings of a robot are refused, other settings are drawn. Raises `FamilyError` if no settings are given, or if too many
+    successive settings are refused. Also raises `UnknownVariant` for an unknown task or descriptor, `UnknownChoice` for an unknown mode,
+    and `CompileError` for a document with errors.
     """
     given = env_rules(options)
     rules = replace(given, modes=as_names(modes=given.modes), descriptor=as_names(descriptor=given.descriptor))
@@ -339,7 +348,7 @@ def make_vec_env(
 
 
 class FamilyEnv(gymnasium.Env[Array, Any]):
-    """One world of a family as a single environment. Create it with `make_env`."""
+    """A Gymnasium environment that simulates one robot of a family at a time. Create it with `make_env`."""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}
 
@@ -351,15 +360,15 @@ class FamilyEnv(gymnasium.Env[Array, Any]):
         self.action_space = world.single_action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start an episode with a random variant, or with `options["variant"]` (see `FamilyVectorEnv.reset`)."""
+        """Start an episode with a random variant. With `options["variant"]`, start it with this variant (see `FamilyVectorEnv.reset`)."""
         observations, infos = self._world.reset(seed=seed, options=known_options(options, ("variant",)))
         self.np_random = self._world.sources[0]
         return observations[0], _first(infos)
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Apply an action with shape (nu,), or with `modes` a mapping: `mode` and `joints` (nu,). Call `reset` after an episode has ended.
+        """Apply an action, which is an array (nu,), or, with several modes, a mapping that contains `mode` and `joints` (nu,).
 
-        If a switch is refused, `info["refused"]` contains the reason.
+        If a switch to another mode is refused, `info["refused"]` contains the reason. After an episode has ended, call `reset`.
         """
         actions: Any = action
         if not isinstance(self.action_space, gymnasium.spaces.Dict):
@@ -370,37 +379,40 @@ class FamilyEnv(gymnasium.Env[Array, Any]):
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first(infos)
 
     def render(self) -> Any:
-        """Return an image (480, 640, 3), if `render_mode` is `"rgb_array"`."""
+        """Return an image (480, 640, 3) if `render_mode` is `"rgb_array"`, otherwise None."""
         images = self._world.render()
         return None if images is None else images[0]
 
     @property
     def settings(self) -> Settings:
-        """The settings of the robot of the episode."""
+        """The settings of the robot in the current episode."""
         return self._world.settings[0]
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The model of the robot of the episode. It changes with each `reset`. Do not modify it."""
+        """The MuJoCo model of the robot in the current episode. Do not modify it. It changes with each `reset`."""
         return self._world.models[0]
 
     @property
     def data(self) -> mujoco.MjData:
-        """The state, for reading or rendering (`mujoco.Renderer(env.model)`)."""
+        """The MuJoCo data of the current episode, for reading or rendering (`mujoco.Renderer(env.model)`)."""
         return self._world.data[0]
 
     def close(self) -> None:
-        """End the worker of a family that this environment opened."""
+        """Close the environment. If it opened the family, also end the worker process that builds parts."""
         self._world.close()
 
 
 def _first(infos: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the `infos` of an environment with a single world."""
+    """Return the `infos` of the only world, as a Gymnasium environment returns them that is not vectorized."""
     return {name: values[0] for name, values in infos.items() if not name.startswith("_")}
 
 
 def make_env(family: RobotFamily | str | os.PathLike[str], **options: Unpack[EnvOptions]) -> FamilyEnv:
-    """Create a single environment, whose episodes equal those of the first world of `make_vec_env`. `EnvOptions` describes the options."""
+    """Create a Gymnasium environment for one robot at a time. Its episodes equal the episodes of the first world of `make_vec_env`.
+
+    `EnvOptions` describes the options.
+    """
     return FamilyEnv(make_vec_env(family, 1, threads=1, autoreset_mode=AutoresetMode.DISABLED, **options))
 
 

@@ -1,4 +1,5 @@
-"""Environments of a family in MJX: pure functions over many robots, whose actions can switch modes (`pip install thingc[jax]`).
+"""Environments for reinforcement learning in MJX: pure JAX functions over many robots, in which actions can switch modes
+(`pip install thingc[jax]`).
 
     from thingc.batch.gym.mjx_env import MjxEnv
 
@@ -44,17 +45,17 @@ MOVING = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "site_quat
 
 
 class MjxState(NamedTuple):
-    """The state of a robot.
+    """The state of one robot in an `MjxEnv`.
 
     Attributes:
-        data: The simulation in each mode. Only that of the current `mode` is up to date.
+        data: The MJX data of each mode. Only the data of the current mode are up to date.
         mode: The index of the current mode.
         steps: Number of actions since the start of the episode.
-        observation: The observation.
+        observation: The observation after the last action.
         reward: The reward of the last action.
         terminated: Whether `terminated` returned true or the simulation is unstable (reward 0).
-        truncated: Whether the episode has `max_steps` actions.
-        refused: Whether the switch of the last action was refused.
+        truncated: Whether the episode has reached `max_steps` actions.
+        refused: Whether the mode switch that the last action requested was refused.
     """
 
     data: tuple[mjx.Data, ...]
@@ -68,14 +69,14 @@ class MjxState(NamedTuple):
 
 
 class MjxStep(NamedTuple):
-    """The arguments of rewards, observations and `terminated`.
+    """The argument of the functions that compute rewards, observations and the end of an episode.
 
     Attributes:
-        data: The simulation after the step.
-        robot: The same state in arrays of the same shapes in every mode.
-        mode: The index of the mode, a constant.
+        data: The MJX data after the action.
+        robot: The state after the action, in arrays whose shapes are the same in every mode.
+        mode: The index of the mode, which is a constant.
         action: The action in [-1, 1].
-        velocity: The mean velocity (3,) of the centre of mass during the step [m/s].
+        velocity: The mean velocity (3,) of the centre of mass during the action [m/s].
         gravity: The direction (3,) of gravity in the axes of the root link of the first mode.
     """
 
@@ -88,26 +89,27 @@ class MjxStep(NamedTuple):
 
 
 class MjxEnv:
-    """Episodes of robots of a family, with the values of `names` as arguments.
+    """An environment in MJX for robots of a family. The robots differ in the values of the numbers `names`.
 
-    `reset` and `step` are pure functions of one robot, fit for `jit`, `vmap` and `grad`. `batch` returns the models for many robots.
+    `reset` and `step` are pure functions for a single robot, which can be used with `jit`, `vmap` and `grad`. `batch` returns the models of
+    many robots.
 
     Args:
-        family: The family.
-        names: The numbers in which robots differ. With several modes, they cannot move links, joints or mounts.
-        modes: The modes between which actions switch. Episodes start in the first, in its first keyframe.
+        family: The family of robots.
+        names: The numbers in the document in which robots differ. With several modes, these numbers cannot move links, joints or mounts.
+        modes: The modes between which actions can switch. Episodes start in the first mode, in its first keyframe.
         reward: A function of an `MjxStep`.
-        terminated: A function of an `MjxStep` that ends an episode.
+        terminated: A function of an `MjxStep` that returns true to end an episode.
         observation: A function of an `MjxStep` (default: `default_observation`).
         frame_skip: Number of simulation steps per action.
         max_steps: Number of actions per episode.
-        noise: Maximum change of each degree of freedom at the start [rad or m].
-        on_motion: What happens to the motion of a link that the new mode holds, see `thingc.modes.jax.switch`.
-        at: Other settings.
-        floor: Whether models have the floor of the scene.
-        dtype: `"float32"` if JAX has no 64-bit numbers.
+        noise: Maximum random change of each degree of freedom at the start [rad or m].
+        on_motion: What happens if the new mode holds a link that moves, see `thingc.modes.jax.switch`.
+        at: Further settings of the robots.
+        floor: Whether models include the floor of the scene.
+        dtype: `"float32"` if JAX does not use 64-bit numbers.
 
-    Raises `FamilyError` for what neither MJX nor switches in JAX support, and `UnknownChoice` for an unknown mode.
+    Raises `FamilyError` for features that MJX, or mode switches in JAX, do not support, and `UnknownChoice` for an unknown mode.
     """
 
     def __init__(
@@ -135,21 +137,27 @@ class MjxEnv:
 
     @property
     def action_size(self) -> int:
-        """The number of controls in an action: one for each of `actuators`, the actuators of all modes."""
+        """The number of elements of an action. There is one for each actuator of any mode, in the order of `actuators`."""
         return len(self.actuators)
 
     def models(self, p: Any) -> tuple[tuple[mjx.Model, ...], Any]:
-        """Return the models of a robot in all modes for values `(n,)` of the numbers, and whether they are valid: a pure function."""
+        """Return the MJX models of a robot in all modes for values `p` `(n,)` of the numbers, and whether these values are valid.
+
+        This is a pure function.
+        """
         models, ok = zip(*(world.family.model(p) for world in self._worlds), strict=True)
         return models, jnp.all(jnp.stack(ok))
 
     def batch(self, p: npt.ArrayLike) -> tuple[Any, Any, jax.Array]:
-        """Return the models for rows `(k, n)` of the numbers, their axes for `in_axes` of `jax.vmap`, and which rows are valid, `(k,)`."""
+        """Return the batched MJX models of many robots, for rows `(k, n)` of values of the numbers.
+
+        Also return the axes of these models for `in_axes` of `jax.vmap`, and flags `(k,)` that are True for valid rows.
+        """
         models, axes, ok = zip(*(world.family.batch(p) for world in self._worlds), strict=True)
         return models, axes, jnp.all(jnp.stack(ok), axis=0)
 
     def reset(self, models: Sequence[mjx.Model], key: jax.Array) -> MjxState:
-        """Return the start of an episode of a robot with these `models`, one for each mode."""
+        """Return the state of a robot at the start of an episode. `models` contains the MJX model of the robot in each mode."""
         data = [mjx.make_data(model) for model in models]
         first, model = self._worlds[0].family.mj_model, models[0]
         qpos, mocap = (first.key_qpos[0], (first.key_mpos[0], first.key_mquat[0])) if first.nkey else (first.qpos0, None)
@@ -164,10 +172,11 @@ class MjxEnv:
         return MjxState(tuple(data), zero, zero, jnp.asarray(self._observation(seen)), nothing, none, none, none)
 
     def step(self, models: Sequence[mjx.Model], state: MjxState, action: jax.Array, mode: Any = 0) -> MjxState:
-        """Return the state after an action: a switch to `mode`, an index in `modes`, and controls `(action_size,)`.
+        """Apply an action to a robot, and return its new state. `mode` is the index of the mode to which the robot switches first.
 
-        The interval [-1, 1] is mapped to the range of each control. A switch is refused if the robot is not where the new mode holds it.
-        The episode does not restart at its end: choose between `state` and a new `reset` with `jnp.where(state.terminated, ...)`.
+        The shape of `action` is `(action_size,)`. The interval [-1, 1] is mapped to the range of each control. A switch is refused if the
+        robot is not where the new mode holds it. A new episode does not start automatically: choose between `state` and a new `reset` with
+        `jnp.where(state.terminated, ...)`.
         """
         action = jnp.clip(action, -1.0, 1.0)
         before = jnp.stack([data.subtree_com[0] for data in state.data])[state.mode]
@@ -185,7 +194,8 @@ class MjxEnv:
     # --- implementation -------------------------------------------------------------------------------------------------
 
     def _switched(self, models: Sequence[mjx.Model], state: MjxState, wanted: Any) -> tuple[list[mjx.Data], Any, Any]:
-        """Return the simulations after a switch to mode `wanted`, the current mode, and whether the switch was refused."""
+        """Switch to the mode `wanted`. Return the MJX data of all modes, the index of the current mode, and whether the switch was refused.
+        """
         if len(self.modes) == 1:
             return list(state.data), state.mode, jnp.zeros((), dtype=bool)
         robots = [world.read(model, data) for world, model, data in zip(self._worlds, models, state.data, strict=True)]
@@ -208,7 +218,9 @@ class MjxEnv:
     def _stepped(
         self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, before: jax.Array,
     ) -> tuple[mjx.Data, tuple[jax.Array, jax.Array, jax.Array]]:
-        """Return the simulation in a mode after an action, and the observation, reward and end of the episode."""
+        """Simulate one action in one mode. Return the MJX data, and a tuple of the observation, the reward and whether the episode is
+        terminated.
+        """
         world = self._worlds[number]
         low, high = world.spans
         model, data = world.family.put(model, data.replace(ctrl=low + (action[self._controls[number]] + 1.0) / 2.0 * (high - low)))
@@ -229,12 +241,15 @@ class MjxEnv:
 
 
 def default_observation(modes: int) -> Callable[[MjxStep], jax.Array]:
-    """Return the default observation: q and v of all joints, the direction of gravity, and one number per mode, of which one is 1."""
+    """Return a function that computes the default observation from an `MjxStep`.
+
+    The observation contains the positions and velocities of all joints, the direction of gravity, and a one-hot encoding of the mode.
+    """
     return lambda step: jnp.concatenate([step.robot.q, step.robot.v, step.gravity, jnp.eye(modes)[step.mode]])
 
 
 class _World:
-    """A mode of the robot, and its models in MJX."""
+    """A mode of the robot, with the family of its MJX models."""
 
     def __init__(self, mode: Mode, family: FamilyMjx) -> None:
         self.mode = mode
@@ -245,7 +260,7 @@ class _World:
         self._root = family.mj_model.body(mode.root_link).id
 
     def check_switches(self) -> None:
-        """Raise `FamilyError` for what switches in MJX do not support."""
+        """Raise `FamilyError` if the mode has features that mode switches in MJX do not support."""
         mode, moving = self.mode, [name for name in MOVING if name in self.family.varied]
         if moving:
             raise FamilyError(
@@ -259,7 +274,7 @@ class _World:
             raise FamilyError(f"mode `{mode.name}` has {lacks}, which switches in MJX do not support", "use `make_vec_env`")
 
     def read(self, model: mjx.Model, data: mjx.Data) -> State:
-        """Return the state of the robot."""
+        """Return the state of the robot in MJX data of this mode, in arrays with the same shapes in every mode."""
         twist: Any = jnp.zeros(6)
         if self.mode.base == "free":
             at, moving = self.map.base
@@ -273,7 +288,7 @@ class _World:
         return State(pose(rotation_of(quaternion, jnp), position, jnp), twist, q, v)  # type: ignore[arg-type]
 
     def write(self, robot: State, data: mjx.Data) -> mjx.Data:
-        """Return the simulation with a state of the robot."""
+        """Return MJX data of this mode with the positions and velocities of the robot set to the state `robot`."""
         addresses = self.map.addresses
         rows, positions, speeds = addresses.to_write
         qpos, qvel = data.qpos.at[positions].set(addresses.ratio * robot.q[rows]), data.qvel.at[speeds].set(addresses.ratio * robot.v[rows])
@@ -288,17 +303,19 @@ class _World:
         return data.replace(qpos=qpos, qvel=qvel)
 
     def inertias(self, model: mjx.Model) -> Any:
-        """Return the inertias of a model."""
+        """Return the inertias of all links in an MJX model of this mode."""
         return inertias_in(model, self._inertias, jnp)
 
     def accelerations(self, values: jax.Array, new: _World) -> jax.Array:
-        """Convert the accelerations of joints for the warm start of the solver to those of another mode; those of its base are 0."""
+        """Convert the joint accelerations with which MuJoCo's solver starts from this mode to another mode. The accelerations of the base
+        are 0.
+        """
         pairs = [(own[1], new.map.joints[name][1]) for name, own in self.map.joints.items() if name in new.map.joints]
         here, there = np.array(pairs, dtype=int).reshape(-1, 2).T
         return jnp.zeros(new.family.mj_model.nv, values.dtype).at[there].set(values[here])
 
 
 def _chosen(condition: Any, one: Any, other: Any) -> Any:
-    """Return one of two states."""
+    """Return the state `one` if the condition is true, otherwise the state `other`. The condition can be traced by JAX."""
     return jax.tree_util.tree_map(lambda a, b: jnp.where(condition, a, b), one, other)
 

@@ -1,4 +1,4 @@
-"""The robots of a family's environments: their distribution over episodes, and their cached models."""
+"""The robots that the environments of a family simulate: how they are drawn for each episode, and the cache of their models."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ if TYPE_CHECKING:
 
 
 class MorphologyDistribution(FrozenStruct):
-    """The distribution of robots over episodes: uniform over `many` settings, or the function `draw` of a random generator.
+    """The probability distribution of the settings of robots: uniform over `many` settings, or drawn by the function `draw` with a random
+    generator.
 
-    `ids` are the values of `infos["variant"]` (empty: indices), and `names` are the names of the settings.
+    `ids` contains the values of `infos["variant"]`, which are indices if `ids` is empty. `names` contains the names of the settings.
     """
 
     many: Sequence[Settings] = ()
@@ -37,9 +38,10 @@ class MorphologyDistribution(FrozenStruct):
 
 
 class Morphology:
-    """A robot: its model in each mode, its descriptor, and the `spans` of its controls.
+    """A robot with given settings: its MuJoCo model in each mode, its descriptor, and the bounds `spans` of its controls.
 
-    `robot` switches between the modes, if there are several. Robots with equal `layout` (sizes and names) can share an `MjData`.
+    If there are several modes, `robot` switches between them. Robots with an equal `layout`, which contains sizes and names of the models,
+    can share an `MjData`.
     """
 
     def __init__(self, models: Sequence[mujoco.MjModel], robot: Modes | None, settings: Settings, described: Array) -> None:
@@ -54,12 +56,15 @@ class Morphology:
 
     @property
     def sizes(self) -> list[tuple[int, int, int]]:
-        """nq, nv and nu of each mode."""
+        """The sizes nq, nv and nu of the MuJoCo model in each mode."""
         return [(model.nq, model.nv, model.nu) for model in self.models]
 
 
 class Morphologies:
-    """The robots of a family, drawn from `choices` and simulated in `modes`. `refused` counts the refused settings by message."""
+    """Draws robots from the distribution `choices`, and caches their MuJoCo models in all `modes`.
+
+    `refused` counts the refused settings by error message.
+    """
 
     def __init__(self, family: RobotFamily, choices: MorphologyDistribution, rules: EnvRules) -> None:
         self.choices = choices
@@ -85,7 +90,9 @@ class Morphologies:
         ))
 
     def drawn(self, source: np.random.Generator, wanted: Any) -> tuple[Any, Settings]:
-        """Return the key of settings in the cache, and the settings."""
+        """Draw the settings of a robot, or return the settings of the variant `wanted`. The first value is the key of the settings in the
+        cache.
+        """
         if self.choices.draw is not None:
             if wanted is not None:
                 raise UnknownVariant(f"there is no variant `{wanted}`: a function draws the settings")
@@ -108,9 +115,10 @@ class Morphologies:
         return int(wanted) % count
 
     def made(self, keys: Sequence[Any], many: Sequence[Settings]) -> list[Morphology | NoModel]:
-        """Return the morphologies, or `NoModel` for refused settings.
+        """Return the robot for each set of settings, from the cache if possible. For refused settings, return a `NoModel`.
 
-        Raises `FamilyError` if the sizes of a model differ from those of the first morphology.
+        `keys` contains the keys of the settings in the cache. Raises `FamilyError` if the model of a robot has other sizes than the model
+        of the first robot.
         """
         new = {key: settings for key, settings in zip(keys, many) if key not in self._kept}
         rules = self._rules
@@ -138,7 +146,8 @@ class Morphologies:
         return made
 
     def episode(self, morphology: Morphology, before: tuple[Any, Morphology, Episode] | None) -> Episode:
-        """Return an episode of a morphology. Its states are those of the episode `before`, if the models have the same layout."""
+        """Create an episode of a robot. The `MjData` of the episode `before` are reused if the models of both robots have the same layout.
+        """
         import mujoco
 
         if before is not None and before[1].layout == morphology.layout:
@@ -152,12 +161,12 @@ class Morphologies:
         return Episode(simulations, morphology.settings, self._rules, morphology.robot)
 
     def _controls(self, model: mujoco.MjModel) -> Any:
-        """Return the index of each control of a model in actions, which have one number for each actuator of any mode."""
+        """Return the index of each control of a model in an action. An action has one element for each actuator of any mode."""
         return np.array([self.actuators.index(model.actuator(number).name) for number in range(model.nu)], dtype=int)
 
 
 def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None) -> MorphologyDistribution:
-    """Return the distribution from which the settings of episodes are drawn.
+    """Return the probability distribution from which the settings of the robots are drawn.
 
     By default, these are the valid variants of the document that satisfy its rules, or the settings of an assembly itself.
     """
@@ -181,7 +190,9 @@ def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None
 
 
 def settings_key(settings: Settings) -> tuple[tuple[str, Any], ...]:
-    """Return the cache key of settings. Raises `FamilyError` for settings that are not a mapping from names to numbers or strings."""
+    """Return the key of settings in the cache of robots. Raises `FamilyError` if the settings are not a mapping from names to numbers or
+    strings.
+    """
     try:
         key = tuple(sorted(settings.items()))
         hash(key)
@@ -191,5 +202,5 @@ def settings_key(settings: Settings) -> tuple[tuple[str, Any], ...]:
 
 
 def refusal(refused: NoModel) -> FamilyError:
-    """Return the error of refused settings."""
+    """Return the exception for settings that are refused, with the errors as the message."""
     return FamilyError(f"the settings {dict(refused.settings)} are rejected: {refused.reason}")

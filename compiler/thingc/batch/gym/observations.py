@@ -1,4 +1,4 @@
-"""Observations of episodes: named terms in one array."""
+"""Compute the observations of episodes. An observation is an array that consists of named terms, such as `qpos` or `gravity`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EXACT = ("action", "mode")
 
 
 def _joints(episode: Episode) -> Array:
-    """Return q and v of all joints, in the same order in every mode. Joints that a mode cuts are 0."""
+    """Return the positions and velocities of all joints, in the same order in every mode. Joints that the mode cuts are 0."""
     from thingc.modes.mjdata import map_model
 
     if episode.robot is None:
@@ -33,7 +33,7 @@ def _joints(episode: Episode) -> Array:
 
 
 def _gravity(episode: Episode) -> Array:
-    """Return the direction of gravity in the axes of the root link of the first mode."""
+    """Return the direction of gravity as a unit vector in the axes of the root link of the first mode."""
     model, data = episode.model, episode.data
     root = 1 if episode.robot is None else model.body(episode.robot[episode.simulations[0].name].root_link).id
     size = float(np.linalg.norm(model.opt.gravity))
@@ -54,10 +54,11 @@ TERMS: Mapping[str, Term] = {
 
 
 class Observer:
-    """Observations with the given `terms`, each with random noise of up to `noise` (a number, or numbers by term).
+    """Computes observations with the given terms and adds random noise. `noise` is the maximum change, or a mapping from terms to such
+    changes.
 
-    `example` is an episode with the sizes of all episodes. Raises `UnknownVariant` for an unknown term, and `FamilyError` for invalid
-    noise.
+    `example` is an episode whose sizes are the same as in all other episodes. Raises `UnknownVariant` for an unknown term, and
+    `FamilyError` for invalid noise.
     """
 
     def __init__(self, terms: Sequence[str] | str | None, noise: float | Mapping[str, float], example: Episode) -> None:
@@ -75,7 +76,9 @@ class Observer:
         self._noise: Any = np.repeat([float(given.get(name, 0.0)) for name in names], lengths)
 
     def __call__(self, episode: Episode, source: np.random.Generator, row: Array) -> None:
-        """Write the observation of an episode to `row`. Raises `FamilyError` if its size differs."""
+        """Write the observation of an episode into the array `row`. Raises `FamilyError` if its size differs from the size of other
+        observations.
+        """
         seen = np.concatenate([TERMS[name](episode) for name in self._names])
         if len(seen) != self.length:
             mode = episode.simulations[episode.mode].name

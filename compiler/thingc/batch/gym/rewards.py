@@ -1,4 +1,4 @@
-"""Rewards of episodes, and the descriptor of observations."""
+"""Functions that compute the reward of an action, and the descriptor of a robot, which is appended to its observations."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
 class StepInfo(FrozenStruct):
-    """The arguments of a reward after a step.
+    """The argument of a function that computes the reward of an action.
 
-    `action` (nu,) is in [-1, 1]. `before` and `after` are the centre of mass of the robot before and after the step [m], and `seconds` is
-    the duration of the step [s]. `variant` is the variant of the episode, or its settings for a family in memory.
+    `action` (nu,) is in [-1, 1]. `before` and `after` contain the centre of mass of the robot before and after the action [m]. `seconds` is
+    the duration of the action [s]. `variant` is the variant of the robot, or its settings for a family in memory.
     """
 
     model: mujoco.MjModel
@@ -45,12 +45,18 @@ Terminated = Callable[[StepInfo], bool]
 
 
 def forward(step: StepInfo) -> float:
-    """Return the velocity of the centre of mass along x of the world [m/s], minus 0.001 times the square of the action."""
+    """Return a reward for moving forward: the velocity of the centre of mass along the x axis of the world [m/s].
+
+    The reward is reduced by 0.001 times the squared norm of the action.
+    """
     return float((step.after[0] - step.before[0]) / step.seconds - 1e-3 * step.action @ step.action)
 
 
 def hold(step: StepInfo) -> float:
-    """Return exp(-|q - q0|^2), minus 0.001 times the square of the action. The first term is 1 if the joints are at their start values."""
+    """Return a reward for holding the initial pose: exp(-|q - q0|^2), which is 1 if the joints are at their initial positions.
+
+    The reward is reduced by 0.001 times the squared norm of the action.
+    """
     import mujoco
 
     away = np.zeros(step.model.nv)
@@ -63,7 +69,8 @@ TASKS: Mapping[str, Reward] = {"forward": forward, "hold": hold}
 
 
 class Descriptor:
-    """Numbers from the settings that are appended to an observation. Each number is scaled from its bounds to [-1, 1].
+    """Computes numbers that describe a robot, from its settings. They are appended to observations. Each number is scaled from its bounds
+    to [-1, 1].
 
     Raises `UnknownVariant` for an unknown name, and `FamilyError` for a name without bounds.
     """
@@ -85,7 +92,7 @@ class Descriptor:
         self._span = np.array([high - low for low, high in spans])
 
     def __call__(self, settings: Mapping[str, Any]) -> Array:
-        """Return the scaled numbers with shape (names,)."""
+        """Return the scaled numbers for the settings of a robot as an array with one element per name."""
         if not self._names:
             return np.zeros(0)
         numbers = self._family.numbers(settings)

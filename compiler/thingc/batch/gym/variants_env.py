@@ -1,4 +1,4 @@
-"""A Gymnasium environment for a batch. Every episode uses another variant (`pip install thingc[learning]`).
+"""A Gymnasium environment for the variants of a batch. Each episode simulates another variant (`pip install thingc[learning]`).
 
     from thingc.batch.gym.variants_env import make_env
 
@@ -6,8 +6,8 @@
     observation, info = env.reset(seed=7)           # info["variant"] is the variant of the episode
     env.reset(options={"variant": "leg_sweep_12"})  # an episode with this variant
 
-Importing this module also registers vector environments: `gymnasium.make_vec("thingc/Variants-v0", num_envs=8, vectorization_mode="async",
-folder="build/leg_sweep", mode="standing")`.
+Importing this module also registers vector environments:
+`gymnasium.make_vec("thingc/Variants-v0", num_envs=8, vectorization_mode="async", folder="build/leg_sweep", mode="standing")`.
 """
 
 from __future__ import annotations
@@ -41,10 +41,11 @@ CACHED = 16
 
 
 class VariantsEnv(gymnasium.Env[Array, Array]):
-    """An environment that simulates one robot of a batch at a time. `reset` selects the variant. Create it with `make_env`.
+    """A Gymnasium environment that simulates one variant of a batch at a time. `reset` selects the variant. Create it with `make_env`.
 
-    An action in [-1, 1] is mapped to the range of each control. The observation is qpos, qvel and the descriptor. With `pad`, qpos and qvel
-    are padded with 0 to the sizes of the largest variant, and smaller variants ignore additional actions.
+    Each element of an action in [-1, 1] is mapped to the range of a control. The observation contains qpos, qvel and the descriptor. With
+    `pad`, qpos and qvel are padded with 0 to the sizes of the largest variant, and smaller variants ignore additional elements of an
+    action.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
@@ -65,7 +66,9 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         self.variant: BuiltVariant | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start an episode with a random variant, or with the variant `options["variant"]` (its id, name or index)."""
+        """Start an episode with a random variant. With `options["variant"]`, start it with this variant, which is given by its id, name or
+        index.
+        """
         if seed is None:
             seed, self._seed = self._seed, None
         super().reset(seed=seed)
@@ -77,9 +80,9 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         return self._observation(episode), {"variant": self.variant.id}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Apply an action with shape (nu,) for `frame_skip` simulation steps.
+        """Apply an action with shape (nu,), and simulate `frame_skip` steps.
 
-        An episode ends early if `terminated` returns true, or if the simulation is unstable (reward 0).
+        The episode is terminated if `terminated` returns true, or if the simulation is unstable (reward 0).
         """
         episode = self._now()
         episode.ask(as_actions(action, self.action_space.shape))
@@ -89,12 +92,12 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The model of the variant of the episode. It changes with each `reset`."""
+        """The MuJoCo model of the variant in the current episode. It changes with each `reset`."""
         return self._now().model
 
     @property
     def data(self) -> mujoco.MjData:
-        """The state, for reading or rendering (`mujoco.Renderer(env.model)`)."""
+        """The MuJoCo data of the current episode, for reading or rendering (`mujoco.Renderer(env.model)`)."""
         return self._now().data
 
     def _now(self) -> Episode:
@@ -111,7 +114,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         return seen
 
     def _of(self, variant: BuiltVariant) -> Episode:
-        """Return the episode of a variant with its compiled model. The least recently used models are removed from the cache."""
+        """Create an episode of a variant. Its compiled model is cached, and the least recently used models are removed from the cache."""
         import mujoco
 
         episode = self._episodes.get(variant.id)
@@ -131,24 +134,24 @@ def make_env(
     descriptor: Sequence[str] | str = (), weights: str | Callable[[BuiltVariant], float] | None = None, pose: str | None = None,
     noise: float = 0.0, pad: bool = False, cache: int = CACHED, seed: int | None = None,
 ) -> VariantsEnv:
-    """Create an environment for the variants of a batch: its folder, or the result of `load`, which can be filtered.
+    """Create a Gymnasium environment for the variants of a batch, which is given by its folder or by the result of `load`.
 
     Args:
-        mode: The mode of the models (default: the mode passed to `load`, or the only mode).
-        scene: Include the floor of the scene.
-        visual: Include visual geometry. Without it, models move in the same way and compile in less than half the time.
+        mode: The mode of the models (default: the mode that was passed to `load`, or the only mode).
+        scene: Whether models include the floor of the scene.
+        visual: Whether models include visual geometry. Without it, models move in the same way and compile in less than half the time.
         reward: A function of a `StepInfo`, or a name in `TASKS`.
-        terminated: A function of a `StepInfo` that ends an episode.
+        terminated: A function of a `StepInfo` that returns true to end an episode.
         frame_skip: Number of simulation steps per action.
         max_steps: Number of actions per episode.
-        descriptor: Columns of the table. Their cells are scaled to [-1, 1] over the batch (0 if all are equal) and appended to the
-            observation.
-        weights: Relative probabilities of variants: a column, or a function of a variant (default: uniform).
-        pose: The keyframe in which episodes start (default: the first).
-        noise: Maximum change of each degree of freedom at the start [rad or m].
-        pad: Allow variants with different sizes.
+        descriptor: Columns of the table whose cells are appended to the observation. They are scaled to [-1, 1] over all variants (0 if all
+            cells are equal).
+        weights: Relative probabilities of variants: the name of a column, or a function of a variant (default: uniform).
+        pose: The keyframe in which episodes start (default: the first keyframe).
+        noise: Maximum random change of each degree of freedom at the start [rad or m].
+        pad: Whether variants can have different sizes.
         cache: Number of compiled models to cache.
-        seed: The seed of the first `reset` without a seed.
+        seed: The seed of the first `reset` that is called without a seed.
 
     Raises `FamilyError` for a batch without variants, and if variants differ in nq, nv or nu without `pad`; `UnknownVariant` for an unknown
     mode, column or task.
@@ -164,7 +167,7 @@ def make_env(
 
 
 def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
-    """Return the maximum sizes of all variants. Raises `FamilyError` if sizes differ and `pad` is not set."""
+    """Return the largest sizes nq, nv and nu of all variants. Raises `FamilyError` if the sizes differ and `pad` is not set."""
     sizes = [variant.sizes(mode) for variant in family]
     for name in ("nq", "nv", "nu") if not pad else ():
         values = [getattr(one, name) for one in sizes]
@@ -178,7 +181,7 @@ def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
 
 
 def _descriptors(family: BatchResults, columns: Sequence[str]) -> dict[str, Array]:
-    """Return the cells of the columns by id of the variant, scaled to [-1, 1].
+    """Return the cells of the given columns for each variant, by the id of the variant. Cells are scaled to [-1, 1] over all variants.
 
     Raises `FamilyError` for a cell that is not a number.
     """
@@ -192,7 +195,7 @@ def _descriptors(family: BatchResults, columns: Sequence[str]) -> dict[str, Arra
 
 
 def _weights(family: BatchResults, weights: str | Callable[[BuiltVariant], float] | None) -> Array:
-    """Return the probability of each variant. Raises `FamilyError` for invalid weights."""
+    """Return the probability of each variant as an array. Raises `FamilyError` for invalid weights."""
     if weights is None:
         return np.full(len(family), 1.0 / len(family))
     if not isinstance(weights, str) and not callable(weights):
