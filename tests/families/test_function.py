@@ -15,6 +15,7 @@ from families.documents import INERTIA
 from thingc.batch.families import FamilyFunction, NotDifferentiable
 from thingc.batch.families.evaluation import Evaluation
 from thingc.batch.plans import derivatives
+from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.results import FamilyError
 from thingc.driver.pipeline import UnknownChoice
 from thingc.geometry.worker.kernel.slicing import JOINED
@@ -180,14 +181,20 @@ def test_numbers_beside_those_of_a_part_have_exact_derivatives(tmp_path: Path, s
         assert np.all(np.abs(found - exact)[:, 0] <= found.error[:, 0] + 1e-9 * np.abs(exact)[:, 0])
 
 
-def test_derivatives_by_the_size_of_a_printed_part(tmp_path: Path, shared_store: str) -> None:
+def test_derivatives_by_the_size_of_a_printed_part(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The layers of a plate have a formula: walls and lids, lines of infill between them, and their joins along the walls."""
+    together: list[int] = []
+    records_of = Exchange._records_of
+    monkeypatch.setattr(Exchange, "_records_of", lambda self, many: together.append(len(many)) or records_of(self, many))
     process = "process: {kind: fdm, layer: 0.2 mm, line_width: 0.45 mm, walls: 3, top: 4, bottom: 4, infill: 20 %}"
     document = PLATED.replace("kg/m^3}}", f"kg/m^3, {process}}}}}").replace("0.2 kg, high: 50 mm", "5 g, high: 5 mm")
     with thingc.family(parts_workspace(tmp_path, plated=document) / "plated.yaml", store=shared_store) as family:
         function = family.function(["side"], ["mass", "centre.x"])
         side = 0.04  # the default of the part
         found = function.jacobian([side])
+        assert max(together) >= 4, "the parts are built at the same time"
+        together.clear()
+        assert all(one.sound for one in family.evaluate([{"side": 0.03 + 0.001 * k} for k in range(6)])) and max(together) >= 3
         spacing = 0.45 - 0.2 * (1.0 - np.pi / 4.0)
         rounding, bridge = (0.45 - spacing) / 2.0, np.pi / 4.0 * 0.4**2 / (0.45 * 0.2)
         wall = rounding + 3.0 * spacing

@@ -37,6 +37,8 @@ Planned = tuple[NumericPlan["ResultsShape"], Sequence[float]]
 
 TOGETHER = 4096
 """Maximum number of settings that are read ahead and computed together."""
+AHEAD = 32
+"""Number of settings whose parts are built at the same time."""
 FEW = 8
 """Smallest number of settings that are computed together, as columns."""
 
@@ -78,7 +80,9 @@ class Evaluation:
                 planned = ready.pop(place, None)
                 if planned is None and not tests:
                     planned = self.forms.planned(read, self._plan)
-                    if planned is not None and id(planned[0]) not in used:
+                    if planned is not None and (
+                        id(planned[0]) not in used or (place % AHEAD == 0 and planned[0].exchange is not None)
+                    ):
                         used.add(id(planned[0]))
                         ready.update(self._together(planned[0], chunk, place, ready))
                 if planned is not None and planned[0].is_due(self.verify) and not self.confirms(*planned, read):
@@ -101,14 +105,14 @@ class Evaluation:
 
     def _together(self, plan: NumericPlan[ResultsShape], chunk: Sequence[Item], place: int, ready: Collection[int]) -> dict[int, Planned]:
         """Run a plan for all settings after the index `place` that differ only in numbers. Return the outputs of the plan by index."""
-        if plan.exchange is not None:
-            return {}
         form = (chunk[place][1].names, chunk[place][1].texts)
         alike = [
             other for other in range(place + 1, len(chunk))
             if other not in ready and (chunk[other][1].names, chunk[other][1].texts) == form and chunk[other][1].report is None
         ]
-        if len(alike) < FEW:
+        if plan.exchange is not None:
+            plan.prepare([chunk[other][1].values for other in alike[: AHEAD - place % AHEAD]])
+        if plan.exchange is not None or len(alike) < FEW:
             return {}
         outputs, ok = plan.columns(np.array([chunk[other][1].values for other in alike]))
         self.forms.of(chunk[place][1]).met += int(ok.sum())

@@ -351,7 +351,11 @@ class FamilyFunction:
                 continue
             points, weights = self._stencil(here, place, step)
             for one, given in self._known(self._item(here)[1]):
-                rows = [one.plan.given(self._item(point)[1].values) for point in points] if place in one.modelled else [None]
+                if place not in one.modelled:
+                    continue
+                values = [self._item(point)[1].values for point in points]
+                one.plan.prepare(values)
+                rows = [one.plan.given(row) for row in values]
                 if any(row is None for row in rows):
                     continue
                 numbers = np.array(rows)[:, len(one.plan.free) :]

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import count
@@ -65,6 +66,12 @@ class NumericPlan(Generic[Made]):
             return None if given is None else self.program.run(*given)
         except (ArithmeticError, ValueError):
             return None
+
+    def prepare(self, many: Sequence[Sequence[float]]) -> None:
+        """Build the parts for the values of all names of several settings at the same time."""
+        if self.exchange is not None and many:
+            with suppress(ArithmeticError, ValueError):
+                self.exchange.prepare([values[at] for at in self.free] for values in many)
 
     def given(self, values: Sequence[float]) -> tuple[float, ...] | None:
         """Return the variables of `program` for the values of all names; None if the plan does not apply to them."""

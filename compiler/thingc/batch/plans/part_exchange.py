@@ -5,7 +5,7 @@ numbers replace those of the first record.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from typing import Any
 
 from msgspec.structs import astuple, replace
@@ -15,7 +15,7 @@ from thingc.batch.plans.program import program_of
 from thingc.batch.plans.tape import Tape, Traced, value_of
 from thingc.geometry.part_source import PartSource
 from thingc.geometry.print_slices import Slicing
-from thingc.geometry.record import Mesh, MountExpectation, MountRecord, PartDefinition, PartRecord, PartSchema
+from thingc.geometry.record import Mesh, MountExpectation, MountRecord, PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.targets.artifact import StoredArtifact
 
 KEPT = 512
@@ -180,6 +180,12 @@ class Exchange:
         self._kept.move_to_end(given)
         return self._kept[given]
 
+    def prepare(self, many: Iterable[Sequence[float]]) -> None:
+        """Build the parts for several values of the variables at the same time."""
+        given = (one for one in map(self._run, *zip(*many, strict=True)) if one is not None and one not in self._kept)
+        if definitions := [self._definitions_at(one) for one in given]:
+            self._records_of(definitions)
+
     def _traced(self, definitions: Sequence[PartDefinition]) -> dict[str, PartDefinition]:
         """Return the distinct definitions in the places of traced ones."""
         return {one.text: one for one, rehearsed in zip(definitions, self._definitions, strict=True) if numbers_of(rehearsed)}
@@ -191,19 +197,12 @@ class Exchange:
         return [first.setdefault(text, place) for place, text in enumerate((*(one.text for one in definitions), *self._expected))]
 
     def _found(self, given: tuple[float, ...]) -> Exchanged | None:
-        numbers = iter(given)
-        definitions = [self._made(one, numbers) if numbers_of(one) else one for one in self._definitions]
+        definitions = self._definitions_at(given)
         if self._pattern_of(definitions) != self._pattern:
             return None
         traced, texts = self._traced(definitions), [one.text for one in definitions]
-        asked = list(traced.values())
-        records = self._parts.realize(asked, convex=[text for text, pieces in zip(texts, self._convex, strict=True) if pieces])
-        if not all(isinstance(one, PartRecord) and one.exact for one in records.values()):
-            return None
-        records = self._parts.slice(asked, records, {
-            text: slicings for text, slicings in zip(texts, self._slicings, strict=True) if text in traced and slicings
-        })
-        modelled = [record for text in traced if isinstance(record := records[text], PartRecord)]
+        records = self._records_of([definitions])
+        modelled = [record for text in traced if isinstance(record := records.get(text), PartRecord) and record.exact]
         if len(modelled) < len(traced):
             return None
         walk = _Walk(texts, lambda value: value)
@@ -220,6 +219,23 @@ class Exchange:
         if len({file.casefold() for file in (*own, *self._others)}) < len(names) + len(self._others):
             return None  # two meshes with the same name, which is an error
         return Exchanged(numbers=tuple(walk.numbers), names=names, assets={**self._others, **own})
+
+    def _definitions_at(self, given: Sequence[float]) -> list[PartDefinition]:
+        """Return all definitions with these numbers."""
+        numbers = iter(given)
+        return [self._made(one, numbers) if numbers_of(one) else one for one in self._definitions]
+
+    def _records_of(self, many: Sequence[Sequence[PartDefinition]]) -> Mapping[str, PartRecord | PartFailure]:
+        """Return the records of the definitions in the places of traced ones, with slices where the parts could be built."""
+        asked = {text: one for definitions in many for text, one in self._traced(definitions).items()}
+        wanted = [
+            (one.text, pieces, slicings) for definitions in many
+            for one, pieces, slicings in zip(definitions, self._convex, self._slicings, strict=True)
+        ]
+        records = self._parts.realize(list(asked.values()), convex=[text for text, pieces, _ in wanted if pieces])
+        made = [one for text, one in asked.items() if isinstance(record := records.get(text), PartRecord) and record.exact]
+        texts = {one.text for one in made}
+        return self._parts.slice(made, records, {text: slicings for text, _, slicings in wanted if text in texts and slicings})
 
     def _made(self, rehearsed: PartDefinition, numbers: Any) -> PartDefinition:
         """Return a part definition with other numbers in the places of traced numbers."""
