@@ -117,7 +117,8 @@ class Workers:
             self._processes.append(self._start(flags, self.jobs if self.forking else 1))
 
     def begin(self, requests: Iterable[Mapping[str, Any]]) -> None:
-        """Send requests without waiting, so that a later call of `run` with the same requests gets the answers sooner.
+        """Send requests to the workers without waiting for answers. A later call of `run` with the same requests then gets the answers
+        sooner.
 
         The method does nothing if workers cannot fork. If no worker starts, `run` raises the error later.
         """
@@ -128,7 +129,7 @@ class Workers:
                     self._begun[_request_text(request)] = self._send(self._processes[0], request)
 
     def prepare(self, files: Sequence[str]) -> None:
-        """Let running workers prepare for a part whose code is in these files."""
+        """Let running workers compile the source files of a part before the part is requested."""
         self._leave_others()
         for worker in self._processes if self.forking else ():
             worker.process.ask({"prepare": files})
@@ -180,7 +181,7 @@ class Workers:
                 yield request, answer
 
     def _hand_out(self, waiting: deque[Mapping[str, Any]], source: Iterator[Mapping[str, Any]], under_way: set[int]) -> None:
-        """Send each worker as many requests as it has capacity for, first from `waiting`, then from `source`."""
+        """Send each worker process as many requests as it has capacity for. Requests in `waiting` come before requests from `source`."""
         for worker in self._processes:
             limit = (2 if self.forking else 1) * worker.capacity - (len(worker.asked) - len(self._begun))
             waiting.extend(islice(source, max(0, limit - len(waiting))))
@@ -189,9 +190,9 @@ class Workers:
                 under_way.add(self._send(worker, request) if (begun := self._taken(request)) is None else begun)
 
     def _taken(self, request: Mapping[str, Any]) -> int | None:
-        """Return the number of a request that `begin` has already sent, or None. `run` then waits for its answer.
+        """Return the number of a request that `begin` has already sent to a worker, or None.
 
-        If the answer has already arrived, it is put back into the queue.
+        `run` then waits for the answer to this request. If the answer has already arrived, it is put back into the queue.
         """
         number = self._begun.pop(_request_text(request), None)
         if number is not None and number in self._early:
@@ -199,9 +200,10 @@ class Workers:
         return number
 
     def _heard(self) -> tuple[_Process, dict[str, Any], bool] | None:
-        """Wait for a message of a worker. Raises `WorkerBroken`.
+        """Wait for a message from any worker process.
 
         Return the worker and its answer (True), the worker and its failure if the worker was ended (False), or None for other messages.
+        Raises `WorkerBroken`.
         """
         try:
             process, answer = self._lines.get(timeout=max(0.05, min(w.deadline for w in self._processes) - time.monotonic()))
@@ -229,7 +231,8 @@ class Workers:
         return known, answer, True
 
     def _answered(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any] | None]:
-        """Return the number and the request to which an answer belongs, and remove `id` and `span` from the answer.
+        """Find the request to which a worker's answer belongs. Return its number and the request, and remove `id` and `span` from the
+        answer.
 
         The request is None if it was cancelled. It is also None if `begin` sent the request and `run` has not requested it yet. In this
         case, the answer is stored.
@@ -248,7 +251,7 @@ class Workers:
         return number, request
 
     def close(self) -> None:
-        """End all workers and wait until their processes have ended."""
+        """End all worker processes and wait until they have ended."""
         self._leave_others()
         ended, self._processes = self._processes, []
         self._begun, self._early = {}, {}
@@ -301,7 +304,7 @@ class NoWorkers(Workers):
         """Do nothing, because there are no workers."""
 
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
-        """Yield a failure for every request."""
+        """Yield every request with a failure of the kind `ABSENT`."""
         for request in requests:
             yield request, {"failed": ABSENT, "words": "the store does not have it", "detail": ""}
 
@@ -318,7 +321,7 @@ class EndingWorkers(Workers):
         super().ensure()
 
     def end(self) -> None:
-        """End all workers and do not restart them."""
+        """End all worker processes and do not restart them."""
         self.ended = True
         self.close()
 
@@ -341,7 +344,7 @@ def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _request_text(request: Mapping[str, Any]) -> str:
-    """Return a string by which requests are compared. The strings for 1, 1.0 and True differ."""
+    """Convert a request to a string, so that two requests can be compared. The strings for 1, 1.0 and True differ."""
     return json.dumps(request, sort_keys=True)
 
 
@@ -358,7 +361,10 @@ _FRAME = re.compile(r'^\s*File "(?P<file>.+?)", line (?P<line>\d+)', re.MULTILIN
 
 
 def failure_of(subject: str, answer: Mapping[str, Any], timeout: float, workspace: Workspace) -> PartFailure:
-    """Return the failure of a part whose process ended, from the worker's answer; `timeout` [s] was the time limit."""
+    """Create the failure of a part whose worker process ended before it answered.
+
+    `answer` is the worker's answer, and `timeout` [s] was the time limit.
+    """
     file, line = _place_of(answer.get("detail", ""), workspace)
     message = f"it took longer than {timeout:g} s" if answer["failed"] == "hung" else answer["words"]
     return PartFailure(
@@ -368,7 +374,10 @@ def failure_of(subject: str, answer: Mapping[str, Any], timeout: float, workspac
 
 
 def _place_of(trace: str, workspace: Workspace) -> tuple[str | None, int | None]:
-    """Return the innermost `(file, line)` in a part folder from a trace of `faulthandler` (most recent call first), or `(None, None)`."""
+    """Find the innermost line of part code in a crash trace of `faulthandler`, which lists the most recent call first.
+
+    Return the file and line, or `(None, None)` if the trace has no line in a part folder.
+    """
     folders = tuple(os.path.join(folder, "") for folder in workspace.parts)
     # with several threads, or after an earlier trace, use the last match
     for match in _FRAME.finditer(trace[max(trace.rfind("most recent call first"), 0) :]):

@@ -49,7 +49,11 @@ def read_bounded(path: str, suffix: str, most: int = MOST) -> bytes:
 
 
 def bounded(suffix: str, data: bytes, most: int = MOST) -> None:
-    """Raise `BadMesh` for a file that is empty, too large or cut off, or that declares more than `most` triangles or too many objects."""
+    """Check the content of a mesh file before it is parsed.
+
+    Raises `BadMesh` if the file is empty, too large or cut off. Also raises `BadMesh` if the file declares more than `most` triangles
+    or too many objects.
+    """
     told: int | None = None
     if not data:
         raise BadMesh("is empty")
@@ -90,7 +94,9 @@ def is_text(stl: bytes) -> bool:
 
 
 def unfold(root: _T, parts: Callable[[_T], Iterable[_T]]) -> None:
-    """Raise `BadMesh` if `root` places more than `INSTANCES` objects, or contains itself. `parts` returns the objects in an object."""
+    """Raise `BadMesh` if `root` places more than `INSTANCES` objects, or contains itself. The function `parts` returns the objects that an
+    object contains.
+    """
     known: dict[_T, int] = {}
 
     def count(one: _T, level: int) -> int:

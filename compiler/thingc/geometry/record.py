@@ -39,9 +39,9 @@ ParameterKind = Literal["length", "angle", "mass", "ratio", "number", "count", "
 
 
 def written(kind: str, value: Value, digits: int = 12) -> str:
-    """Format a canonical value of a parameter of this kind as in a document, with at most `digits` digits.
+    """Format the value of a parameter as in a document, with at most `digits` significant digits.
 
-    For example `100 mm`, `30 deg`, `82 g`, `15 %`, `true`, `M3`.
+    For example `100 mm`, `30 deg`, `82 g`, `15 %`, `true`, `M3`. The value is in SI units, and `kind` is the kind of the parameter.
     """
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -53,7 +53,7 @@ def written(kind: str, value: Value, digits: int = 12) -> str:
 
 
 class ParameterSchema(OneLineRepr, FrozenStruct, array_like=True):
-    """The schema of a part parameter, which is an argument of the part's `__init__`.
+    """The schema of one parameter of a part. Each parameter is an argument of the part's `__init__`.
 
     A parameter of the kind `choice` has `choices`. `default` is None if the parameter is `required`.
     """
@@ -73,7 +73,7 @@ class ParameterSchema(OneLineRepr, FrozenStruct, array_like=True):
 
 
 class PartSchema(OneLineRepr, FrozenStruct):
-    """The parameters and properties of `module:Class`. `file` and `line` are the place of its definition."""
+    """The parameters and properties of `module:Class`. `file` and `line` locate the definition of the class."""
 
     reference: str
     kind: SchemaKind
@@ -102,7 +102,7 @@ class PartSchema(OneLineRepr, FrozenStruct):
         return {parameter.name: parameter.default for parameter in self.parameters if parameter.default is not None}
 
     def definition(self, values: Mapping[str, Value]) -> PartDefinition:
-        """Return the definition of the part with these canonical values for all parameters."""
+        """Create a part definition from values for all parameters. The values are in SI units."""
         kinds = {parameter.name: parameter.kind for parameter in self.parameters}
         given = tuple(sorted(values.items()))
         words = {name: written(kinds[name], value, LABEL_DIGITS) for name, value in given}
@@ -190,7 +190,7 @@ def with_mirror(printed: str, axis: str) -> str:
 
 
 def _printed(reference: str, arguments: Mapping[str, str]) -> str:
-    """Format a reference with its arguments, if any, in parentheses."""
+    """Format a reference followed by its arguments in parentheses. Without arguments, the parentheses are omitted."""
     return f"{reference}({', '.join(f'{name}={value}' for name, value in arguments.items())})" if arguments else reference
 
 
@@ -248,7 +248,7 @@ class ActuatorRecord(OneLineRepr, FrozenStruct):
 
 
 class Mesh(OneLineRepr, FrozenStruct, array_like=True, tag=True):
-    """A mesh file in the content-addressed store. Simulators can use the mesh as a solid if it is `closed` and not `flat`."""
+    """A mesh file in the content-addressed store. Simulators can use the mesh as a solid if `closed` is True and `flat` is False."""
 
     sha256: str
     size: int

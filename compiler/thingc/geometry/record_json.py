@@ -16,7 +16,7 @@ from thingc.geometry.record import ImpureInputs, PartFailure, PartRecord, PartSc
 
 
 def shortened(file: str | None, root: str) -> str | None:
-    """Return the path relative to the workspace, with `/`. A path outside of the workspace is unchanged."""
+    """Return the path of a file relative to the workspace, with `/` as separator. A path outside of the workspace is unchanged."""
     if file is None:
         return None
     inside = os.path.join(root, "")
@@ -24,7 +24,7 @@ def shortened(file: str | None, root: str) -> str | None:
 
 
 def full(file: str | None, root: str) -> str | None:
-    """Return the absolute path of a shortened path."""
+    """Return the absolute path for a path that `shortened` returned."""
     return None if file is None else os.path.normpath(os.path.join(root, file))
 
 
@@ -40,7 +40,7 @@ def to_json(answer: PartSchema | PartFailure, root: str) -> Any:
 
 
 def from_json(value: Any, root: str, kind: type[Answer]) -> Answer:
-    """Convert a JSON value to a part schema or a failure."""
+    """Convert a JSON value to a part schema or a failure. This function is the inverse of `to_json`."""
     return convert({**value, "file": full(value["file"], root)}, kind)
 
 
@@ -72,14 +72,14 @@ def record_to_json(record: PartRecord, root: str) -> Any:
 
 
 def record_from_json(value: Any, root: str) -> PartRecord:
-    """Convert a JSON value to a part record, without convex pieces and slices."""
+    """Convert a JSON value to a part record without convex pieces and slices. This function is the inverse of `record_to_json`."""
     record = convert({**value, "mounts": {name: value["mounts"][name] for name in value["mount_order"]}}, PartRecord)
     code = None if record.code is None else (full(record.code[0], root) or "", record.code[1])
     return replace(record, code=code, warnings=tuple(replace(warning, file=full(warning.file, root)) for warning in record.warnings))
 
 
 def blobs_of(value: Any) -> list[tuple[str, int | None]]:
-    """Return the blobs that a record's JSON refers to as `(sha256, size)`. The size is None if unknown."""
+    """Return the stored files to which the JSON value of a part record refers, as `(sha256, size)`. The size is None if it is unknown."""
     meshes = [*value["meshes"].values(), *(piece for piece in value["pieces"] if piece[0] == "Mesh")]
     blobs: list[tuple[str, int | None]] = [(sha256, size) for _, sha256, size, *_ in meshes]
     return blobs if value["brep"] is None else [*blobs, (value["brep"], None)]

@@ -43,7 +43,7 @@ Printed = Callable[[str, Sequence[str]], None]
 
 
 class _Task(FrozenStruct):
-    """A request to a worker, and the part or mesh that it concerns."""
+    """A request to a worker process, with the part or mesh that the request concerns."""
 
     subject: str
     build_key: BuildKey
@@ -117,7 +117,7 @@ class GeometryService:
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Absolute paths that the answers depend on, in folders and packages that are tracked by content."""
+        """Absolute paths of the files and folders that the results depend on, in folders and packages that are tracked by content."""
         return frozenset(self._parts.probed | self._results.consulted | self._locked.consulted)
 
     def warm(self) -> None:
@@ -169,11 +169,11 @@ class GeometryService:
 
     @property
     def part_code(self) -> PartCode:
-        """The code of the parts requested so far."""
+        """The source code of the parts that have been requested so far."""
         return self._parts
 
     def code(self, reference: str) -> CodeIngredients | None:
-        """Return the code of a part that was described, or None for a part of an installed package."""
+        """Return the source code of a part that `describe` has described, or None for a part of an installed package."""
         code = self._parts.code(reference)
         return code if isinstance(code, CodeIngredients) else None
 
@@ -186,7 +186,7 @@ class GeometryService:
         return self._parts.sources.finder.find(reference.partition(":")[0]).workspace
 
     def state(self, path: str) -> str:
-        """Return the state of a path in the workspace (see `reads`)."""
+        """Return the state of a file or folder of the workspace (see `reads`)."""
         return self._results.state(path, "file:")
 
     def not_python(self) -> list[PartFailure]:
@@ -198,7 +198,10 @@ class GeometryService:
     # --- describe ------------------------------------------------------------------------------------------------
 
     def describe(self, references: Sequence[str], meanwhile: Callable[[], object] | None = None) -> dict[str, PartSchema | PartFailure]:
-        """Send the requests, call `meanwhile`, and return the schema or failure of each `module:Class`, by reference."""
+        """Return the schema or failure of each part `module:Class`, by reference.
+
+        The method calls `meanwhile` after the requests to the workers are sent and before their answers are read.
+        """
         answers: dict[str, PartSchema | PartFailure] = {}
         tasks: dict[str, list[_Task]] = {}
         for reference in dict.fromkeys(references):
@@ -270,7 +273,11 @@ class GeometryService:
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None, *, locked: bool = True,
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return the record (with meshes if not `locked`) or failure by definition text, with convex pieces for texts in `convex`."""
+        """Build or load parts, and return the record or failure of each part definition by its text.
+
+        The records contain meshes unless `locked` is True. The records of definitions whose texts are in `convex` also contain convex
+        pieces.
+        """
         self.decisions = {}
         self.wanted = tuple(definitions)
         answers: dict[str, PartRecord | PartFailure] = {}
@@ -318,7 +325,10 @@ class GeometryService:
         return {text: answers[text] for text in unique}
 
     def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[_Task]:
-        """Return the requests to workers, in order. Parts that will be sliced come first, because they take longest."""
+        """Return the requests that build parts, in the order in which workers process them.
+
+        Parts that will be sliced come first, because they take longest.
+        """
         self._requests.suppose([definition for definition, _ in parts], likely)
         tasks = [
             _Task(
@@ -332,7 +342,10 @@ class GeometryService:
     def _model(
         self, tasks: Sequence[_Task], definitions: Mapping[str, PartDefinition], answers: dict[str, PartRecord | PartFailure],
     ) -> None:
-        """Build the parts of these tasks, and add the results to `answers`. If another process is building a part, wait for its result."""
+        """Build the parts of these tasks in worker processes, and add their records or failures to `answers`.
+
+        If another process is building a part, wait for its result.
+        """
         by_text = {task.subject: task for task in tasks}
         elsewhere: list[_Task] = []
 
@@ -369,7 +382,7 @@ class GeometryService:
                     take_in(self._run([task.request]))
 
     def _modelled(self, task: _Task, definition: PartDefinition, answer: dict[str, Any]) -> PartRecord | PartFailure:
-        """Store the record or failure that a worker created, and return it."""
+        """Store the record or failure that a worker created for a part definition, and return it."""
         self._decide(task.subject, False, task.reason)
         self._printed(definition.label, answer)
         if "failed" in answer:
@@ -389,7 +402,7 @@ class GeometryService:
         return record
 
     def in_store(self, definition: PartDefinition) -> bool:
-        """Return whether the record of a part is in the store."""
+        """Return whether the store contains the record of a part definition."""
         prepared = self._requests.prepared(definition)
         return not isinstance(prepared, PartFailure) and self._kept.find(definition, prepared.build_key, prepared.code) is not None
 
@@ -406,7 +419,10 @@ class GeometryService:
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return the `records` of `definitions` with the slices that are `wanted`, by text."""
+        """Slice parts for printing, and return their records with the resulting slices, by definition text.
+
+        `wanted` contains the slicings to compute for each definition text. `records` contains the records without slices.
+        """
         modelled = [definition for definition in definitions if definition.text in lacking(records, wanted)]  # records from the lock
         if modelled:
             decisions = self.decisions
@@ -418,7 +434,7 @@ class GeometryService:
     # --- assemble ------------------------------------------------------------------------------------------------
 
     def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
-        """Return the STEP file of an assembly, cached by all placements and colours.
+        """Write the STEP file of an assembly, or return it from the cache if all placements and colours are equal.
 
         Raises `AssemblyFailed` if the kernel cannot write the file.
         """
@@ -455,9 +471,9 @@ class GeometryService:
         return self._workers
 
     def _run(self, requests: Sequence[dict[str, Any]], what: str = "", wanted: Iterator[dict[str, Any]] | None = None) -> Any:
-        """Yield the answers of the workers as they arrive. If no worker starts, every request fails.
+        """Send requests to the worker processes, and yield each request with its answer as the answer arrives.
 
-        `wanted` yields the requests that are still needed when they are about to be sent.
+        If no worker starts, every request fails. `wanted` yields the requests that are still needed when they are about to be sent.
         """
         chosen = iter(requests) if wanted is None else wanted
         first = next(chosen, None)

@@ -48,7 +48,7 @@ def record_key(definition: PartDefinition, code: CodeIngredients | None, version
 
 
 def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
-    """Describe at most three changes between two sets of inputs of a part, changed modules first."""
+    """Describe at most three differences between the old and the new inputs of a part. Changed modules come first."""
     changed = [label for label in {**old, **new} if old.get(label) != new.get(label)]
     if any(label.startswith("module ") and label in old and label in new for label in changed):
         # the edit of a module is the reason; the edit also explains added and removed imports of other modules

@@ -23,7 +23,7 @@ HOMES = ("HOME", "USERPROFILE")
 
 
 def passed() -> dict[str, str]:
-    """Return the variables in `PASSED` that are set, with their values."""
+    """Return the environment variables in `PASSED` that are set in this process, with their values."""
     return {name: os.environ[name] for name in PASSED if name in os.environ}
 
 

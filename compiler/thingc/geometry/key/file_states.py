@@ -15,7 +15,7 @@ from thingc.base.filesystem import opened
 
 
 def state_of(path: str, *, listed: bool = False) -> str:
-    """Return the state of `path` in the form described above.
+    """Return the state of the file or folder `path`, in the form described in the docstring of the module.
 
     With `listed`, the state of a folder is the digest of the names in the folder.
     """

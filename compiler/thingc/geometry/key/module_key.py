@@ -69,7 +69,7 @@ class ModuleSource(FrozenStruct, kw_only=False):
 
     @property
     def label(self) -> str:
-        """The label of the module in the ingredients of a key."""
+        """The label of the module among the inputs of a build key, such as `module arm`."""
         return f"module {self.module.name}"
 
 
@@ -110,7 +110,8 @@ class ModuleSources:
         self._read: dict[str, ModuleSource | None] = {}
 
     def source(self, name: str) -> ModuleSource | None:
-        """Return the source of the content-tracked module `name`. Return None for a module without a source or of another kind."""
+        """Return the source of the content-tracked module `name`. Return None if the module has no source file or is not content-tracked.
+        """
         if name not in self._read:
             module = self.finder.find(name)
             data = self._bytes(module)
@@ -150,7 +151,7 @@ class ModuleSources:
 
 
 def code_of(reference: str, sources: ModuleSources) -> CodeIngredients:
-    """Return the code that `module:Class` depends on. The module must exist and be content-tracked."""
+    """Return the code that the part `module:Class` depends on. The module must exist and be content-tracked."""
     module, _, name = reference.partition(":")
     reached = [sources.finder.find(one) for one in reached_from(module, sources)]
     tracked = [source for one in reached if (source := sources.source(one.name)) is not None]
@@ -169,9 +170,9 @@ def code_of(reference: str, sources: ModuleSources) -> CodeIngredients:
 
 
 def reached_from(module: str, sources: ModuleSources) -> list[str]:
-    """Return the names of `module`, of all modules imported directly or indirectly, and of the packages around them, sorted.
+    """Return the sorted names of a module, of all modules that it imports directly or indirectly, and of the packages that contain them.
 
-    Modules that do not exist are included.
+    Imported modules that do not exist are included.
     """
     reached: set[str] = set()
     waiting = [module]
@@ -206,7 +207,10 @@ def defined_in(module: str, sources: ModuleSources) -> tuple[str, ...]:
 
 
 def _namespaces(module: str, sources: ModuleSources) -> list[ModuleSource | None]:
-    """Return the module and all modules that it star-imports, directly or indirectly. Unreadable modules are None."""
+    """Return the sources of a module and of all modules that it imports with `import *`, directly or indirectly.
+
+    The source of an unreadable module is None.
+    """
     met = [module]
     namespaces: list[ModuleSource | None] = []
     for name in met:
@@ -219,7 +223,7 @@ def _namespaces(module: str, sources: ModuleSources) -> list[ModuleSource | None
 
 
 def _definition_line(module: str, name: str, sources: ModuleSources) -> tuple[str, int] | None:
-    """Search for the definition of a name through imports, and return its `(file, line)`, or None."""
+    """Follow imports to the definition of the name `name`, and return its file and line. Return None if the definition is not found."""
     for _ in range(MAX_STEPS):
         source = next((one for one in _namespaces(module, sources) if one is not None and name in one.facts.names), None)
         if source is None or source.module.file is None:

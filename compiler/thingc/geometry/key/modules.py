@@ -88,7 +88,7 @@ def _in_both_forms(folders: Iterable[str]) -> tuple[str, ...]:
 
 
 def is_installed(file: str) -> bool:
-    """Return whether a file is in one of `installed_roots`."""
+    """Return whether a file is in one of the folders that `installed_roots` returns."""
     return (os.path.realpath(file) + os.sep).startswith(installed_roots())
 
 
@@ -108,7 +108,9 @@ class Finder:
         self._part_modules: list[str] | None = None
 
     def find(self, name: str) -> Module:
-        """Return the module `name` (dotted, absolute)."""
+        """Find the module with the absolute, dotted name `name`. If the module does not exist, the returned `Module` has the kind
+        `absent`.
+        """
         module = self._found.get(name)
         if module is None:
             module = self._found[name] = self._find(name)
@@ -183,7 +185,10 @@ class Finder:
 
 
 def _on_path(name: str, followed: Collection[str]) -> Module | None:
-    """Return a top-level module of the environment, or None. The search also uses the finders of editable packages."""
+    """Find a top-level module on the import path of the Python environment, or return None.
+
+    The search also uses the finders of editable packages.
+    """
     specification = specification_of(name)
     if specification is None:
         return None

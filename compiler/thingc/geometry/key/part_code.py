@@ -37,11 +37,11 @@ class PartCode:
 
     @property
     def probed(self) -> set[str]:
-        """Absolute paths that determined the files of modules, including paths that do not exist."""
+        """The absolute paths that were searched for module files, including paths that do not exist."""
         return self.sources.finder.probed
 
     def code(self, reference: str) -> CodeIngredients | None | PartFailure:
-        """Return the code of `module:Class`, or None for a part of an installed package.
+        """Return the source code that the part `module:Class` depends on, or None for a part of an installed package.
 
         If the class must not or cannot be loaded, return the failure.
         """
@@ -51,7 +51,10 @@ class PartCode:
         return self._codes[reference]
 
     def with_namesakes(self, failure: PartFailure) -> PartFailure:
-        """Add references to classes of the same name in other modules to the failure of a part that was not found."""
+        """Return a copy of a part failure that also suggests classes of the same name in other modules.
+
+        Only failures of the kind `missing` get suggestions.
+        """
         from thingc.geometry.key.catalogue import classes_in_reach
 
         name = failure.subject.rpartition(":")[2]
@@ -119,7 +122,7 @@ class PartCode:
         return self._known_versions[key]
 
     def file_of(self, package: str) -> str | None:
-        """Return the file of a top-level module of the environment, and add it to `probed`."""
+        """Return the path of a top-level module of the Python environment, and add the path to `probed`."""
         file = self.sources.finder.find(package).file
         if file is not None:
             self.probed.add(file)
@@ -145,7 +148,9 @@ class PartCode:
 
 
 def file_state(definition: PartDefinition, workspace: Workspace, results: Results) -> str | PartFailure:
-    """Return the state of a part that is a file, in the form of `file_states`, or a failure if the file does not exist."""
+    """Return the state of a part file, such as a STEP file, in the form of the module `file_states`. Return a failure if the file does not
+    exist.
+    """
     path = os.path.join(workspace.root, definition.reference)
     if os.path.isabs(definition.reference) or not workspace.contains(path):
         return PartFailure(subject=definition.text, kind="refused", message=f"`{definition.reference}` is outside the workspace")

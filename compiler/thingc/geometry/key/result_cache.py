@@ -1,7 +1,7 @@
 """Cache results in the store, by their build key and by the files that were read.
 
-A build key can have several results. Each result has its reads, the states of the files that it depends on. A lookup returns the result
-whose reads are all unchanged.
+A build key can have several results. The cache stores each result with the states of the files that the result depends on, which are
+called its reads. A lookup returns the result whose reads are all unchanged.
 """
 
 from __future__ import annotations
@@ -42,15 +42,19 @@ class Results:
         self._states: dict[tuple[str, bool], str] = {}
 
     def state(self, path: str, like: str) -> str:
-        """Return the state of `path` (relative to the workspace, or absolute).
+        """Return the current state of the file or folder `path` (relative to the workspace, or absolute).
 
-        `like` is an earlier state. If `like` is the state of a listed folder, the result is also the state of the listed folder.
+        `like` is an earlier state of the same path. If `like` is the state of a folder whose names were listed, the new state has the
+        same form.
         """
         self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
         return self._seen(path, like)
 
     def _seen(self, path: str, like: str) -> str:
-        """Return the state of a path like `state`, but without adding it to `consulted`, because no result depends on it."""
+        """Return the state of a path in the same way as `state`, but without adding the path to `consulted`.
+
+        Use this method for a path that no result depends on.
+        """
         listed = like.startswith("folder:")
         absolute = os.path.normpath(os.path.join(self.root, path))
         if (absolute, listed) not in self._states:
@@ -58,7 +62,7 @@ class Results:
         return self._states[absolute, listed]
 
     def find(self, kind: str, key: str, usable: Callable[[Any], bool] = lambda _: True) -> CachedResult | None:
-        """Return a cached result for which `usable` is true and whose files are unchanged, or None."""
+        """Return a cached result for which `usable` returns True and whose files are unchanged. Return None if there is no such result."""
         for candidate in self._candidates(kind, key):
             if all(self.state(path, state) == state for path, state in candidate["reads"]) and usable(candidate["value"]):
                 self.met.update((path, state) for path, state in candidate["reads"])
@@ -67,7 +71,7 @@ class Results:
         return None
 
     def keep(self, kind: str, build_key: BuildKey, value: Any, reads: list[Any], reason: str = "") -> None:
-        """Store a result as the first result under its build key."""
+        """Store a result under its build key. Later lookups try this result before older results with the same build key."""
         plain = [list(read) for read in reads]
         self.met.update((path, state) for path, state in plain)
         for path, _ in plain:
@@ -92,17 +96,22 @@ class Results:
     # --- last builds, for `thingc why` -------------------------------------------------------------------------------
 
     def last(self, text: str) -> BuildKey | None:
-        """Return the build key that a definition had when it was last realized in this workspace, or None."""
+        """Return the build key that a part definition had when it was last built or reused in this workspace. Return None if there is no
+        such key.
+        """
         key = self.store.get_json("last", self._of(text))
         ingredients = self.store.get_json("build_key", key) if isinstance(key, str) else None
         return BuildKey(ingredients=ingredients) if isinstance(ingredients, dict) else None
 
     def met_before(self, reference: str) -> bool:
-        """Return whether any definition of a `module:Class` (or a file) has been realized in this workspace."""
+        """Return whether any definition of the part `reference` (`module:Class` or a file) has been built or reused in this workspace."""
         return self.store.get_json("met", self._of(reference)) is not None
 
     def remember(self, realized: Iterable[tuple[str, str, BuildKey]]) -> None:
-        """Store the last builds as (reference, definition text, build key). Do not write unchanged data."""
+        """Store the last builds as tuples of reference, definition text and build key.
+
+        Data that has not changed is not written.
+        """
         for reference, text, build_key in realized:
             if self.store.get_json("last", self._of(text)) == build_key.key:
                 continue
@@ -112,7 +121,7 @@ class Results:
                 self.store.note_json("met", self._of(reference), True)
 
     def _of(self, name: str) -> str:
-        """Return a key of the store that is valid only for this workspace."""
+        """Return the key of the store for an entry that is valid only for this workspace."""
         return f"{self.root}\n{name}"
 
     def changed_read(self, key: str) -> str | None:

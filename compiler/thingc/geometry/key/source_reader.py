@@ -37,7 +37,7 @@ PLAIN = frozenset({"classmethod", "property", "staticmethod"})
 
 
 def read_source(source: bytes) -> dict[str, Any]:
-    """Return the facts of a source file, as JSON (see `module_key.ModuleFacts`)."""
+    """Parse a Python source file, and return its facts as a JSON value (see `module_key.ModuleFacts`)."""
     try:
         tree = parse_python(source)
         tree.body = [statement for statement in tree.body if not _is_main_guard(statement)]
@@ -71,7 +71,9 @@ def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
 
 
 def _own(function: ast.FunctionDef) -> list[Any]:
-    """Return the parts of a function that have no effect until it is called: its body, and defaults that are plain values."""
+    """Return the parts of a function that have no effect until the function is called: its body, and default arguments that are plain
+    values.
+    """
     defaults = [*function.args.defaults, *function.args.kw_defaults]
     return [function.body, *(one for one in defaults if one is not None and _is_value(one))]
 
@@ -81,7 +83,7 @@ def _is_value(node: ast.expr) -> bool:
 
 
 def _facts(tree: ast.Module, source: bytes) -> dict[str, Any]:
-    """Return the facts of a module.
+    """Compute the facts of a Python module from its syntax tree.
 
     The traversal does not use recursion, because long sums are nested more deeply than Python's stack allows.
     """
@@ -158,7 +160,9 @@ def _imported(statement: ast.Import | ast.ImportFrom) -> list[tuple[str, str]]:
 
 
 def _names(tree: ast.Module) -> dict[str, tuple[str, int, str]]:
-    """Return the names that the module's own statements may bind: kind, line, and the origin of an imported name."""
+    """Return the names that a module's top-level statements may bind. Each name maps to its kind, its line, and the origin of an imported
+    name.
+    """
     names: dict[str, tuple[str, int, str]] = {}
     waiting: list[ast.AST] = list(tree.body)
     for node in waiting:

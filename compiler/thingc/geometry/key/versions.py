@@ -51,7 +51,7 @@ def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], stor
 
 
 def _file_version(file: str | None) -> str:
-    """Return the version for a module that does not belong to a distribution."""
+    """Return a version string for a module that does not belong to an installed distribution."""
     return "unknown" if file is None else state_of(file)
 
 
@@ -81,7 +81,7 @@ def compiler_version() -> dict[str, str]:
 
 @cache
 def _installed() -> dict[str, str]:
-    """Return versions by normalised distribution name, taken from the names of the metadata folders."""
+    """Return the versions of all installed distributions by normalised name. The names are read from the names of the metadata folders."""
     versions: dict[str, str] = {}
     for folder in reversed(import_path()):
         if not is_installed(os.path.join(folder, "")):
@@ -94,7 +94,7 @@ def _installed() -> dict[str, str]:
 
 
 def _by_import_name(store: Store | None) -> dict[str, str]:
-    """Return versions by import name, for packages whose distribution has another name.
+    """Return the versions of packages by import name, for packages whose distribution has another name.
 
     The store caches the result, because the search is slow.
     """

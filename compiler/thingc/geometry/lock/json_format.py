@@ -112,7 +112,7 @@ def record_values(record: PartRecord) -> dict[str, Any]:
 
 
 def _rounded(value: float) -> float:
-    """Round to twelve digits, so that locks from two builds of the CAD kernel are equal."""
+    """Round a number to twelve significant digits, so that locks from two builds of the CAD kernel are equal."""
     return 0.0 if abs(value) < _NOTHING else float(f"{value:.12g}")
 
 
@@ -248,7 +248,10 @@ def _sliced(value: Any, path: str) -> tuple[Slicing, SliceResult | SliceFailure]
 
 
 def _matter(value: Any, path: str) -> Moments:
-    """Parse the ten moments of a solid. Raises `BadLock` unless they are physically possible."""
+    """Parse the volume, the first moments and the second moments of a solid (ten numbers).
+
+    Raises `BadLock` unless the moments are physically possible.
+    """
     moments = Moments.of(numbers(value, _MOMENTS, path))
     of = moments.properties
     if moments.volume < 0.0 or moments.volume > 0.0 and physical_fault(of.inertia) is not None:
@@ -335,22 +338,22 @@ def _of_type(kind: type[_T], value: Any, path: str, words: str) -> _T:
 
 
 def mapping(value: Any, path: str) -> Mapping[str, Any]:
-    """Return the value as a mapping. Raises `BadLock` for other values."""
+    """Return a JSON value as a mapping. Raises `BadLock` if the value is not a JSON object."""
     return _of_type(dict, value, path, "a mapping")
 
 
 def sequence(value: Any, path: str) -> list[Any]:
-    """Return the value as a list. Raises `BadLock` for other values."""
+    """Return a JSON value as a list. Raises `BadLock` if the value is not a JSON array."""
     return _of_type(list, value, path, "a list")
 
 
 def text_at(table: Mapping[str, Any], key: str, path: str) -> str:
-    """Return the string at a key. Raises `BadLock` if the key is missing or its value is not a string."""
+    """Return the string under the key `key` of a table. Raises `BadLock` if the key is missing or its value is not a string."""
     return _of_type(str, table.get(key), f"{path}.{key}", "a string")
 
 
 def number(value: Any, path: str) -> float:
-    """Return the value as a float. Raises `BadLock` unless the value is a finite number."""
+    """Return a JSON value as a float. Raises `BadLock` unless the value is a finite number."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         try:
             as_float = float(value)
@@ -362,7 +365,7 @@ def number(value: Any, path: str) -> float:
 
 
 def numbers(value: Any, count: int, path: str) -> tuple[float, ...]:
-    """Return the value as a tuple of `count` floats. Raises `BadLock` unless the value is a list of `count` finite numbers."""
+    """Return a JSON value as a tuple of `count` floats. Raises `BadLock` unless the value is a list of `count` finite numbers."""
     entries = sequence(value, path)
     if len(entries) != count:
         raise BadLock(path, f"expected {count} numbers")

@@ -58,7 +58,11 @@ class Lock(FrozenStruct):
     _schemas: dict[str, PartSchema] = {}
 
     def schema(self, reference: str) -> PartSchema | None:
-        """Return the part schema of `module:Class` (without its place), or None if the lock does not contain it. Raises `BadLock`."""
+        """Return the schema of the part `module:Class` from the lock, without the location of the class. Return None if the lock does not
+        contain it.
+
+        Raises `BadLock`.
+        """
         thing = self.things.get(reference)
         if thing is None:
             return None
@@ -67,7 +71,10 @@ class Lock(FrozenStruct):
         return self._schemas[reference]
 
     def record(self, definition: PartDefinition, code: tuple[str, int] | None = None) -> PartRecord | None:
-        """Return the record of a definition, or None if the lock does not contain it. Raises `BadLock`."""
+        """Return the record of a part definition from the lock, or None if the lock does not contain it.
+
+        Raises `BadLock`.
+        """
         if definition.kind == "file":
             held = self.files.get(definition.text)
             return None if held is None else read_record(definition.text, held[1], f"files.{definition.text}.record", None)
@@ -78,7 +85,10 @@ class Lock(FrozenStruct):
         return read_record(definition.text, values, f"things.{definition.reference}.records.{definition.text}", code)
 
     def relatives(self, reference: str, code: tuple[str, int] | None = None) -> Iterable[PartRecord]:
-        """Yield every record of `module:Class`, for any parameters. Raises `BadLock`."""
+        """Yield the records of all definitions of the part `module:Class` in the lock, for any parameters.
+
+        Raises `BadLock`.
+        """
         thing = self.things.get(reference)
         for text, values in (thing.records if thing is not None else {}).items():
             yield read_record(text, values, f"things.{reference}.records.{text}", code)
@@ -99,7 +109,7 @@ def code_hash(code: CodeIngredients | None, version: str = "") -> str:
 
 
 def top_of(file: str) -> Span:
-    """Return the span of the first line of the lock file, to which errors of the whole file refer."""
+    """Return the span of the first line of the lock file. Errors that concern the whole file refer to this line."""
     return line_of(file)
 
 
@@ -133,7 +143,10 @@ def read_lock_file(path: str, report: Report) -> Lock | None:
 
 
 def report_missing(workspace: Workspace, report: Report) -> None:
-    """Report a missing lock file. An invalid file has already been reported by `read_lock`."""
+    """Report an error if the workspace has no lock file.
+
+    `read_lock` has already reported an invalid lock file.
+    """
     if not os.path.lexists(lock_path(workspace)):
         report.add(
             Code.NO_LOCK, f"the workspace has no `{LOCK_FILE}`, which is required to check parts without running their code",

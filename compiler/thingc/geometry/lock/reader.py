@@ -56,7 +56,10 @@ class LockAnswers:
         return self._current[reference]
 
     def state(self, path: str, like: str) -> str:
-        """Return the state of a path in the workspace, as in `reads`. Only regular files and folders are read."""
+        """Return the state of a file or folder of the workspace, in the form that `reads` uses.
+
+        The method reads only regular files and folders.
+        """
         folder = like.startswith("folder:")
         if (path, folder) not in self._states:
             self._states[path, folder] = self._look(os.path.join(self.workspace.root, path), folder)
@@ -119,7 +122,7 @@ class LockAnswers:
         )
 
     def place(self, reference: str) -> tuple[str, int] | None:
-        """Return the file and line of a class, or None."""
+        """Return the file and line of the class `module:Class`, or None if the class is not found."""
         code = self._parts.code(reference) if ":" in reference else None
         return code.place if isinstance(code, CodeIngredients) else None
 
@@ -142,7 +145,7 @@ class LockFallback:
 
     @property
     def consulted(self) -> set[str]:
-        """Absolute paths that the answers depend on."""
+        """Absolute paths of the files on which the schemas and records from the lock depend."""
         return self._answers.consulted if self._answers is not None else set()
 
     def schema(self, reference: str) -> PartSchema | None:
@@ -168,7 +171,7 @@ class LockFallback:
 
 
 def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> str:
-    """Return `code_hash` of a part of the workspace or of an installed package."""
+    """Compute `code_hash` for a part of the workspace or of an installed package."""
     package = reference.partition(":")[0].partition(".")[0]
     return code_hash(code, "" if code is not None else parts.versions(None, reference).get(f"version {package}", "unknown"))
 
@@ -190,7 +193,7 @@ class LockOnlyGeometry:
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Absolute paths that the answers depend on."""
+        """Absolute paths of the files on which the schemas and records from the lock depend."""
         return frozenset(self._parts.probed | (self._answers.consulted if self._answers is not None else set()))
 
     def anticipate(self) -> bool:
