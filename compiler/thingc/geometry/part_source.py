@@ -35,7 +35,7 @@ class PartSource(Protocol):
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Absolute paths that the answers depend on, including paths that do not exist."""
+        """Absolute paths of the files and folders that the returned schemas and records depend on, including paths that do not exist."""
 
     def anticipate(self) -> bool:
         """If parts probably have to be built, begin to load the kernel and return True."""
@@ -52,7 +52,8 @@ class PartSource(Protocol):
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None,
     ) -> Mapping[str, PartRecord | PartFailure]:
-        """Return the record or failure of each definition, by text. A definition without an available record has no entry.
+        """Build or load parts, and return the record or failure of each part definition by its text. A definition without an available
+        record has no entry.
 
         `likely` returns the expected slicings, for parts that are built.
         """
@@ -61,14 +62,15 @@ class PartSource(Protocol):
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> Mapping[str, PartRecord | PartFailure]:
-        """Return the `records` of `definitions` with the slices that are `wanted`, by text.
+        """Slice parts for printing, and return their records with the resulting slices, by definition text.
 
-        A record without available slices is not `exact`.
+        `wanted` contains the slicings to compute for each definition text. If the slices of a record are not available, the returned
+        record is not `exact`.
         """
 
 
 def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None]], report: Report) -> None:
-    """Report a warning for each module of a part that hides another file of its name.
+    """Report a warning for each module of a part that hides another module of the same name.
 
     The location of the warning is the first reference to a part with this module. If this location is None, the location is the module
     itself.

@@ -27,14 +27,14 @@ Ran = Mapping[str, Sequence[int] | None]
 
 
 def outlined(code: CodeIngredients) -> CodeIngredients:
-    """Return the inputs of a part with its code reduced to an outline, without the bodies of functions."""
+    """Return the inputs of a part with its source code reduced to an outline without function bodies."""
     return dataclasses.replace(code, ingredients={one.label: f"{one.facts.outline} {one.path}" for one in code.sources.values()})
 
 
 def executed_functions(code: CodeIngredients, ran: Mapping[str, Sequence[int] | None]) -> dict[str, Any] | None:
-    """Return the functions that ran in the format of the cache: their numbers by module, and their digest.
+    """Convert the record of executed functions to the format of the cache: the numbers of the functions by module, and their digest.
 
-    Return None if a file or a function is not in the code.
+    `ran` contains the numbers of the functions by file. Return None if the code does not contain one of the files or functions.
     """
     labelled = {code.sources[file].label: numbers for file, numbers in ran.items() if file in code.sources}
     digest = _digest(code, labelled)
@@ -42,7 +42,7 @@ def executed_functions(code: CodeIngredients, ran: Mapping[str, Sequence[int] | 
 
 
 def is_unchanged(code: CodeIngredients, kept: Mapping[str, Any]) -> bool:
-    """Return whether all functions that ran are unchanged in this code."""
+    """Return whether this code contains the same functions as those that ran when the cached part was built."""
     digest: str = kept["digest"]
     return _digest(code, kept["ran"]) == digest
 
@@ -59,17 +59,21 @@ def _digest(code: CodeIngredients, ran: Ran) -> str | None:
 
 
 class KeptRecords:
-    """The part records of a workspace for which the store contains all referenced files."""
+    """Finds the cached part records of a workspace. A record counts as cached only if the store contains all files to which it refers."""
 
     def __init__(self, workspace: Workspace, store: Store, parts: PartCode, results: Results) -> None:
         self._workspace, self._store, self._parts, self._results = workspace, store, parts, results
 
     def under(self, key: str) -> CachedResult | None:
-        """Return the record or failure under a part's key, or None if there is no result."""
+        """Return the cached record or failure of the part with the build key `key`, or None."""
         return self._results.find("record", key, self._whole)
 
     def find(self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None) -> CachedResult | None:
-        """Return the record under the part's key, otherwise a record with the same outline and unchanged executed functions, or None."""
+        """Return the cached record of a part, or None.
+
+        If no record has the part's build key, look for a record with the same outline of the code whose executed functions have not
+        changed.
+        """
         kept = self.under(build_key.key)
         if kept is not None or code is None or not code.sources:
             return kept
@@ -87,7 +91,10 @@ class KeptRecords:
         self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None, ran: Mapping[str, Sequence[int] | None] | None,
         reads: list[list[str]],
     ) -> None:
-        """Store which functions ran, by file (None if unknown), for the record with this build key and these reads."""
+        """Store the functions that ran when a part was built, together with its build key and the states of the files that it read.
+
+        `ran` contains the numbers of the functions by file (None if unknown).
+        """
         if code is None or not code.sources or ran is None:
             return
         traces = executed_functions(code, ran)

@@ -24,9 +24,9 @@ VERSION = 3
 
 
 def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | None:
-    """Return the record of a mesh file, from the store or by reading the file. Raises `BadMesh`.
+    """Return the record of a mesh file, from the store or by reading the file.
 
-    If `read` is False, return None unless the record is in the store.
+    If `read` is False and the store does not contain the record, return None. Raises `BadMesh`.
     """
     key = json.dumps([VERSION, *file.content])
     known = store.get_json(KIND, key)

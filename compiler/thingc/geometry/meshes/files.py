@@ -47,7 +47,7 @@ class MeshFile(OneLineRepr, FrozenStruct):
 
     @property
     def content(self) -> tuple[object, ...]:
-        """All values that the record of the file depends on."""
+        """The values on which the record of the mesh file depends."""
         return self.suffix, self.sha256, self.beside, self.scale
 
 

@@ -50,7 +50,10 @@ class _Beside(trimesh.resolvers.Resolver):
         self._file = file
 
     def get(self, name: str) -> bytes:
-        """Return the content of a file in `beside`. Raises `KeyError` for any other name, `BadMesh` if the file has changed."""
+        """Return the content of a file that the mesh file references.
+
+        Raises `KeyError` for a file that is not in `beside`, and `BadMesh` if the file has changed.
+        """
         content = dict(self._file.beside)[name.strip()]
         with open(os.path.join(self._file.folder, name.strip()), "rb") as stream:
             data = stream.read(LARGEST)
@@ -69,7 +72,10 @@ class _Beside(trimesh.resolvers.Resolver):
 
 
 def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
-    """Write the triangles of a file to the store, and also its bytes if MuJoCo can read them. Return the record. Raises `BadMesh`."""
+    """Read a mesh file, write its triangles to the store, and return the record of the file.
+
+    If MuJoCo can read the file itself, its bytes are also written to the store. Raises `BadMesh`.
+    """
     data = read_bounded(os.path.join(file.folder, os.path.basename(file.path)), file.suffix)
     if hashlib.sha256(data).hexdigest() != file.sha256:
         raise BadMesh("changed while it was read")
@@ -105,7 +111,7 @@ def _in_order(several: list[NDArray[np.float64]]) -> NDArray[np.float64]:
 
 
 def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArray[np.float64]]]:
-    """Yield the corners of triangles `(n, 3, 3)` in the unit of the file, by colour."""
+    """Yield the triangles of a mesh file by colour, as arrays of corners `(n, 3, 3)` in the unit of the file."""
     try:
         scene: Any = _scene(file, data)
         count = 0
@@ -128,7 +134,7 @@ def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArra
 
 
 def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
-    """Return why a file cannot be read.
+    """Return the reason why a mesh file cannot be read.
 
     For XML other than COLLADA, such as the error page of a server, trimesh's message is not helpful.
     """
@@ -138,7 +144,7 @@ def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
 
 
 def _scene(file: MeshFile, data: bytes) -> Any:
-    """Return the file as a scene of trimesh.
+    """Read a mesh file as a scene of trimesh.
 
     If a COLLADA material has missing references, trimesh silently drops every geometry with this material. This function reads such a file
     without images, which are not needed, or otherwise without materials.
@@ -165,7 +171,7 @@ def _readings(dae: bytes) -> Iterator[bytes]:
 
 
 def _color(geometry: Any, file: MeshFile) -> str | None:
-    """Return the colour of a geometry, or None.
+    """Return the colour of a geometry of trimesh, or None if the mesh file does not define its colour.
 
     The default colours that trimesh sets for an OBJ file without a material library do not count.
     """
@@ -180,9 +186,9 @@ def _color(geometry: Any, file: MeshFile) -> str | None:
 
 
 def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Convert the corners to metres with z up. In glTF, y is up. COLLADA files specify the up axis.
+    """Convert the corners of triangles from the unit and axes of the file to metres with the z axis up.
 
-    Faces are flipped if an odd number of axes is mirrored.
+    In glTF, y is up. COLLADA files specify the up axis. Faces are flipped if an odd number of axes is mirrored.
     """
     up, unit = b"Z", 1.0
     if file.suffix == ".glb":
@@ -233,7 +239,7 @@ def _kept(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassPropert
 
 
 def _equal_rows(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the index of the first row of each set of equal rows, and the number of the set of each row.
+    """Find equal rows of an array. Return the index of the first row of each group of equal rows, and the number of the group of each row.
 
     The function compares hashes of the bits of rows, which is three times as fast as a direct comparison. It compares rows directly if
     different rows have the same hash.
@@ -249,7 +255,7 @@ def _equal_rows(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray
 
 
 def _is_closed(faces: NDArray[np.int64], count: int) -> bool:
-    """Return whether each edge occurs once in each direction."""
+    """Return whether a triangle mesh is closed: each edge occurs exactly once in each direction."""
     a, b = faces.ravel(), faces[:, (1, 2, 0)].ravel()
     return bool(np.array_equal(np.sort(a * count + b), np.sort(b * count + a)))
 
@@ -261,7 +267,7 @@ def _is_flat(vertices: NDArray[np.float64]) -> bool:
 
 
 def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
-    """Return whether MuJoCo can read a file unchanged.
+    """Return whether MuJoCo can read a mesh file unchanged.
 
     MuJoCo reads binary STL files up to a maximum size, and OBJ files with one object. The scale must not be too small for MuJoCo to find a
     volume.

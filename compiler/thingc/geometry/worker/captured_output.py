@@ -56,9 +56,9 @@ def keep(folder: str) -> Iterator[None]:
 
 
 def lines_of(folder: str) -> list[str]:
-    """Return the stored lines, shortened for display.
+    """Return the lines of output that a part wrote, shortened for display. The part must have ended.
 
-    The part must have ended. If the part replaced the file by an object that is not a regular file, the object is not read.
+    If the part replaced the file by an object that is not a regular file, the object is not read.
     """
     try:
         descriptor = os.open(os.path.join(folder, NAME), os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))

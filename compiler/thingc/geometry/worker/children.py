@@ -65,7 +65,7 @@ class Child:
     status: int | None = None
 
     def ask(self, request: Mapping[str, Any]) -> None:
-        """Send a request to the child process."""
+        """Send a request to the child process through its pipe."""
         self.request = request
         self.deadline = time.monotonic() + float(request["timeout"])
         line = json.dumps(request).encode()
@@ -99,7 +99,7 @@ class Child:
         return {"id": self.request["id"], **json.loads(self.received)}
 
     def stop(self) -> bool:
-        """Stop the child process. Return True if it has no child processes of its own."""
+        """Stop the child process with a signal. Return True if it has no child processes of its own."""
         self._kill(signal.SIGSTOP)
         return not process_tree.descendants(self.process)
 
@@ -200,7 +200,7 @@ class Child:
 
 
 def in_words(status: int | None) -> str:
-    """Describe how a process ended, from its wait status."""
+    """Describe in words how a process ended, from its wait status."""
     if status is None:
         return "it closed its pipe but did not exit"
     if os.WIFSIGNALED(status):

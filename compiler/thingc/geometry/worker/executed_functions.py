@@ -67,7 +67,10 @@ def begin() -> None:
 
 
 def of(files: Iterable[str], hashes: Mapping[str, str]) -> dict[str, list[int] | None]:
-    """Return for each loaded file the sorted numbers of functions that ran or whose defaults were read, or None for files without marks."""
+    """Return the functions that ran or whose default arguments were read, as sorted numbers by file.
+
+    The value is None for a file that was compiled without marks.
+    """
     return {file: sorted(number for one, number in _noted if one == file) if (file, hashes[file]) in _marked else None for file in files}
 
 

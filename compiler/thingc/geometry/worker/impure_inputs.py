@@ -43,7 +43,7 @@ class ImpureInputRecorder:
 
     @property
     def found(self) -> tuple[PartWarning, ...]:
-        """The recorded inputs in order, without duplicates on the same line."""
+        """The recorded impure inputs in the order of their use. An input that is used several times on the same line occurs once."""
         return tuple(self._found)
 
     def start(self) -> None:
@@ -59,7 +59,7 @@ class ImpureInputRecorder:
 
     @contextlib.contextmanager
     def paused(self) -> Iterator[None]:
-        """Do not record inputs while the context is active."""
+        """Return a context manager that stops the recording of impure inputs while it is active."""
         self.stop()
         try:
             yield
@@ -232,7 +232,10 @@ def _telling_time(real: Any, names: Sequence[str]) -> type:
 
 
 def _stand_in(real: Any, new: Callable[..., Any], body: Mapping[str, Any]) -> type:
-    """Return a class to replace `real`. `new` creates the instances. Instances of `real` count as instances of the new class."""
+    """Create a class that replaces the class `real`.
+
+    `new` creates the instances. Instances of `real` also count as instances of the new class.
+    """
 
     class _ClockClass(type):
         def __instancecheck__(cls, value: Any) -> bool:

@@ -83,7 +83,7 @@ class LazyObject:
 
 
 class _StandIn(types.ModuleType):
-    """A module that has not been imported."""
+    """A module placeholder for a package that has not been imported."""
 
     _session: _Session
 
@@ -170,7 +170,7 @@ def _package(value: Any) -> str | None:
 
 
 def _find_sites(session: _Session, modules: Sequence[types.ModuleType]) -> None:
-    """Record all places of placeholders: module and class attributes, tables, and default arguments."""
+    """Record all places of placeholders in the given modules: module and class attributes, dicts, and default arguments."""
     for module in modules:
         names = vars(module)
         if not any(_package(value) for value in names.values()):

@@ -25,8 +25,8 @@ from thingc.geometry.worker.loading import PartImporter
 
 
 class NoPart(Exception):
-    """Raised if a part cannot be described or built. Contains the kind of the failure (see `PartFailure`), the message, and the file and
-    line if known.
+    """Raised if a part cannot be described or built. The exception contains the kind of the failure (see `PartFailure`), the message, and
+    the file and line if known.
     """
 
     def __init__(self, kind: FailureKind, message: str, candidates: Iterable[str] = (), place: tuple[str, int] | None = None) -> None:
@@ -122,7 +122,7 @@ class PartSession:
         return sorted(states.items())
 
     def ran(self) -> dict[str, list[int] | None] | None:
-        """Return the functions that ran, by code file that is in the key (None for all functions of a file).
+        """Return the numbers of the functions that ran, by source file that is in the key. The value None means all functions of a file.
 
         Return None if other processes may have run functions.
         """
@@ -155,7 +155,9 @@ class PartSession:
         return named
 
     def failure(self, subject: str, fault: BaseException) -> PartFailure:
-        """Return the failure for an exception, with the innermost place in the authors' files. `MemoryError` is re-raised."""
+        """Convert an exception of part code to a `PartFailure` that refers to the innermost line in the authors' files. `MemoryError` is
+        re-raised.
+        """
         from thingc.geometry.things.parameters import ParameterError, SignatureError
 
         if isinstance(fault, MemoryError):
@@ -190,7 +192,11 @@ def _exception_text(fault: BaseException) -> str:
 
 
 def _python_suggests(fault: BaseException) -> str | None:
-    """Return Python's suggestion (`Did you mean: 'MountPoint'?`), or None. Python computes suggestions only for uncaught exceptions."""
+    """Return the suggestion that Python would print for an exception, such as `Did you mean: 'MountPoint'?`. Return None if Python has no
+    suggestion.
+
+    Python computes suggestions only for uncaught exceptions.
+    """
     with contextlib.redirect_stderr(io.StringIO()) as captured_output:
         sys.__excepthook__(type(fault), fault, fault.__traceback__)
     match = re.search(r"\. (Did you (?:mean|forget)\b.*\?)\s*\Z", captured_output.getvalue())
@@ -198,7 +204,7 @@ def _python_suggests(fault: BaseException) -> str | None:
 
 
 def kind_of(part: Any, reference: str) -> SchemaKind:
-    """Return the kind of a part. Raises `NoPart` for an object that is not a part."""
+    """Return the kind of the Python object that a part reference names. Raises `NoPart` if the object is not a part."""
     from thingc.geometry.things.inspection import is_part
 
     kind = is_part(part)

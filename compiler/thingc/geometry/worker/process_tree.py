@@ -44,7 +44,7 @@ def give_priority(nice: int) -> int:
 
 
 def children(process: int) -> list[int]:
-    """Return the children of a process, including zombies."""
+    """Return the process ids of the children of a process, including zombies."""
     processes: list[int] = []
     with contextlib.suppress(OSError):
         for thread in os.listdir(f"/proc/{process}/task"):
@@ -54,7 +54,7 @@ def children(process: int) -> list[int]:
 
 
 def descendants(process: int) -> list[int]:
-    """Return all descendants of a process."""
+    """Return the process ids of all descendants of a process."""
     processes = children(process)
     for one in processes:
         processes.extend(children(one))
@@ -62,7 +62,7 @@ def descendants(process: int) -> list[int]:
 
 
 def alive(processes: Iterable[int]) -> list[int]:
-    """Return the processes that have not ended."""
+    """Return those of the given processes that have not ended."""
     return [process for process in processes if _runs(process)]
 
 
@@ -82,7 +82,7 @@ def command(process: int) -> str:
 
 
 def exceeds(processes: Collection[int], most: int) -> bool:
-    """Return whether processes use more than `most` bytes of memory.
+    """Return whether the given processes together use more than `most` bytes of memory.
 
     The function reads the exact number, which counts shared memory once, only if necessary.
     """

@@ -67,7 +67,7 @@ def settle(folder: str) -> None:
 
 
 def _made(base: str) -> tuple[str, int | None]:
-    """Create a new folder, and return it with the descriptor that holds its lock (None without locks)."""
+    """Create a new scratch folder. Return its path and the file descriptor that holds its lock (None on systems without locks)."""
     while True:
         folder = tempfile.mkdtemp(prefix=PREFIX, dir=base)
         if fcntl is None:
@@ -85,7 +85,7 @@ def _made(base: str) -> tuple[str, int | None]:
 
 
 def _sweep(base: str) -> None:
-    """Remove folders of workers that have ended."""
+    """Remove the scratch folders of workers that have ended."""
     if fcntl is None:
         return
     for name in os.listdir(base):

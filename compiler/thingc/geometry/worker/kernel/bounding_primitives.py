@@ -54,7 +54,7 @@ def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], flo
 
 
 def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
-    """Return centre, radius and support points of the smallest ball that contains a few points.
+    """Compute the smallest ball that contains a few points. Return its centre, its radius and the points on its surface.
 
     The last point must be outside every ball of the other points.
     """
@@ -78,7 +78,9 @@ def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], floa
 
 
 def _circumcentre(edges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the point in the span of `edges` `(k, n)` at equal distance from 0 and from the ends of all edges."""
+    """Compute the point that has the same distance from 0 and from the ends of all vectors `edges` `(k, n)`. The point is in the span of
+    these vectors.
+    """
     squares = (edges * edges).sum(axis=1)
     try:
         return np.asarray(edges.T @ np.linalg.solve(2.0 * edges @ edges.T, squares))
@@ -87,7 +89,7 @@ def _circumcentre(edges: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _smallest(fits: list[Primitive]) -> Primitive:
-    """Return the smallest primitive. The first primitive is preferred, unless another one is clearly smaller."""
+    """Return the primitive with the smallest volume. The first primitive is preferred, unless another one is clearly smaller."""
     best = fits[0]
     for fit in fits[1:]:
         if fit.volume < BETTER * best.volume:
@@ -96,7 +98,7 @@ def _smallest(fits: list[Primitive]) -> Primitive:
 
 
 def _box(points: NDArray[np.float64], frame: NDArray[np.float64]) -> Primitive:
-    """Return the enclosing box along the columns of `frame`."""
+    """Return the smallest box that encloses the points and is aligned with the columns of `frame`."""
     local = points @ frame
     low, high = local.min(axis=0), local.max(axis=0)
     size = tuple(float(half) for half in (high - low) / 2.0)
@@ -104,7 +106,7 @@ def _box(points: NDArray[np.float64], frame: NDArray[np.float64]) -> Primitive:
 
 
 def _round(points: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[Primitive, Primitive]:
-    """Return the enclosing cylinder and capsule along the third axis of `frame`."""
+    """Return the smallest cylinder and the smallest capsule that enclose the points, with their axes along the third column of `frame`."""
     local = points @ frame
     centre, radius = smallest_ball(local[:, :2])
     z = local[:, 2]
@@ -127,7 +129,10 @@ def _each_axis_as_z(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _axes(inertia: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the principal axes as columns. The axes are right-handed, and the largest entry of each axis is positive if possible."""
+    """Compute the principal axes of an inertia matrix, as the columns of a right-handed matrix.
+
+    The largest entry of each axis is positive if possible.
+    """
     _, axes = np.linalg.eigh(inertia)
     for column in range(3):
         if axes[np.argmax(np.abs(axes[:, column])), column] < 0.0:

@@ -143,7 +143,9 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
 
 
 def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
-    """Return the `file` and `line` of the author's class ({} if unknown), for an error without a line, such as an invalid return value."""
+    """Return the `file` and `line` of the author's class, or an empty dict if they are unknown. This location is used for errors without a
+    line.
+    """
     import inspect
 
     with contextlib.suppress(Exception):
@@ -155,7 +157,7 @@ def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
 
 
 def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], bool]) -> list[PartWarning]:
-    """Return the warnings about lines of the author's code. Warnings about lines of libraries are omitted."""
+    """Convert Python warnings about lines of the author's code to part warnings. Warnings about lines of libraries are omitted."""
     part_warnings = [PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if is_own(one.filename)]
     return list(dict.fromkeys(part_warnings))
 
@@ -252,7 +254,7 @@ def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
 
 
 def _rounded(shape: TopoDS_Shape) -> TopoDS_Shape:
-    """Round the corners of a shape to `DECIMALS` and return the shape."""
+    """Round the coordinates of the corners of a shape to `DECIMALS`, and return the shape."""
     from OCP.BRep import BRep_Builder, BRep_Tool
     from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
     from OCP.gp import gp_Pnt
@@ -416,7 +418,7 @@ def _at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
 
 
 def _instead(shapes: Sequence[TopoDS_Shape]) -> str:
-    """Describe the content of shapes that do not contain a solid, for a message."""
+    """Describe the content of shapes that do not contain a solid, for an error message."""
     from OCP.TopAbs import TopAbs_ShapeEnum
 
     kind = TopAbs_ShapeEnum
@@ -428,7 +430,7 @@ def _instead(shapes: Sequence[TopoDS_Shape]) -> str:
 
 
 def written_brep(shape: TopoDS_Shape) -> bytes:
-    """Return a shape in the kernel's binary format, without triangles."""
+    """Write a shape in the binary format of the CAD kernel, without triangles, and return the bytes."""
     from OCP.BinTools import BinTools, BinTools_FormatVersion
 
     stream = io.BytesIO()
@@ -473,6 +475,6 @@ def _stored(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
 
 
 def stored_obj(mesh: meshing.Triangles, store: Store) -> Mesh:
-    """Put a mesh into the store as an OBJ file, without changing its unit."""
+    """Write a mesh to the store as an OBJ file, without changing its unit."""
     rounded = meshing.in_single(mesh)
     return _stored(rounded, meshing.obj(rounded), store)

@@ -70,13 +70,13 @@ def unit_inertia(rows: Sequence[Sequence[float]]) -> Matrix:
 
 
 def matrix(rows: Sequence[Sequence[float]]) -> Matrix:
-    """Return 3 x 3 numbers as a matrix, in the same unit."""
+    """Convert 3 x 3 numbers to a matrix of floats, without changing the unit."""
     a, b, c = (tuple(float(entry) for entry in row) for row in rows)
     return (a, b, c)  # type: ignore[return-value]
 
 
 def pose(transformation: gp_Trsf) -> Pose:
-    """Return a kernel transformation (translation in mm) as a pose in metres.
+    """Convert a transformation of the CAD kernel, with its translation in mm, to a pose in metres.
 
     The kernel's rounding errors are removed from the rotation: entries within 1e-15 of 0, 1 or -1 become exact.
     """
@@ -91,7 +91,8 @@ def _clean(entry: float) -> float:
 
 
 def transformation(placement: Pose) -> gp_Trsf:
-    """Return a pose in metres as a kernel transformation (translation in mm). This is the inverse of `pose`."""
+    """Convert a pose in metres to a transformation of the CAD kernel, with its translation in mm. This function is the inverse of `pose`.
+    """
     from OCP.gp import gp_Trsf
 
     r = placement.rotation

@@ -44,7 +44,10 @@ _ALONG = 1e-12
 
 
 class Measures(FrozenStruct):
-    """`volume` [mm^3], `area` [mm^2], `centre` [mm], `inertia` [mm^5] at density 1 about the centre, `box` [mm]."""
+    """The measurements of a part: `volume` [mm^3], `area` [mm^2], `centre` of mass [mm], `inertia` and bounding `box` [mm].
+
+    The inertia [mm^5] is at density 1, about the centre of mass.
+    """
 
     volume: float
     area: float
@@ -54,7 +57,9 @@ class Measures(FrozenStruct):
 
 
 def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
-    """Yield the subshapes of one kind (`TopAbs_FACE`), in the order of the shape. A shared subshape is yielded twice."""
+    """Yield the subshapes of one kind, such as `TopAbs_FACE`, in the order in which the shape contains them. A shared subshape is yielded
+    twice.
+    """
     explorer = TopExp_Explorer(shape, kind)
     while explorer.More():
         yield explorer.Current()
@@ -62,7 +67,7 @@ def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
 
 
 def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
-    """Return the solids in a shape, in the order of the shape."""
+    """Return the solids that a shape contains, in the order of the shape."""
     return list(explored(shape, TopAbs_SOLID))
 
 
@@ -173,7 +178,7 @@ def _within_lines_and_circles(face: TopoDS_Face) -> bool:
 
 
 def _within_own_lines(face: TopoDS_Face) -> bool:
-    """Return whether one parameter of the surface is constant along each edge."""
+    """Return whether each edge of a face is a parameter line of the surface: one of the parameters u and v is constant along the edge."""
     curves = [BRepAdaptor_Curve2d(TopoDS.Edge(edge), face) for edge in explored(face, TopAbs_EDGE)]
     if any(curve.GetType() != GeomAbs_Line for curve in curves):
         return False
@@ -182,8 +187,8 @@ def _within_own_lines(face: TopoDS_Face) -> bool:
 
 
 def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp_GProps:
-    """Return an integral over faces, as `BRepGProp` computes it for a shape. `accuracy` applies to faces where plain integration is not
-    exact.
+    """Compute an integral over faces in the same way as `BRepGProp` computes it for a shape. `accuracy` applies to faces where plain
+    integration is not exact.
 
     `kind` is the class that integrates over one face. The volume of a face is the volume between the face and the `apex`.
     """
@@ -200,7 +205,9 @@ def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp
 
 
 def _better(kind: Any, once: _Faces, twice: _Faces, apex: gp_Pnt) -> GProp_GProps:
-    """Compare the plain integral with the integral that is adaptive on the faces of `twice`. If they agree, return the plain integral."""
+    """Compute an integral with and without adaptive integration on the faces of `twice`. If the results agree, return the result without
+    it.
+    """
     sure = _integral(kind, once, apex)
     plain = GProp_GProps(apex)
     plain.Add(sure)
@@ -221,7 +228,7 @@ def _numbers(properties: GProp_GProps) -> list[float]:
 
 
 def _clean(value: float, size: float) -> float:
-    """Replace a number that is a rounding error, up to 1e-14 of the part's size, by zero."""
+    """Return zero in place of a number that is only a rounding error, up to 1e-14 of the part's size."""
     return 0.0 if abs(value) <= 1e-14 * size else value
 
 

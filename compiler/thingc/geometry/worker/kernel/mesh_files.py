@@ -46,7 +46,7 @@ class BadPartFile(ValueError):
 
 
 def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str, ...]]:
-    """Return the closed surface in a file [mm], and descriptions of the repairs that were made.
+    """Read a mesh file. Return its closed surface [mm] and descriptions of the repairs that were made.
 
     `unit` [mm] is the unit of files that do not specify a unit. z is up in the result (y is up in glTF files). Raises `BadPartFile`, also
     if the surface cannot be closed.
@@ -93,7 +93,9 @@ def _from_trimesh(path: str, suffix: str, data: bytes) -> Triangles:
 
 
 def _welded(corners: NDArray[np.float64]) -> Triangles:
-    """Merge equal corners of triangles into vertices. `corners` has three rows for each triangle."""
+    """Create a triangle mesh from the corners of its triangles by merging equal corners into vertices. `corners` has three rows for each
+    triangle.
+    """
     unique, inverse = np.unique(corners + 0.0, axis=0, return_inverse=True)
     return without_slivers(unique, np.asarray(inverse).reshape(-1, 3).astype(np.int64))
 
@@ -127,7 +129,10 @@ def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
 
 
 def _closed(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
-    """Return the closed mesh and descriptions of the repairs by trimesh. Raises `BadPartFile` if the surface stays open."""
+    """Repair the open surface of a mesh with trimesh. Return the closed mesh and descriptions of the repairs.
+
+    Raises `BadPartFile` if the surface stays open.
+    """
     import trimesh
 
     first = open_edges(mesh)
@@ -164,7 +169,7 @@ def _of(mesh: Any) -> Triangles:
 
 
 def open_edges(mesh: Triangles) -> int:
-    """Return the number of edges that no other triangle uses in the opposite direction."""
+    """Count the edges of a mesh that have no second triangle with the opposite direction."""
     count = len(mesh.vertices)
     a, b = mesh.faces.ravel(), mesh.faces[:, (1, 2, 0)].ravel()
     one_way, counts = np.unique(a * count + b, return_counts=True)
@@ -207,7 +212,10 @@ def _from_3mf(data: bytes) -> Triangles:
 
 
 def _read_3mf(model: bytes) -> tuple[str, dict[str, _Object3mf]]:
-    """Return the unit of a model and its objects by id. `_BUILD` is an additional object with the items to build."""
+    """Parse the XML of a 3MF model. Return its unit and its objects by id.
+
+    `_BUILD` is an additional object with the items to build.
+    """
     unit, last = "millimeter", _Object3mf()
     objects: dict[str, _Object3mf] = {_BUILD: last}
 
@@ -249,5 +257,8 @@ def _placed_3mf(objects: Mapping[str, _Object3mf], name: str, transform: NDArray
 
 
 def _affine(text: str | None) -> NDArray[np.float64]:
-    """Return a 3MF transform as a 4 x 3 matrix. Points are rows to the left of the matrix."""
+    """Parse a transform of a 3MF file into a 4 x 3 matrix.
+
+    To transform a point, multiply the row vector (x, y, z, 1) by this matrix.
+    """
     return _finite(np.array((text or "1 0 0 0 1 0 0 0 1 0 0 0").split(), dtype=np.float64).reshape(4, 3))

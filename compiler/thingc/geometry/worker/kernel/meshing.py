@@ -49,16 +49,16 @@ class Triangles(FrozenStruct, kw_only=False):
         return abs(self.volume) <= 1e-9 * diagonal**3
 
     def scaled(self, factor: float) -> Triangles:
-        """Return the mesh with its coordinates converted to another unit."""
+        """Return a copy of the mesh with all coordinates multiplied by `factor`, to convert the mesh to another unit."""
         return Triangles(self.vertices * factor, self.faces)
 
     def outward(self) -> Triangles:
-        """Return the mesh with the orientation that has a positive volume."""
+        """Return the mesh with its triangles oriented such that the enclosed volume is positive."""
         return self if self.volume >= 0.0 else Triangles(self.vertices, self.faces[:, ::-1])
 
 
 def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Triangles:
-    """Remove triangles that use a vertex twice, and unused vertices."""
+    """Remove triangles in which the same vertex occurs twice, and remove unused vertices."""
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     faces = faces[whole]
     used = np.zeros(len(vertices), dtype=bool)
@@ -67,7 +67,7 @@ def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> 
 
 
 def together(meshes: list[Triangles]) -> Triangles:
-    """Combine several triangle meshes into one."""
+    """Combine several triangle meshes into one mesh. Vertices are not merged."""
     if len(meshes) == 1:
         return meshes[0]
     offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
@@ -129,7 +129,7 @@ def _once(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.in
 
 
 def stl(mesh: Triangles) -> bytes:
-    """Return a binary STL file with a constant header."""
+    """Convert a mesh to the bytes of a binary STL file with a constant header."""
     corners = mesh.vertices[mesh.faces].astype("<f4")
     wide = corners.astype(np.float64)
     normals = np.cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
@@ -142,7 +142,7 @@ def stl(mesh: Triangles) -> bytes:
 
 
 def obj(mesh: Triangles) -> bytes:
-    """Return a Wavefront OBJ file: vertices to 9 digits, triangles, no normals."""
+    """Convert a mesh to the bytes of a Wavefront OBJ file. Coordinates have 9 significant digits, and normals are omitted."""
     vertices = ("v %.9g %.9g %.9g\n" * len(mesh.vertices)) % tuple((mesh.vertices + 0.0).ravel().tolist())
     faces = ("f %d %d %d\n" * len(mesh.faces)) % tuple((mesh.faces + 1).ravel().tolist())
     return (vertices + faces).encode()

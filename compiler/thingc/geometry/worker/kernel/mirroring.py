@@ -34,7 +34,7 @@ class SolidMirror(Mirror):
         )
 
     def shape(self, shape: TopoDS_Shape) -> TopoDS_Shape:
-        """Return the mirror image of a shape."""
+        """Return the mirror image of a shape of the CAD kernel."""
         from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
         from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
 

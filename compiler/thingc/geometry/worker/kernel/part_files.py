@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
 def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tuple[str, ...]]:
-    """Return the shapes in a file, their colours (`#rrggbb`), and descriptions of repairs.
+    """Read a CAD file or mesh file. Return its shapes, their colours (`#rrggbb`), and descriptions of the repairs.
 
     `unit` [mm] is the unit of a file that does not specify a unit. Raises `BadPartFile`.
     """
@@ -35,7 +35,7 @@ def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tup
 
 
 def unusable(fault: BaseException) -> BadPartFile:
-    """Return the error for a file for which the kernel fails after reading a part of the file."""
+    """Create the error for a part file that the CAD kernel cannot process after reading a part of it."""
     reason = BadPartFile("the file is damaged, or contains a shape that the CAD kernel cannot use")
     reason.__cause__ = fault
     return reason
@@ -94,7 +94,10 @@ def _scaled(shape: TopoDS_Shape, factor: float) -> TopoDS_Shape:
 
 
 def solids_from(mesh: Triangles) -> list[TopoDS_Shape]:
-    """Return solids with a flat face for each triangle of a closed surface. Each connected piece is a body or a void inside a body."""
+    """Convert a closed triangle mesh to solids with one plane face per triangle.
+
+    Each connected surface of the mesh bounds a body, or a void inside a body.
+    """
     pieces = [Triangles(mesh.vertices, mesh.faces[members]) for members in surfaces(mesh)]
     pieces = [without_slivers(piece.vertices, piece.faces) for piece in pieces]
     pieces.sort(key=lambda piece: -abs(piece.volume))
@@ -109,7 +112,7 @@ def solids_from(mesh: Triangles) -> list[TopoDS_Shape]:
 
 
 def surfaces(mesh: Triangles) -> list[NDArray[np.int64]]:
-    """Return the indices of the faces of each connected surface."""
+    """Split a mesh into connected surfaces. Return the indices of the faces of each surface."""
     parent = list(range(len(mesh.vertices)))
 
     def root(index: int) -> int:

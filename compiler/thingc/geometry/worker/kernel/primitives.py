@@ -161,7 +161,9 @@ def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, flo
 
 
 def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
-    """Return the lower and the upper of two places on a line. Return None unless there are exactly two places."""
+    """Merge equal positions on a line, and return the lower and the upper of the two positions that remain. Return None unless exactly two
+    remain.
+    """
     ordered = sorted(places)
     low, high = ordered[0], ordered[-1]
     between = [place for place in ordered if place - low > SAME * size and high - place > SAME * size]
@@ -178,7 +180,11 @@ def _made(shape: PrimitiveShape, size: tuple[float, ...], rotation: Matrix, cent
 
 
 def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
-    """Return the rotation with the largest trace whose columns are these axes (rows of `axes`, with any sign), and each column's axis."""
+    """Return the smallest rotation whose columns are the given axes in any order and with any sign. Also return the index of the axis in
+    each column.
+
+    `axes` contains the axes as rows. The smallest rotation has the largest trace.
+    """
     rotations: list[tuple[Matrix, tuple[int, ...]]] = []
     for order in itertools.permutations(range(3)):
         for one, other in itertools.product((1.0, -1.0), repeat=2):
@@ -191,7 +197,7 @@ def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
 
 
 def _shortest_turn(axis: Vector) -> Matrix:
-    """Return the smallest rotation that takes z to a unit axis whose z component is not negative."""
+    """Return the smallest rotation that rotates the z axis to the unit vector `axis`, whose z component is not negative."""
     x, y, z = axis
     k = 1.0 / (1.0 + z)
     return ((1.0 - x * x * k, -x * y * k + 0.0, x), (-x * y * k + 0.0, 1.0 - y * y * k, y), (-x + 0.0, -y + 0.0, z))
@@ -202,7 +208,7 @@ def _parallel(a: Vector, b: Vector) -> bool:
 
 
 def _beside(point: Vector, origin: Vector, axis: Vector) -> float:
-    """Return the distance of a point from a line."""
+    """Return the distance of a point from the line through `origin` along `axis`."""
     return hypot(*cross(added(point, origin, -1.0), axis))
 
 
@@ -211,7 +217,7 @@ def _scaled(a: Vector, factor: float) -> Vector:
 
 
 def _unit(a: Vector) -> Vector:
-    """Return a unit vector. Rounding errors of rotations are removed, so that coordinate axes are exact."""
+    """Return the unit vector in the direction of a vector. Rounding errors of rotations are removed, so that coordinate axes are exact."""
     length = hypot(*a)
     x, y, z = (0.0 if abs(component) <= ROUNDING * length else component for component in a)
     return _scaled((x, y, z), 1.0 / hypot(x, y, z))

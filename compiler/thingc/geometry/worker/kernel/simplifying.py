@@ -31,7 +31,7 @@ FEW, MANY, AGAIN = 4, 64, 4000
 
 
 def simplified(mesh: Triangles, faces: int) -> Triangles:
-    """Return a similar closed mesh with at most `faces` triangles. If every edge has two triangles, so does every edge of the result.
+    """Simplify a closed mesh to at most `faces` triangles. If every edge has two triangles, so does every edge of the result.
 
     Raises `NoPart` if the mesh cannot be simplified to `faces` triangles.
     """
@@ -53,7 +53,10 @@ def simplified(mesh: Triangles, faces: int) -> Triangles:
 
 
 def deviation(one: Triangles, other: Triangles) -> float:
-    """Return the largest distance from the vertices of either surface to the other surface, in the unit of the meshes."""
+    """Compute the deviation between two meshes: the largest distance from a vertex of one mesh to the surface of the other mesh.
+
+    The distance is in the unit of the meshes.
+    """
     return max(_farthest(one.vertices, other), _farthest(other.vertices, one))
 
 
@@ -65,7 +68,7 @@ def _by_quadrics(mesh: Triangles, faces: int) -> Triangles:
 
 
 def _by_tolerance(solid: Any, faces: int) -> Triangles:
-    """Simplify a mesh with the smallest tolerance, in a doubling sequence, that gives few enough triangles."""
+    """Simplify a mesh with manifold3d. The tolerance is doubled until the mesh has at most `faces` triangles."""
     tolerance = FLAT * SIZE
     fewer = solid
     while fewer.num_tri() > faces and tolerance < SIZE:

@@ -78,7 +78,7 @@ class NotSliced(Exception):
 
 
 def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
-    """Slice a mesh in the store (64-bit floats, mm) and return a `SliceResult` or `SliceFailure` as JSON."""
+    """Slice a mesh file of the store (64-bit floats, mm). Return a `SliceResult` or a `SliceFailure` as JSON."""
     try:
         result: SliceResult | SliceFailure = slice_part(read_double(store.read(sha256)), how)
     except NotSliced as fault:
@@ -88,7 +88,7 @@ def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
 
 
 def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:
-    """Return the printed material of a closed mesh [mm]. Raises `NotSliced`."""
+    """Slice a closed mesh [mm], and compute the material of the printed part. Raises `NotSliced`."""
     turn = _turned_up(how.up)
     vertices = np.ascontiguousarray(mesh.vertices @ turn.T)
     lengths = _Lengths(how)
@@ -223,7 +223,7 @@ class _Slicer:
         ]
 
     def core(self, outline: Region) -> Region:
-        """Return the region inside the walls in which at least one more line fits."""
+        """Return the region of a layer inside its walls. Parts of the region that are too narrow for a line are removed."""
         lengths = self.lengths
         left = _grown(outline, -(lengths.rounding + self.how.walls * lengths.spacing))
         return _opened(left, lengths.spacing / 2.0)
@@ -242,7 +242,7 @@ class _Slicer:
         return _opened(_without(outline, other), self.lengths.width / 10.0)
 
     def uncovered(self, outline: Region, above: Region, bottom: Region) -> Region:
-        """Return the region that is open above. A region that is also open below counts as bottom."""
+        """Return the region of a layer that the layer above does not cover. A region that is also open below counts as bottom."""
         return _without(self.opening(outline, above), bottom)
 
     def kinds(self, filled: Region, top: Region, bottom: Region) -> _Kinds:
@@ -270,7 +270,7 @@ class _Slicer:
         return _either(there, _both(_grown(_both(there, near), AROUND, JoinType.Square), filled))  # growing the whole layer is slow
 
     def shells(self, inside: Region, small: Region, *lids: Region) -> Region:
-        """Return the solid part of the inside: small pieces, and the regions below or above the lids."""
+        """Return the part of the inside of a layer that is printed solid: small pieces, and the regions below or above the lids."""
         regions = [small]
         for lid in lids:
             regions += self.once(self.shell, inside, lid)
@@ -289,14 +289,17 @@ class _Slicer:
         return new, _both(_grown(narrow, margin, JoinType.Round), inside)
 
     def bridge(self, solid: Region, *below: Region) -> Region:
-        """Return the part of the solid inside that is over sparse infill in all layers that its strands pass through."""
+        """Return the region of a layer that is printed as a bridge: the solid inside above sparse infill.
+
+        All layers that the strands of the bridge pass through must be sparse there.
+        """
         over = solid
         for sparse in below:
             over = _both(over, sparse)
         return _both(_opened(over, ANCHOR * self.lengths.strand), solid) if below else NOTHING
 
     def overhang(self, walls: Region, below: Region) -> Region:
-        """Return the part of the walls that the layer below does not support."""
+        """Return the part of the walls of a layer that the layer below does not support."""
         return _without(walls, _grown(below, self.lengths.nozzle / 2.0))
 
     def laid(self, walls: Region, inside: Region, kind: _Kinds, sparse: Region, below: Region | None, *spanned: Region) -> _Laid:
@@ -399,7 +402,7 @@ _Integrals: TypeAlias = "dict[int, NDArray[np.float64]]"
 
 
 def _flat(layers: list[_Laid], joined: float) -> NDArray[np.float64]:
-    """Return integrals of 1, x, y, xx, xy, yy for each layer `(n, 3, 6)`.
+    """Compute the area integrals of 1, x, y, xx, xy and yy over the material of each layer, as an array `(n, 3, 6)`.
 
     The second axis is solid material, joins (`joined` [mm] wide along the border of the lines), and sparse lines at 100 %.
     """
@@ -416,7 +419,10 @@ def _flat(layers: list[_Laid], joined: float) -> NDArray[np.float64]:
 
 
 def _integrals(regions: list[Region], *, border: bool) -> _Integrals:
-    """Return the integrals over regions, or along their `border`, for all regions at once by Green's theorem along their edges."""
+    """Compute area integrals over regions, or line integrals along their boundaries if `border` is True.
+
+    All regions are computed at once by Green's theorem along their edges.
+    """
     whole = [region for region in {id(region): region for region in regions}.values() if not region.is_empty()]
     if not whole:
         return {}
@@ -436,9 +442,9 @@ def _integrals(regions: list[Region], *, border: bool) -> _Integrals:
 
 
 def _raised(flat: NDArray[np.float64], middles: NDArray[np.float64], layer: float) -> NDArray[np.float64]:
-    """Return the integrals of 1, x, y, z, xx, xy, yy, xz, yz, zz over layers `(n, 3, 10)`.
+    """Compute the volume integrals of 1, x, y, z, xx, xy, yy, xz, yz and zz over layers, as an array `(n, 3, 10)`.
 
-    `flat` are the integrals over their planes `(n, 3, 6)`, `middles` their heights `(n,)`.
+    `flat` contains the integrals over the planes of the layers `(n, 3, 6)`, and `middles` their heights `(n,)`.
     """
     factors = np.ones((len(middles), 1, len(_RAISED)))
     factors[:, 0, (3, 7, 8)] = middles[:, None]
@@ -447,7 +453,7 @@ def _raised(flat: NDArray[np.float64], middles: NDArray[np.float64], layer: floa
 
 
 def _moments(sums: NDArray[np.float64], turn: NDArray[np.float64]) -> Moments:
-    """Return moments in metres, in the part's frame; rounding errors are set to zero."""
+    """Convert integrals in mm to moments in metres, in the frame of the part. Rounding errors are set to zero."""
     one, x, y, z, xx, xy, yy, xz, yz, zz = sums
     first = turn.T @ np.array([x, y, z])
     second = turn.T @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn

@@ -114,7 +114,7 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
 
 
 def _color(text: str | None) -> Any:
-    """Return the kernel's colour for `#rrggbb`, or None if there is no colour."""
+    """Convert a colour `#rrggbb` to a colour of the CAD kernel. Return None if the text is None."""
     from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
 
     if text is None:
@@ -140,7 +140,7 @@ def _load_shape(store: Store, sha256: str) -> Any:
 
 
 def _neutral(data: bytes, name: str) -> bytes:
-    """Return the file with a fixed header and in ASCII, because not every CAD program reads UTF-8."""
+    """Replace the header of a STEP file by a fixed header, and encode the file in ASCII, because not every CAD program reads UTF-8."""
     escaped = "".join(character if character.isprintable() else "_" for character in name).replace("'", "''").replace("\\", "\\\\")
     header = (
         "HEADER;\n"
@@ -154,7 +154,10 @@ def _neutral(data: bytes, name: str) -> bytes:
 
 
 def _escaped(text: str) -> str:
-    """Encode a string by ISO 10303-21, 6.4.3.3: four hexadecimal digits per character, or eight for characters beyond the basic plane."""
+    """Encode a string for a STEP file (ISO 10303-21, 6.4.3.3).
+
+    Each character becomes four hexadecimal digits, or eight for characters beyond the basic multilingual plane.
+    """
     if max(text) > "\uffff":
         return f"\\X4\\{text.encode('utf-32-be').hex().upper()}\\X0\\"
     return f"\\X2\\{text.encode('utf-16-be').hex().upper()}\\X0\\"

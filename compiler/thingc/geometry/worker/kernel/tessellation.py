@@ -66,7 +66,9 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
 
 
 class _Face(FrozenStruct, kw_only=False):
-    """A face, its edges with a number for each (equal for a shared edge), and whether it is a `plane`."""
+    """A face of a shape. `edges` contains its edges, each with a number that is equal for a shared edge. `plane` is True if the face is
+    flat.
+    """
 
     face: TopoDS_Face
     edges: tuple[TopoDS_Edge, ...]
@@ -85,7 +87,7 @@ def _straight(edge: TopoDS_Edge) -> bool:
 
 
 def _meshed(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool], linear: float, angular: float) -> Triangles | None:
-    """Return the triangles of a shape. manifold3d fills the faces in `filled`, and the kernel meshes the other faces.
+    """Tessellate a shape and return its triangles. manifold3d fills the faces in `filled`, and the kernel meshes the other faces.
 
     Return None if a face cannot be filled.
     """
@@ -117,7 +119,9 @@ def _compound(faces: Iterable[TopoDS_Face]) -> TopoDS_Compound:
 
 
 class _Points:
-    """The points of a mesh under construction. `places` are their positions [mm]; `ones[i]` and `others[i]` are the same vertex."""
+    """The points of a mesh under construction. `places` contains their positions [mm]. The points with the numbers `ones[i]` and
+    `others[i]` are the same vertex.
+    """
 
     def __init__(self) -> None:
         self.places: list[tuple[float, float, float]] = []
@@ -129,7 +133,7 @@ class _Points:
         self._corners: dict[int, int] = {}
 
     def of_kernel(self, face: _Face) -> NDArray[np.int64]:
-        """Add the points of a face that the kernel has meshed. Return its triangles `(n, 3)`."""
+        """Add the points of a face that the CAD kernel has meshed. Return the triangles of the face as point numbers `(n, 3)`."""
         location = TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face.face, location)
         if mesh is None:
@@ -152,7 +156,8 @@ class _Points:
         return np.asarray(corners.reshape(-1, 3)[:, (0, 2, 1) if turned else (0, 1, 2)] + offset)
 
     def rings(self, face: _Face) -> list[list[int]] | None:
-        """Return the points around a plane face and its holes, with the face to the left as seen from outside.
+        """Return the boundary of a plane face, and of its holes, as lists of point numbers. Seen from outside, the face is to the left of
+        its boundary.
 
         Return None if the order of its edges is ambiguous.
         """
@@ -184,7 +189,7 @@ class _Points:
         return [ring[::-1] for ring in rings] if mirrored else rings
 
     def _corner(self, edge: TopoDS_Edge, first: bool) -> int:
-        """Return the point at an end of an edge."""
+        """Return the number of the point at the start of an edge (if `first`) or at its end."""
         vertex = TopExp.FirstVertex_s(edge) if first else TopExp.LastVertex_s(edge)
         number = self._vertices.Add(vertex)
         if number not in self._corners:
@@ -194,9 +199,9 @@ class _Points:
 
 
 def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """Return triangles `(n, 3)` between the points around a plane face.
+    """Fill a plane face with triangles `(n, 3)` between the points of its boundaries.
 
-    Return None if its borders cross or all its points are collinear.
+    Return None if the boundaries cross or all points are collinear.
     """
     plane = BRepAdaptor_Surface(face, False).Plane()
     across = np.array([_direction(axis.Direction()) for axis in (plane.XAxis(), plane.YAxis())])
@@ -262,12 +267,17 @@ def _direction(direction: gp_Dir) -> tuple[float, float, float]:
 
 
 def _across(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cross products `(n,)` of vectors `(n, 2)`: positive if the second is to the left of the first."""
+    """Return the cross products `(n,)` of pairs of plane vectors `(n, 2)`. The product is positive if the second vector is to the left of
+    the first.
+    """
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def joined(count: int, ones: Sequence[int], others: Sequence[int]) -> NDArray[np.int64]:
-    """Return for each of `count` vertices the lowest index of that vertex, `(count,)`; `ones[i]` and `others[i]` are the same vertex."""
+    """Merge vertices of a mesh. Return an array `(count,)` that maps each vertex to the lowest index of its merged vertices.
+
+    The vertices `ones[i]` and `others[i]` are merged.
+    """
     a, b = np.array(ones, dtype=np.int64), np.array(others, dtype=np.int64)
     stands = np.arange(count)
     while True:  # each iteration at least doubles the distance over which the lowest number has spread
