@@ -166,30 +166,32 @@ def test_a_slider_moves_its_joint_and_stops_at_its_limits(browser: Any, pages: P
         assert page.locator(".poses [aria-checked=true]").count() == 0
 
 
-def test_loops_stay_closed_while_a_joint_is_moved(browser: Any, pages: Pages) -> None:
+def test_loops_stay_closed_while_a_joint_is_moved(undrawn_pages: dict[str, Any], pages: Pages) -> None:
     """MInchW's bridge, held at both feet: a joint that a slider moves takes the others with it, and both soles stay where they are held,
     by MuJoCo's own equality residuals."""
-    with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=bridge&pose=arched")) as page:
-        before = links(page)
-        start = page.evaluate("({...thingc.viewer.q})")
-        page.get_by_role("spinbutton", name="front/knee").fill(str(math.degrees(start["front/knee"]) - 4))
-        page.get_by_role("spinbutton", name="front/knee").press("Enter")
-        q, after = page.evaluate("({...thingc.viewer.q})"), links(page)
-        assert q["front/knee"] == pytest.approx(start["front/knee"] - math.radians(4), abs=1e-12)
-        assert max(abs(q[name] - start[name]) for name in q if name != "front/knee") > 0.01
-        for foot in ("front/foot", "rear/foot"):
-            assert np.abs(np.array(before[foot]) - np.array(after[foot])).max() < 1e-6
-        model, data = model_of(pages.minchw, "minchw", "bridge")
-        mujoco.mj_resetDataKeyframe(model, data, model.key("arched").id)
-        for name, value in q.items():
-            data.joint(name).qpos = value
-        mujoco.mj_forward(model, data)
-        assert_as_in_mujoco(after, model, data)
-        # far out there is no way to keep both: the page says so, and stays closed
-        page.get_by_role("spinbutton", name="front/knee").fill("-115")
-        page.get_by_role("spinbutton", name="front/knee").press("Enter")
-        assert "cannot be closed there" in page.locator("#message").inner_text()
-        assert np.abs(np.array(links(page)["front/foot"]) - np.array(after["front/foot"])).max() < 1e-6
+    page = undrawn_pages["minchw"]
+    page.evaluate("() => { thingc.viewer.setMode('bridge'); thingc.viewer.setPose('arched'); }")
+    page.get_by_role("tab", name="Joints").click()
+    before = links(page)
+    start = page.evaluate("({...thingc.viewer.q})")
+    page.get_by_role("spinbutton", name="front/knee").fill(str(math.degrees(start["front/knee"]) - 4))
+    page.get_by_role("spinbutton", name="front/knee").press("Enter")
+    q, after = page.evaluate("({...thingc.viewer.q})"), links(page)
+    assert q["front/knee"] == pytest.approx(start["front/knee"] - math.radians(4), abs=1e-12)
+    assert max(abs(q[name] - start[name]) for name in q if name != "front/knee") > 0.01
+    for foot in ("front/foot", "rear/foot"):
+        assert np.abs(np.array(before[foot]) - np.array(after[foot])).max() < 1e-6
+    model, data = model_of(pages.minchw, "minchw", "bridge")
+    mujoco.mj_resetDataKeyframe(model, data, model.key("arched").id)
+    for name, value in q.items():
+        data.joint(name).qpos = value
+    mujoco.mj_forward(model, data)
+    assert_as_in_mujoco(after, model, data)
+    # far out there is no way to keep both: the page says so, and stays closed
+    page.get_by_role("spinbutton", name="front/knee").fill("-115")
+    page.get_by_role("spinbutton", name="front/knee").press("Enter")
+    assert "cannot be closed there" in page.locator("#message").inner_text()
+    assert np.abs(np.array(links(page)["front/foot"]) - np.array(after["front/foot"])).max() < 1e-6
 
 
 def test_a_link_is_drawn_to_where_the_pointer_goes(browser: Any, pages: Pages) -> None:
@@ -266,13 +268,13 @@ def test_the_tree_of_links_is_that_of_the_mode(browser: Any, pages: Pages) -> No
         assert page.get_by_text("No results").is_visible() and rows.count() == 0
 
 
-def test_the_bill_highlights_all_pieces_of_a_row(browser: Any, pages: Pages) -> None:
-    with opened(browser, address(pages.arm / "html/arm.html")) as page:
-        page.get_by_role("tab", name="BOM").click()
-        page.locator("#panel-bom tr", has_text="XM430").click()
-        chosen = page.evaluate("[...thingc.viewer.choice].map((one) => thingc.viewer.robot.occurrences[one].path)")
-        assert chosen == ["yaw_servo", "shoulder_servo", "elbow_servo", "wrist_servo"]
-        assert "4 components" in page.locator("#card").inner_text() and "328.00 g" in page.locator("#card").inner_text()
+def test_the_bill_highlights_all_pieces_of_a_row(undrawn_pages: dict[str, Any]) -> None:
+    page = undrawn_pages["arm"]
+    page.get_by_role("tab", name="BOM").click()
+    page.locator("#panel-bom tr", has_text="XM430").click()
+    chosen = page.evaluate("[...thingc.viewer.choice].map((one) => thingc.viewer.robot.occurrences[one].path)")
+    assert chosen == ["yaw_servo", "shoulder_servo", "elbow_servo", "wrist_servo"]
+    assert "4 components" in page.locator("#card").inner_text() and "328.00 g" in page.locator("#card").inner_text()
 
 
 def test_a_link_restores_everything(browser: Any, pages: Pages) -> None:
@@ -300,18 +302,19 @@ def test_a_link_restores_everything(browser: Any, pages: Pages) -> None:
         assert max(np.abs(np.array(again[name]) - np.array(placed[name])).max() for name in placed) < 1e-8
 
 
-def test_between_two_mounts(browser: Any, pages: Pages) -> None:
+def test_between_two_mounts(undrawn_pages: dict[str, Any], pages: Pages) -> None:
     """The distance that the panel shows is that of MuJoCo's sites."""
-    with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=front_foot&pose=arched")) as page:
-        page.get_by_role("tab", name="Measure").click()
-        page.get_by_label("from mount").select_option("front_sole")
-        page.get_by_label("to mount").select_option("rear_sole")
-        shown = page.locator("#panel-measure").inner_text()
-        model, data = model_of(pages.minchw, "minchw", "front_foot")
-        mujoco.mj_resetDataKeyframe(model, data, model.key("arched").id)
-        mujoco.mj_forward(model, data)
-        away = 1000 * np.linalg.norm(data.site("front_sole").xpos - data.site("rear_sole").xpos)
-        assert f"{away:.3f} mm" in shown
+    page = undrawn_pages["minchw"]
+    page.evaluate("() => { thingc.viewer.setMode('front_foot'); thingc.viewer.setPose('arched'); }")
+    page.get_by_role("tab", name="Measure").click()
+    page.get_by_label("from mount").select_option("front_sole")
+    page.get_by_label("to mount").select_option("rear_sole")
+    shown = page.locator("#panel-measure").inner_text()
+    model, data = model_of(pages.minchw, "minchw", "front_foot")
+    mujoco.mj_resetDataKeyframe(model, data, model.key("arched").id)
+    mujoco.mj_forward(model, data)
+    away = 1000 * np.linalg.norm(data.site("front_sole").xpos - data.site("rear_sole").xpos)
+    assert f"{away:.3f} mm" in shown
 
 
 def picture(page: Any) -> np.ndarray[Any, Any]:
@@ -513,16 +516,17 @@ def test_everything_is_in_reach_on_a_small_screen(browser: Any, pages: Pages, si
         assert (modes.get_attribute("class") or "").split() == ["chips", *(["before"] if fades else [])]
 
 
-def test_gravity_is_down_in_every_mode(browser: Any, pages: Pages) -> None:
+def test_gravity_is_down_in_every_mode(undrawn_pages: dict[str, Any]) -> None:
     """A robot on the wall is seen on a wall: the world is turned so that gravity points down in the picture."""
-    with opened(browser, address(pages.minchw / "html/minchw.html")) as page:
-        for mode in ("crawl", "crawl_wall", "crawl_ceiling"):
-            down = page.evaluate("""(mode) => { const { viewer } = thingc; viewer.setMode(mode);
-              const down = viewer.stage.camera.position.clone().fromArray(viewer.mode.gravity);
-              return down.applyQuaternion(viewer.stage.world.quaternion).toArray(); }""", mode)
-            assert np.allclose(down, [0, 0, -9.81], atol=1e-9)
-            # the camera is where the robot is, and not behind the wall, nor above the ceiling
-            assert page.evaluate("(({ world, camera }) => world.worldToLocal(camera.position.clone()).z)(thingc.viewer.stage)") > 0.05
+    page = undrawn_pages["minchw"]
+    page.evaluate("thingc.viewer.reset()")
+    for mode in ("crawl", "crawl_wall", "crawl_ceiling"):
+        down = page.evaluate("""(mode) => { const { viewer } = thingc; viewer.setMode(mode);
+          const down = viewer.stage.camera.position.clone().fromArray(viewer.mode.gravity);
+          return down.applyQuaternion(viewer.stage.world.quaternion).toArray(); }""", mode)
+        assert np.allclose(down, [0, 0, -9.81], atol=1e-9)
+        # the camera is where the robot is, and not behind the wall, nor above the ceiling
+        assert page.evaluate("(({ world, camera }) => world.worldToLocal(camera.position.clone()).z)(thingc.viewer.stage)") > 0.05
 
 
 def test_gravity_and_root_have_labels_beside_the_robot(browser: Any, pages: Pages) -> None:
