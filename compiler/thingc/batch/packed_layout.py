@@ -1,5 +1,4 @@
-"""Read and write the packed layout of a batch, in which each file, such as `chunks/000012.parquet`, contains 1024 variants with their
-files.
+"""Read and write the packed layout of a batch. Each file, such as `chunks/000012.parquet`, contains 1024 variants with their files.
 
     chunks/000012.parquet       one row per variant, with the cells of the table, and a column per file, by its path in the build folder
     chunks/000012.run.parquet   the same rows, with data about the run (seconds, modelled parts)
@@ -61,7 +60,7 @@ _JOURNAL = re.compile(r"([0-9]{6})\.jsonl")
 
 
 class DamagedChunk(OSError):
-    """Raised if a file of a chunk is damaged. If a file of a chunk is missing, its variants are treated as not finished."""
+    """Raised if a file of a chunk is damaged."""
 
     state = "is damaged"
     cure = "delete the file, and continue with --resume, which builds its variants again"
@@ -72,7 +71,7 @@ class DamagedChunk(OSError):
 
 
 class MissingChunk(DamagedChunk):
-    """Raised if a file of a chunk is missing."""
+    """Raised if a file of a chunk does not exist although the variants of this chunk are finished."""
 
     state = "no longer exists"
     cure = "continue with --resume, which builds its variants again"
@@ -80,7 +79,7 @@ class MissingChunk(DamagedChunk):
 
 @contextlib.contextmanager
 def _reading(path: str) -> Iterator[None]:
-    """Convert errors while reading a sealed file to `DamagedChunk`."""
+    """Convert errors that occur while a chunk file is being read to `DamagedChunk`."""
     from pyarrow import ArrowException
 
     try:
@@ -94,19 +93,19 @@ def _chunk_path(folder: str, number: int, end: str) -> str:
 
 
 def sealed_path(index: int) -> str:
-    """Return the path of the chunk file that contains the variant at an index in the plan, relative to the folder of the batch."""
+    """Return the path of the chunk file that contains the variant with this index, relative to the folder of the batch."""
     return f"{folder_layout.CHUNKS}/{index // CHUNK:06d}.parquet"
 
 
 def packed(folder: str) -> bool:
-    """Return whether the batch in this folder is packed."""
+    """Return whether the batch in this folder has the packed layout."""
     return os.path.isdir(os.path.join(folder, folder_layout.CHUNKS))
 
 
 def complete(folder: str, count: int) -> None:
-    """Raise `MissingChunk` if a file is missing from the chunks of the first `count` variants or from a sealed chunk.
+    """Raise `MissingChunk` if the chunk of one of the first `count` variants is missing, or if a finished chunk lacks a file.
 
-    When a chunk is sealed, its run file is written first, and its journal is removed last.
+    When a chunk is finished, its run file is written first, and its journal is removed last.
     """
     sealed = _numbers(folder, _SEALED) | _numbers(folder, _RUN) if packed(folder) else set()
     for number in sorted({*range(-(-count // CHUNK)), *sealed}):
@@ -116,9 +115,9 @@ def complete(folder: str, count: int) -> None:
 
 
 def numbers(folder: str) -> list[int]:
-    """Return the numbers of the chunks with finished variants, ascending.
+    """Return the numbers of all chunks that contain finished variants, in ascending order.
 
-    A batch that is not packed is a single chunk with only a journal.
+    A batch that is not packed is treated as a single chunk that has only a journal.
     """
     return sorted(_numbers(folder, _SEALED) | _numbers(folder, _JOURNAL)) if packed(folder) else [0]
 
@@ -131,11 +130,12 @@ def _numbers(folder: str, pattern: re.Pattern[str]) -> set[int]:
 
 
 class PackedWriter:
-    """The journals of a packed batch.
+    """Records the finished variants of a packed batch. Variants are first written to the journal of their chunk.
 
-    `done` flags the finished variants. On exit, this context manager closes the journals without sealing chunks.
+    `done` contains a flag for each variant that is True if the variant has finished. On exit, this context manager closes the journals, but
+    does not seal chunks.
 
-    Methods raise `OSError` if writing fails. In this case, an incomplete line is removed.
+    All methods raise `OSError` if writing fails. An incomplete line is then removed.
     """
 
     def __init__(self, folder: str, done: Sequence[int]) -> None:
@@ -152,7 +152,7 @@ class PackedWriter:
         self._open.clear()
 
     def append(self, line: Line) -> None:
-        """Record a finished variant. If it is the last variant of its chunk, seal the chunk."""
+        """Record a finished variant in the journal of its chunk. If all variants of the chunk have finished, seal the chunk."""
         number = int(line["index"]) // CHUNK
         journal, missing = self._open[number] if number in self._open else self._opened(number)
         journal.append(line)
@@ -161,7 +161,7 @@ class PackedWriter:
             self._seal(number)
 
     def sync(self) -> None:
-        """Seal every chunk with new variants, including incomplete chunks. This method is called at the end of a batch."""
+        """Seal every chunk that contains new variants, even if it is incomplete. This method is called at the end of a batch."""
         for number in sorted(_numbers(self.folder, _JOURNAL)):
             self._seal(number)
 
@@ -178,9 +178,9 @@ class PackedWriter:
 
 
 def seal(folder: str, number: int) -> None:
-    """Write a chunk from its sealed file and its journal, and remove the journal.
+    """Write the chunk file from the old chunk file and the journal of the chunk, and remove the journal.
 
-    After an interruption, the sealed file or the journal exists.
+    If this is interrupted, the old chunk file or the journal still exists.
     """
     from pyarrow import parquet
 
@@ -208,7 +208,7 @@ def seal(folder: str, number: int) -> None:
 
 
 def _groups(chunk: Chunk, columns: Sequence[str]) -> Iterator[list[tuple[Any, ...]]]:
-    """Yield the rows of a chunk in groups. The last columns in `columns` are files."""
+    """Yield groups of rows for a chunk file. `columns` contains the names of the columns; the last of these are paths of files."""
     group: list[tuple[Any, ...]] = []
     size = 0
     for index in chunk.indices:
@@ -223,7 +223,10 @@ def _groups(chunk: Chunk, columns: Sequence[str]) -> Iterator[list[tuple[Any, ..
 
 
 def _schemas(paths: Sequence[str], lengths: Sequence[str]) -> tuple[Any, Any]:
-    """Return the schemas of a chunk and of its run file. The metadata of the first one contains the names of results `length.JOINT`."""
+    """Return the Parquet schemas of a chunk file and of its run file.
+
+    The metadata of the first schema contains the names of the results `length.JOINT`.
+    """
     import pyarrow
 
     text = [pyarrow.field(name, pyarrow.int64() if name == "index" else pyarrow.string()) for name in CELLS]
@@ -246,10 +249,11 @@ def _json(value: Any) -> str:
 
 
 class Chunk:
-    """The finished variants of a chunk: its sealed file, and its journal, which takes precedence.
+    """The finished variants of one chunk, read from its chunk file and from its journal. The journal has precedence.
 
-    `indices` are the indices in the plan, ascending. `paths` are the paths of files that differ between variants. A batch that is not
-    packed has a single chunk, which consists of the journal. Open chunks remain readable while the batch continues. Not thread-safe.
+    `indices` contains the indices of the variants in ascending order. `paths` contains the paths of files that variants do not share. A
+    batch that is not packed has a single chunk, which is its journal. An open chunk remains readable while the batch continues. This class
+    is not thread-safe.
     """
 
     def __init__(self, folder: str, number: int) -> None:
@@ -291,7 +295,7 @@ class Chunk:
                 one.close()
 
     def heads(self) -> list[tuple[int, str, str, str]]:
-        """Return index, id, name and status of each finished variant."""
+        """Return the index, the id, the name and the status of each finished variant of the chunk."""
         heads: dict[int, Any] = {}
         if self._sealed is not None:
             cells = self._read(list(HEADS))
@@ -301,7 +305,7 @@ class Chunk:
         return [heads[index] for index in self.indices]
 
     def losses(self) -> Counter[str | None]:
-        """Count the variants of the chunk by their export losses, which are given as JSON."""
+        """Count the variants of the chunk by their export losses, which are encoded as JSON."""
         counts: Counter[str | None] = Counter()
         if self._sealed is not None:
             counted = self._read(["losses"])["losses"].value_counts()
@@ -313,34 +317,36 @@ class Chunk:
         return +counts
 
     def line(self, index: int) -> Line:
-        """Return the journal line of a variant, as in a batch that is not packed."""
+        """Return the journal line of the variant with this index, in the same form as in a batch that is not packed."""
         if index in self._begins:
             return {key: value for key, value in self._noted(index).items() if key not in (FILES, SHARED)}
         return {**json.loads(self.cell(index, "line")), **json.loads(self.cell(index, "run"))}
 
     def shared(self, index: int) -> dict[str, str]:
-        """Return the SHA-256 of those files of a variant that are in `assets/`, by path."""
+        """Return the SHA-256 of each file of a variant that is stored in `assets/`, by the path of the file."""
         digests: dict[str, str] = json.loads(self.cell(index, SHARED) or "{}")
         return digests
 
     def files(self, index: int) -> dict[str, bytes]:
-        """Return the files that a variant does not share with other variants, by path."""
+        """Return the contents of all files of a variant that are not stored in `assets/`, by the path of the file."""
         return {path: data for path in self.paths if (data := self.cell(index, path)) is not None}
 
     def cell(self, index: int, column: str) -> Any:
-        """Return the value of a variant in a column (bytes if the column is a file), or None if it has no value."""
+        """Return the value of a variant in one column, or None if the cell is empty. If the column is a file, the value is its content as
+        bytes.
+        """
         if index in self._begins:
             return _cell_of(self._noted(index), column)
         return self._sealed_cell(self._rows[index], column) if column in self._sealed_columns else None
 
     def _read(self, columns: list[str]) -> Any:
-        """Read columns of the sealed file."""
+        """Read the given columns from the chunk file."""
         assert self._sealed is not None
         with _reading(self._path):
             return self._sealed.read(columns)
 
     def _noted(self, index: int) -> Line:
-        """Return an entry of the journal of the chunk. The last entry is cached."""
+        """Return the line of a variant in the journal of the chunk. The last line is cached."""
         if self._entry[0] != index:
             self._journal.seek(self._begins[index])
             self._entry = index, json.loads(self._journal.readline())
@@ -362,7 +368,7 @@ class Chunk:
 
 
 def _cell_of(line: Line, column: str) -> Any:
-    """Convert a line of the journal to the cell in a column of a sealed chunk."""
+    """Return the value that a journal line has in a column of a chunk file."""
     match column:
         case "line":
             return _json({key: value for key, value in line.items() if key not in (*RUN, FILES, SHARED)})
@@ -388,9 +394,9 @@ def _opened(path: str) -> ParquetFile | None:
 
 
 class Chunks:
-    """The chunks of a packed batch. Chunks are opened on demand, and the least recently used chunks are closed.
+    """The chunks of a packed batch. A chunk is opened when it is first used, and the least recently used chunks are closed.
 
-    This class is thread-safe. A copy in another process opens its own files.
+    This class is thread-safe. A copy in another process opens the files again.
     """
 
     def __init__(self, folder: str) -> None:
@@ -404,7 +410,7 @@ class Chunks:
 
     @contextlib.contextmanager
     def of(self, number: int) -> Iterator[Chunk]:
-        """Open a chunk by its number while the context is active. Only one thread at a time can use a chunk."""
+        """Open the chunk with this number while the context is active. Only one thread at a time can use a chunk."""
         with self._lock:
             if number not in self._open:
                 self._open[number] = Chunk(self.folder, number)
@@ -414,15 +420,16 @@ class Chunks:
             yield self._open[number]
 
     def holding(self, index: int) -> contextlib.AbstractContextManager[Chunk]:
-        """Open the chunk that contains the variant at an index in the plan."""
+        """Open the chunk that contains the variant with this index in the plan, while the context is active."""
         return self.of(index // self._variants)
 
 
 def column(values: Sequence[Any], type: Any) -> Any:
-    """Return `pyarrow.array(values, type)` for `int64`, `float64`, `bool_`, `string` and `binary`. None is a missing value.
+    """Create an Arrow array from a list of values, in which None is a missing value.
 
-    This function raises the same errors as `pyarrow.array`. `pyarrow.array` would import pandas, if installed, to check for pandas types.
-    The import takes as long as building a dozen variants.
+    The result is the same as from `pyarrow.array(values, type)`, for the types `int64`, `float64`, `bool_`, `string` and `binary`, and the
+    same errors are raised. `pyarrow.array` would import pandas, if installed, to check for pandas types. This import takes as long as
+    building a dozen variants.
     """
     import pyarrow
 
@@ -442,5 +449,5 @@ def column(values: Sequence[Any], type: Any) -> Any:
 
 
 def _bits(flags: Sequence[Any]) -> bytes:
-    """Pack flags to bits, starting with the lowest bit of the first byte."""
+    """Pack booleans into bytes. The first boolean is the lowest bit of the first byte."""
     return int("0" + "".join("1" if flag else "0" for flag in reversed(flags)), 2).to_bytes(len(flags) // 8 + 1, "little")

@@ -1,7 +1,7 @@
-"""Write the page of a batch, `index.html`, with pictures of the variants, the table of results, and a plot of any two columns.
+"""Write the HTML page of a batch, `index.html`. It contains pictures of variants, the table of results, and a plot of any two columns.
 
-The page is a single file that loads nothing from the network. It contains the style sheet, the script and the data; pictures are in
-`pictures/`. The same batch results in the same bytes, because columns about the run (`parts_modelled`, `seconds`, ...) are omitted.
+The page is a single file that loads nothing from the network. The style sheet, the script and the data are in this file; the pictures are
+in `pictures/`. The same batch results in the same bytes, because columns about the run (`parts_modelled`, `seconds`, ...) are omitted.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ MOST = 10_000
 
 
 def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
-    """Write the page of the batch in `folder` atomically. Return its path.
+    """Write the HTML page of a batch into its folder in one atomic step, and return the path of the page.
 
-    `described` is the content of `batch.json`, and `wanted` are the columns of the table. Only one row at a time is in memory.
+    `described` is the content of `batch.json`, and `wanted` contains the columns of the table. Only one row at a time is in memory.
     """
     path = os.path.join(folder, folder_layout.PAGE)
     wanted = [column for column in wanted if column.name not in RUN]
@@ -56,7 +56,7 @@ def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Colum
 
 
 def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the HTML of the page before and after its data."""
+    """Return the HTML text before the data of the page, and the HTML text after the data."""
     own = resources.files("thingc.batch")
     texts = {place: (own / name).read_text(encoding="utf-8") for place, name in (("@STYLE@", "page.css"), ("@SCRIPT@", "page.js"))}
     texts["@TITLE@"] = html.escape(escape_control(f"{described['name']}: variants of {described['assembly']}"))
@@ -66,9 +66,10 @@ def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _units(wanted: Sequence[Column]) -> list[tuple[str, float | None]]:
-    """Return the unit in which each column is displayed, and its size in SI units. The size is None for SI units.
+    """Return for each column the unit in which the page displays its values, and the size of this unit in SI units.
 
-    Parameters are displayed in the unit of the documents, and results in the unit of the first parameter with the same dimension.
+    The size is None for SI units. A parameter is displayed in the unit of the documents. A result is displayed in the unit of the first
+    parameter with the same physical dimension.
     """
     alike: dict[str, str] = {}
     for column in wanted:
@@ -80,12 +81,12 @@ def _units(wanted: Sequence[Column]) -> list[tuple[str, float | None]]:
 
 
 def _in_unit(value: Any, size: float) -> Any:
-    """Convert a number to a unit of this size with 12 digits: 0.07 m becomes 70 mm."""
+    """Convert an SI value to a unit of the given size, with 12 digits: 0.07 m becomes 70 mm."""
     return float(f"{value / size:.12g}") if isinstance(value, (int, float)) and math.isfinite(value) else value
 
 
 def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequence[str]) -> str:
-    """Return the beginning of the JSON data of the page, up to the rows of the table."""
+    """Return the first part of the JSON data of the page, which precedes the rows of the table."""
     names = ("name", "document", "assembly", "count", "done", "pose", "finished", "layout")
     told: dict[str, Any] = {name: _json_value(described[name]) for name in names}
     told["modes"] = [escape_control(name) for name in described["modes"]]
@@ -94,14 +95,14 @@ def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequenc
 
 
 def _json_value(value: Any) -> Any:
-    """Convert a cell for the page. Infinity becomes the string `inf`, and control characters in strings are escaped."""
+    """Convert the value of a cell to JSON. Infinity becomes the string `inf`, and control characters in strings are escaped."""
     if isinstance(value, str):
         return escape_control(value)
     return "inf" if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def parameter_columns(plan: Plan) -> list[Column]:
-    """Return the columns of the parameters of the assembly and of values set by path."""
+    """Return the columns of the table for all parameters of the assembly, and for all values that the plan sets by path."""
     return [
         Column(name=name, kind="number", unit=plan.units[name], written=plan.written_in.get(name, "")) if isinstance(own, Quantity)
         else Column(name=name, kind="flag" if isinstance(own, bool) else "text")
@@ -113,9 +114,9 @@ def show(
     folder: str, described: Mapping[str, Any], wanted: Sequence[Column], *, most: int, jobs: int,
     on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
-    """Render pictures of at most `most` variants and write the page. Return a warning if this machine cannot render.
+    """Render pictures of at most `most` variants, and write the HTML page of the batch. Return a warning if this machine cannot render.
 
-    Ctrl-C ends only the rendering; the page then shows the finished pictures. Raises `OSError`.
+    Ctrl-C ends only the rendering. The page then shows the pictures that are finished. Raises `OSError`.
     """
     warning = None
     forget(folder, folder_layout.PAGE)
@@ -132,10 +133,10 @@ def show_again(
     document: str, *, output: str | None = None, pictures: int | None = None, jobs: int = 0, options: Options | None = None,
     on_picture: OnPicture | None = None,
 ) -> tuple[str, Diagnostic | None]:
-    """Rewrite the page of an existing batch. Return its path, and a warning if this machine cannot render.
+    """Render the pictures and write the HTML page of an existing batch again. Return the path of the page, and a warning or None.
 
-    `pictures` is as for `run`. Raises `PlanError` for a document with errors, and `BatchFault` if no batch of this document exists or a
-    batch is in progress.
+    The warning explains why this machine cannot render. `pictures` has the same meaning as for `run`. Raises `PlanError` for a document
+    with errors, and `BatchFault` if a batch of this document does not exist or is still in progress.
     """
     plan = variants_document.plan(document, options=options)
     folder = plan.folder_in(output)

@@ -1,4 +1,4 @@
-"""Draw the pictures of a batch, `pictures/ID.png`. All pictures use the same camera, so that sizes can be compared."""
+"""Render pictures of the variants of a batch, `pictures/ID.png`. All pictures use the same camera, so that sizes can be compared."""
 
 from __future__ import annotations
 
@@ -32,12 +32,15 @@ OnPicture = Callable[[int, int], None]
 
 
 def usual(count: int) -> int:
-    """Return the default number of pictures of a batch with `count` variants."""
+    """Return the default number of pictures for a batch with `count` variants."""
     return MOST if count <= MANY else 0
 
 
 def chosen(folder: str, mode: str, most: int) -> list[int]:
-    """Return the indices of at most `most` built variants with a model in a mode, in plan order. `along_the_axes` selects the variants."""
+    """Choose at most `most` built variants for pictures, and return their indices in the order of the plan.
+
+    Only variants with a model in the given mode are chosen. The function `along_the_axes` makes the choice.
+    """
     records = BuildRecords(folder)
     settings: list[Sequence[Any]] = []
     for index in records.built:
@@ -48,13 +51,14 @@ def chosen(folder: str, mode: str, most: int) -> list[int]:
 
 
 def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
-    """Select `most` variants that cover the ranges of the settings evenly. Return their indices in ascending order.
+    """Choose `most` variants that cover the ranges of the settings evenly, and return their indices in ascending order.
 
-    For each setting, the selection includes the variants nearest to a line along which this setting goes from its first to its last value,
-    while all other settings have middle values. When all values are covered, further variants are evenly spaced.
+    For each setting, the choice includes the variants that are nearest to a straight line. Along this line, the setting changes from its
+    first to its last value, while all other settings have middle values. If all values are covered, further variants are chosen at even
+    intervals.
 
-    Settings are measured by the rank of their values, from 0 to 1 (numbers by size, others in order of appearance). A setting with the same
-    ranks as another setting is ignored.
+    The value of a setting is measured by its rank from 0 to 1. Numbers are ranked by size, and other values in the order of appearance. A
+    setting that has the same ranks as another setting is ignored.
     """
     ranked = [_ranks(column) for column in zip(*settings, strict=True)]
     axes = [list(ranks) for ranks in dict.fromkeys(tuple(ranks) for ranks in ranked if max(ranks) > 0.0)]
@@ -74,7 +78,7 @@ def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
 
 
 def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
-    """Return the rank of each value among the distinct values, from 0 to 1."""
+    """Return the rank of each value among the distinct values, scaled to the interval from 0 to 1."""
     known = list(dict.fromkeys(values))
     if all(isinstance(value, (int, float)) for value in known):
         known.sort()
@@ -83,7 +87,7 @@ def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
 
 
 def _model(files: VariantFiles, mode: str) -> str | None:
-    """Return the file name of the model of a variant in a mode, `ROBOT_MODE.xml`, or None if the file does not exist."""
+    """Return the name of the file with a variant's model in a mode, `ROBOT_MODE.xml`. Return None if the file does not exist."""
     # the file names for the modes `foot` and `front_foot` have the same end; the shorter one belongs to `foot`
     models = sorted((name for name in files.models() if name.endswith(f"_{mode}.xml") and name != f"scene_{mode}.xml"), key=len)
     return models[0] if models else None
@@ -91,9 +95,9 @@ def _model(files: VariantFiles, mode: str) -> str | None:
 
 @contextlib.contextmanager
 def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[tuple[str, str]]]:
-    """Yield groups of variants. Each variant has its id and the path of its model, with meshes in the same folder.
+    """Yield groups of variants to render. A variant is given by its id and the path of its model, whose meshes are in the same folder.
 
-    For a packed batch, the files are in a temporary folder.
+    For a packed batch, the files of a group are in a temporary folder.
     """
     if not indices:
         yield []
@@ -117,9 +121,9 @@ def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[t
 def draw(
     folder: str, mode: str, pose: str | None, *, most: int = MOST, jobs: int = 1, on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
-    """Rerender all pictures, in up to `jobs` processes. Return a warning if this machine cannot render.
+    """Render all pictures of a batch again, in up to `jobs` processes. Return a warning if this machine cannot render.
 
-    Other existing pictures are deleted. After an interruption, the finished pictures remain. Raises `OSError`.
+    Old pictures of other variants are deleted. After an interruption, the finished pictures remain. Raises `OSError`.
     """
     place = os.path.join(folder, folder_layout.PICTURES)
     with _laid_out(folder, mode, chosen(folder, mode, most) if most != 0 else ()) as shots:
@@ -192,7 +196,7 @@ def _drawn(
 
 
 def _lost(process: JsonLinesProcess, fault: ProcessLost) -> Diagnostic:
-    """Return the warning that the rendering process has ended, with the last line of its output."""
+    """Return a warning that the rendering process has ended unexpectedly. The warning contains the last line of its output."""
     said = process.errors().strip().splitlines()
     return _refused(f"the rendering process failed: {fault.words}", said[-1] if said else "")
 

@@ -1,4 +1,7 @@
-"""Plan the variants of a `variants/1` document. All settings are checked before the first variant is built."""
+"""Plan the variants of a `variants/1` document: compute the settings and the id of each variant, in order.
+
+All settings are checked before the first variant is built.
+"""
 
 from __future__ import annotations
 
@@ -35,11 +38,11 @@ BLOCK = 256
 
 
 def points(method: Method, dimensions: int, count: int, seed: int) -> Iterator[tuple[float, ...]]:
-    """Yield `count` points of the unit cube [0, 1) with `dimensions` dimensions.
+    """Yield `count` sample points in the unit cube [0, 1), each with `dimensions` coordinates.
 
     `sobol` is `scipy.stats.qmc.Sobol(d, scramble=True, rng=seed)`, `lhs` is `scipy.stats.qmc.LatinHypercube(d, rng=seed)`, and `uniform` is
-    `numpy.random.default_rng(seed).random((count, d))`, row by row. The points of a Latin hypercube depend on each other, so all points are
-    computed in a single step. Other points are computed in blocks.
+    `numpy.random.default_rng(seed).random((count, d))`, row by row. The points of a Latin hypercube depend on each other, so all of them
+    are computed in a single step. Other points are computed in blocks.
     """
     import numpy
     from scipy.stats import qmc
@@ -73,7 +76,9 @@ OUTSIDE = "outside:"
 
 
 class PlanError(Exception):
-    """Raised for a variants document with errors. `diagnostics` contains all diagnostics. `str()` formats them as on the command line."""
+    """Raised if a variants document has errors. `diagnostics` contains all errors and warnings. `str()` formats them as on the command
+    line.
+    """
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__("\n" + as_text(diagnostics))
@@ -81,11 +86,11 @@ class PlanError(Exception):
 
 
 class Variant(OneLineRepr, FrozenStruct):
-    """A variant of a plan. `index` is its index in the plan, and `id` consists of 12 hexadecimal digits of the SHA-256 of its settings.
+    """A variant of a robot in a plan. `index` is its position in the plan, and `id` identifies its settings.
 
-    `parameters` and `choices` are the settings as for `thingc build -p` and `--set`, in the units of the documents. Settings that are equal
-    to the values in the documents are omitted. `values` are all parameters of the assembly and values set by path [SI]. `failed` is the
-    rule that the parameters violate, if any.
+    The id consists of 12 hexadecimal digits of the SHA-256 of the settings. `parameters` and `choices` contain the settings as for
+    `thingc build -p` and `--set`, in the units of the documents. Settings that equal the values in the documents are omitted. `values`
+    contains all parameters of the assembly, and all values set by path [SI]. `failed` is the rule that the parameters violate, if any.
     """
 
     index: int
@@ -98,7 +103,7 @@ class Variant(OneLineRepr, FrozenStruct):
 
 
 class Setting(FrozenStruct):
-    """The settings of a planned variant. `name` is the name of the variant in the document, if any."""
+    """The settings of one variant. `name` is the name that the document gives to the variant, if any."""
 
     name: str | None
     parameters: Mapping[str, ExpressionValue]
@@ -106,21 +111,22 @@ class Setting(FrozenStruct):
 
 
 class Plan(OneLineRepr, FrozenStruct, dict=True):
-    """The variants of a document, in order. Iteration computes the variants one by one, with the same result each time.
+    """The variants of a document, in order. Iterating over the plan computes the variants one by one, with the same result each time.
 
     Attributes:
-        document: Its absolute path, like `assembly`; `relative` and `assembly_relative` are paths in the workspace.
-        sha256: The hash of the document.
-        fixed: The settings of all variants.
-        listed: The explicit variants.
-        axes: The axes of the grid, or with `method`, the axes from which `drawn` points are sampled.
-        own: The values of the parameters of the assembly; `paths` are the values set by path.
+        document: The absolute path of the variants document. `assembly` is the absolute path of the assembly document. `relative` and
+            `assembly_relative` are the paths of both documents in the workspace.
+        sha256: The hash of the variants document.
+        fixed: The settings that are the same for all variants.
+        listed: The variants that the document lists explicitly.
+        axes: The axes of the grid of variants. With a sampling `method`, the axes from which `drawn` variants are sampled.
+        own: The values of all parameters in the assembly document. `paths` contains the values that are set by path.
         written_in: The units of `own` and `paths` in the documents.
-        own_choices: The values of the document at the paths of choices.
-        modes: The modes to build, never empty; `chosen_modes` are the modes in the document.
+        own_choices: The values in the assembly document at the paths of choices.
+        modes: The modes to build, never empty. `chosen_modes` contains the modes that the document specifies.
         emit: The targets, in the order of a build.
-        inputs: The digests (`up_to_date.state_of`) of the files on which the plan depends, by path in the workspace.
-        layout: `folders` or `packed`, or None if the document does not specify a layout.
+        inputs: The digests (see `up_to_date.state_of`) of all files on which the plan depends, by path in the workspace.
+        layout: The layout of the batch, `folders` or `packed`, or None if the document does not specify it.
     """
 
     document: str
@@ -156,7 +162,10 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return self.besides(b"")
 
     def besides(self, done: Sequence[int]) -> Iterator[Variant]:
-        """Yield the variants that are not `done` (a flag for each index). Variants that are done need almost no computation."""
+        """Yield all variants that are not finished. `done` contains a flag for each index that is true for a finished variant.
+
+        Skipping finished variants needs almost no computation.
+        """
         width = len(str(max(self.count - 1, 0)))
         rules = [rule for rule in self.rules if not rule.needs_results]
         for index, id, setting, parameters, choices in self._unique(done):
@@ -172,7 +181,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def count(self) -> int:
-        """The number of distinct variants."""
+        """The number of variants in the plan. Equal variants are counted once."""
         if self.method is None and not self.listed:
             return math.prod(len(axis.values) for axis in self.axes)
         if self.method is not None and not self.listed and any(axis.range is not None and not axis.whole for axis in self.axes):
@@ -181,14 +190,14 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @property
     def written(self) -> int:
-        """The number of variants in the document, including duplicates."""
+        """The number of variants that the document specifies, including variants that are equal to others."""
         if self.method is not None:
             return len(self.listed) + self.drawn
         return len(self.listed) + (math.prod(len(axis.values) for axis in self.axes) if self.axes or not self.listed else 0)
 
     @cached_property
     def digest(self) -> str:
-        """The SHA-256 of all values that define the variants and their files, except the content of other files."""
+        """The SHA-256 of all values that determine the variants and their files. The contents of other files are not included."""
         described = {
             "name": self.name, "assembly": self.assembly_relative, "fixed": _plain(self.fixed),
             "listed": [_plain(one) for one in self.listed],
@@ -203,36 +212,37 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def dimensions(self) -> dict[str, Dimension]:
-        """The dimension of every numeric parameter and of every value set by path."""
+        """The physical dimension of each numeric parameter, and of each number that is set by path."""
         return {name: value.dimension for name, value in self.kinds.items() if isinstance(value, Quantity)}
 
     @cached_property
     def kinds(self) -> dict[str, ExpressionValue]:
-        """An example value of every parameter and of every value set by path."""
+        """An example value, from which the type is known, for each parameter and for each value that is set by path."""
         return {**self.own, **self.paths.kinds}
 
     @property
     def units(self) -> dict[str, str]:
-        """The SI unit of every numeric parameter and of every value set by path."""
+        """The SI unit of each numeric parameter, and of each number that is set by path."""
         return {name: dimension.symbol for name, dimension in self.dimensions.items()}
 
     def folder_in(self, output: str | None) -> str:
-        """Return the absolute path of the folder of the batch in `output`, or by default in the build folder of the workspace."""
+        """Return the absolute path of the folder of the batch inside `output`. By default, `output` is the build folder of the workspace.
+        """
         return os.path.join(os.path.abspath(output or os.path.join(self.workspace.root, self.workspace.build)), self.name)
 
     def chosen(self, variant: Variant) -> dict[str, str | None]:
-        """Return the value that a variant has at the path of each choice."""
+        """Return the choices of a variant: a mapping from the path of each choice to the value that the variant has there."""
         return {path: variant.choices.get(path, self.own_choices.get(path)) for path in self.choice_paths}
 
     @cached_property
     def choice_paths(self) -> tuple[str, ...]:
-        """The paths of all choices, in document order."""
+        """The paths of all choices in the document, in order."""
         settings = (self.fixed, *self.listed)
         paths = [*(path for one in settings for path in one.choices), *(axis.key for axis in self.axes if axis.choice)]
         return tuple(dict.fromkeys(paths))
 
     def values(self, given: Mapping[str, ExpressionValue]) -> dict[str, ExpressionValue]:
-        """Return all parameters of the assembly and values at paths, computed with the `given` values.
+        """Compute the values of all parameters of the assembly, and of all paths that the plan sets, for the `given` values.
 
         Values that cannot be evaluated are omitted.
         """
@@ -253,9 +263,9 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def _order(self) -> tuple[tuple[str, Expression | None], ...]:
-        """The parameters of the assembly and the paths with their expressions, or None.
+        """The names of all parameters and paths with their expressions, or None for a value without an expression.
 
-        Each parameter or path comes after all parameters that its expression uses.
+        The names are sorted so that each comes after all parameters that its expression uses.
         """
         raw = {name: entry.value if isinstance(entry, ParameterSpec) else entry for name, entry in self.assembly_spec.parameters.items()}
         ordered: dict[str, Expression | None] = {}
@@ -275,12 +285,14 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def _stated(self) -> dict[str, Value]:
-        """The values that the assembly specifies without an expression. Settings that are equal to these values are omitted."""
+        """The values that the assembly document specifies without an expression. Settings that equal these values are omitted from
+        variants.
+        """
         own = {**self.own, **self.paths.own}
         return {name: plain(own[name]) for name, expression in self._order if expression is None and name in own}
 
     def _settings(self) -> Iterator[Setting]:
-        """Yield all settings in the document, in order, including duplicates."""
+        """Yield the settings of all variants that the document specifies, in order. Equal settings can occur several times."""
         yield from self.listed
         if self.method is not None:
             for point in points(self.method, len(self.axes), self.drawn, self.seed):
@@ -299,10 +311,10 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return Setting(name=None, parameters=parameters, choices=choices)
 
     def _unique(self, done: Sequence[int]) -> Iterator[tuple[int, str, Setting, dict[str, ExpressionValue], dict[str, str]]]:
-        """Yield the distinct settings that are not `done`, with indices and ids, without values that are equal to values in the documents.
+        """Yield the distinct settings of all variants that are not `done`, with the index and the id of each variant.
 
-        Points of a grid, and points with a coordinate sampled from an interval, are always distinct. Only the ids of other settings are
-        stored, so long plans need little memory.
+        Settings that equal the values in the documents are omitted. Points of a grid, and points with a coordinate that is sampled from an
+        interval, are always distinct. Only the ids of other settings are stored, so long plans need little memory.
         """
         listed = len(self.listed)
         discrete = self.method is not None and all(axis.range is None or axis.whole for axis in self.axes)
@@ -327,7 +339,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
                 yield index, id, setting, parameters, choices
 
     def command(self, variant: Variant) -> list[str]:
-        """Return the command that builds a single variant. The command must be run in the folder of the workspace."""
+        """Return the command line that builds a single variant. It must be run in the folder of the workspace."""
         words = ["thingc", "build", self.assembly_relative]
         for name, text in variant.parameters.items():
             words += ["-p", f"{name}={text}"]
@@ -339,7 +351,9 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
 
 def _holds(rule: Rule, values: Mapping[str, ExpressionValue]) -> bool:
-    """Return whether a rule on parameters is satisfied or cannot be evaluated. The build reports a rule that cannot be evaluated."""
+    """Return whether a variant satisfies a rule on parameters. Also return True if the rule cannot be evaluated, because the build reports
+    this.
+    """
     try:
         return rule.holds(values, {})
     except (ExpressionError, KeyError):
@@ -351,6 +365,9 @@ def _plain(setting: Setting) -> list[object]:
 
 
 def moved(text: str, source: str, target: str) -> str:
-    """Convert a path in the document `source` to a path in the document `target`. Both documents are paths in the workspace."""
+    """Convert a path that is relative to the document `source` to a path that is relative to the document `target`.
+
+    Both documents are given by their paths in the workspace.
+    """
     place = posixpath.normpath(posixpath.join(posixpath.dirname(source), text.replace(os.sep, "/")))
     return posixpath.relpath(place, posixpath.dirname(target) or ".")

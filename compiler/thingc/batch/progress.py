@@ -1,4 +1,4 @@
-"""The progress, the result and the interruption of a batch."""
+"""The progress of a batch, the summary of a finished batch, and the exception for an interrupted batch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from thingc.base.one_line_repr import OneLineRepr, counted
 
 
 class Interrupted(Exception):
-    """Raised if a batch was interrupted. `done` of `count` variants are in the journal of `folder`."""
+    """Raised if a batch was interrupted. The journal in `folder` contains `done` of `count` variants."""
 
     def __init__(self, folder: str, done: int, count: int) -> None:
         super().__init__(f"interrupted after {done} of {counted(count, 'variant')}")
@@ -20,10 +20,10 @@ class Interrupted(Exception):
 
 
 class Progress(OneLineRepr, FrozenStruct):
-    """The progress of a batch.
+    """The progress of a batch with `count` variants.
 
-    `before` is the number of variants from earlier runs, and `counts` are the numbers of variants of this run by status. `rate` is in
-    variants per second.
+    `before` is the number of variants that earlier runs have finished. `counts` contains the number of variants that this run has finished,
+    by status. `rate` is the number of variants per second.
     """
 
     count: int
@@ -33,22 +33,22 @@ class Progress(OneLineRepr, FrozenStruct):
 
     @property
     def done(self) -> int:
-        """The number of finished variants."""
+        """The number of variants that have finished, in this run and in earlier runs."""
         return self.before + sum(self.counts.values())
 
     @property
     def left(self) -> float | None:
-        """The estimated remaining time [s], or None if unknown."""
+        """The estimated remaining time [s] of the batch, or None if it is unknown."""
         return (self.count - self.done) / self.rate if self.rate > 0.0 else None
 
 
 class Summary(OneLineRepr, FrozenStruct):
-    """The summary of a batch that has finished.
+    """The summary of a finished batch.
 
-    `statuses` are the numbers of variants by status, and `before` is the number of variants from earlier runs. `modelled` is the number of
-    parts built in this run, which took `seconds` [s]. `duplicates` is the number of additional equal variants. `lossy` is the number of
-    variants with export losses, and `losses` counts all losses by kind; both include earlier runs. `notes` are warnings about the
-    documents.
+    `statuses` contains the number of variants by status, and `before` is the number of variants that earlier runs have finished. `modelled`
+    is the number of parts that this run has built, and `seconds` [s] is the duration of this run. `duplicates` is the number of variants
+    that are equal to others. `lossy` is the number of variants with export losses, and `losses` contains the number of losses of each kind;
+    both include earlier runs. `notes` contains warnings about the documents.
     """
 
     folder: str

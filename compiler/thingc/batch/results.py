@@ -1,4 +1,4 @@
-"""Read the folder of a batch: variants with their settings, rows of the table and models.
+"""Load the results of a batch from its folder: its variants with their settings, rows of the table and MuJoCo models.
 
     legs = thingc.batch.load("build/leg_sweep", mode="standing")
     for variant in legs:
@@ -48,7 +48,8 @@ _WITHIN, _INCLUDE = re.compile("<mujoco[^>]*>(.*)</mujoco>", re.DOTALL), re.comp
 
 
 class FamilyError(ValueError):
-    """Raised if a batch or family cannot be used as requested. The message contains the `reason` and, if known, a `help` text."""
+    """Raised if a batch or a family of robots cannot be used as requested. The message contains the `reason` and, if known, a `help` text.
+    """
 
     def __init__(self, reason: str, help: Hint = "") -> None:
         super().__init__(reason, help)
@@ -59,11 +60,11 @@ class FamilyError(ValueError):
 
 
 class UnknownVariant(FamilyError, KeyError):
-    """Raised if a batch does not have the requested variant, column or mode."""
+    """Raised if a batch does not contain the requested variant, column or mode."""
 
 
 class Sizes(FrozenStruct):
-    """The sizes of a model: numbers of coordinates `nq`, of degrees of freedom `nv` and of controls `nu`."""
+    """The sizes of a MuJoCo model: the number of position coordinates `nq`, of degrees of freedom `nv` and of controls `nu`."""
 
     nq: int
     nv: int
@@ -76,10 +77,10 @@ Where = Callable[["BuiltVariant"], bool] | Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
 class BuiltVariant(OneLineRepr):
-    """A built variant of a batch. Variants with the same folder are equal.
+    """A variant of a batch that has been built. Two variants are equal if they have the same folder.
 
-    `index` is the index of the variant in the plan. `settings` are its parameters (SI) and choices by name. `results` is its row of the
-    table, without empty cells. `folder` is its build folder. For a packed batch, the folder exists only after `unpack`.
+    `index` is the position of the variant in the plan. `settings` contains its parameters (SI) and choices by name. `results` is its row of
+    the table, without empty cells. `folder` is its build folder, which for a packed batch exists only after a call of `unpack`.
     """
 
     id: str
@@ -97,17 +98,17 @@ class BuiltVariant(OneLineRepr):
         return hash(self.folder)
 
     def model(self, mode: str | None = None, *, scene: bool = False, visual: bool = True) -> mujoco.MjModel:
-        """Compile the model in a mode. Every call returns a new object. For many variants, `BatchResults.models` is much faster.
+        """Compile the MuJoCo model of the variant in a mode. Every call returns a new object.
 
-        `scene` includes floor and light. Without `visual`, MuJoCo omits visual geometry: the model moves in the same way, and compiles in
-        less than half the time. The mode can be omitted if the batch has a single mode. Raises `UnknownVariant` for an unknown mode, and
-        `FamilyError` if the variant has no model.
+        For many variants, `BatchResults.models` is much faster. With `scene`, the model includes the floor and the light. Without `visual`,
+        visual geometry is omitted: the model moves in the same way, and compiles in less than half the time. The mode can be omitted if the
+        batch has a single mode. Raises `UnknownVariant` for an unknown mode, and `FamilyError` if the variant does not have a model.
         """
         mode = self.family.chosen(mode)
         return self._compiled(self._text(mode, scene, visual), self._files.meshes())
 
     def model_text(self, mode: str, scene: bool, visual: bool) -> ModelText:
-        """Return the XML that `model` compiles. Raises the same errors as `model`."""
+        """Return the XML text of the MuJoCo model that the method `model` compiles. Raises the same errors as `model`."""
         text, meshes = self._text(mode, scene, visual), self._files.meshes()
         return ModelText(
             text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes.of(meshes),
@@ -115,7 +116,7 @@ class BuiltVariant(OneLineRepr):
         )
 
     def _text(self, mode: str, scene: bool, visual: bool) -> str:
-        """Return the XML of the model or, if requested, of the scene that contains the model."""
+        """Return the XML text of the MuJoCo model. With `scene`, return the XML text of the scene, which contains the model."""
         text = self._read(f"{self.family.robot}_{mode}.xml").decode()
         if not visual:
             text = text.replace("<compiler ", '<compiler discardvisual="true" ', 1)
@@ -137,7 +138,10 @@ class BuiltVariant(OneLineRepr):
             raise FamilyError(f"MuJoCo rejects the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
 
     def sources(self, mode: str | None = None, *, scene: bool = False) -> tuple[bytes, dict[str, bytes]]:
-        """Return the XML of the model in a mode, and the meshes of the whole batch by file. Raises the same errors as `model`."""
+        """Return the XML text of the MuJoCo model in a mode, and the contents of its mesh files by file name.
+
+        The mesh files are those of the whole batch. Raises the same errors as `model`.
+        """
         mode = self.family.chosen(mode)
         robot = f"{self.family.robot}_{mode}.xml"
         text = self._read(robot)
@@ -145,20 +149,22 @@ class BuiltVariant(OneLineRepr):
         return (self._read(f"scene_{mode}.xml"), {**files, robot: text}) if scene else (text, files)
 
     def sizes(self, mode: str | None = None) -> Sizes:
-        """Return the sizes of the model, which are read from the file without compiling it. Raises the same errors as `model`."""
+        """Return the sizes of the MuJoCo model in a mode. They are read from the XML without compiling it. Raises the same errors as
+        `model`.
+        """
         root = ElementTree.fromstring(self._read(f"{self.family.robot}_{self.family.chosen(mode)}.xml"))
         free = sum(1 for _ in root.iter("freejoint"))
         single = sum(len(body.findall("joint")) for body in root.iter("body"))  # models of a batch contain only hinges and slides
         return Sizes(nq=7 * free + single, nv=6 * free + single, nu=sum(len(section) for section in root.findall("actuator")))
 
     def modes(self) -> Modes:
-        """Return the modes of the variant, for switching between modes at run time."""
+        """Return the modes of the variant, which switch between modes at run time."""
         from thingc.modes import Modes
 
         return Modes.parse(self._files.read("modes.json"))
 
     def unpack(self) -> str:
-        """Return the folder of the variant. For a packed batch, write the folder first. Raises `OSError`."""
+        """Return the path of the build folder of the variant. For a packed batch, the folder is written first. Raises `OSError`."""
         if packed(self.family.folder):
             unpack(self.family.folder, self.index)
         return self.folder
@@ -178,20 +184,22 @@ class BuiltVariant(OneLineRepr):
 
 
 class BatchResults(Sequence[BuiltVariant]):
-    """The built variants of a batch in plan order. Select a variant by its index (`family[0]`, `family[-1]`), id or name
-    (`family["sweep_07"]`).
+    """The built variants of a batch, in the order of the plan.
 
-    `planned` is the number of variants in the plan. `finished` is True if the batch has finished; otherwise the object contains the
-    variants built so far. `rows` are the rows of the table of all finished variants, including failed and excluded ones.
+    Get a variant by its index (`results[0]`, `results[-1]`), or by its id or name (`results["sweep_07"]`).
+
+    `planned` is the number of variants in the plan. `finished` is True if the batch has finished; otherwise, this object contains the
+    variants that have been built so far. `rows` contains the rows of the table for all finished variants, including failed and excluded
+    variants.
     """
 
     def __init__(
         self, folder: str, described: Mapping[str, Any], mode: str | None, robot: str, records: BuildRecords, meshes: MeshFiles,
         indices: Sequence[int] | None = None,
     ) -> None:
-        """Initialise the results. `described` is the content of `batch.json`, `mode` the default mode, `robot` the name of the assembly.
+        """Create the results of the batch in `folder`. `described` is the content of `batch.json`, and `robot` is the name of the assembly.
 
-        `indices` selects variants by their index in the plan (default: all built variants).
+        `mode` is the default mode. `indices` contains the indices of the selected variants in the plan (default: all built variants).
         """
         self.folder = folder
         self.name: str = described["name"]
@@ -215,7 +223,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return BatchResults(*self._batch, indices)
 
     def _variant(self, index: int) -> BuiltVariant:
-        """Return the variant at an index in the plan. Recent variants are cached."""
+        """Return the variant with this index in the plan. Recently used variants are cached."""
         made = self._made.get(index)
         if made is None:
             line = self.records.line(index)
@@ -229,7 +237,7 @@ class BatchResults(Sequence[BuiltVariant]):
 
     @property
     def rows(self) -> Sequence[Mapping[str, Any]]:
-        """The rows of the table, including failed and excluded variants."""
+        """The rows of the table for all finished variants, including failed and excluded variants."""
         return _Rows(self.records)
 
     def __len__(self) -> int:
@@ -243,7 +251,10 @@ class BatchResults(Sequence[BuiltVariant]):
     @overload
     def __getitem__(self, key: slice) -> BatchResults: ...
     def __getitem__(self, key: int | str | slice) -> BuiltVariant | BatchResults:
-        """Return a variant by index, id or name, or a slice. Raises `UnknownVariant` for an unknown id or name, and `IndexError`."""
+        """Return a variant by its index, id or name. For a slice, return the results with these variants.
+
+        Raises `UnknownVariant` for an unknown id or name, and `IndexError`.
+        """
         if not isinstance(key, Integral | slice | str):
             raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`", "use its index, its id or its name")
         if isinstance(key, slice):
@@ -271,18 +282,23 @@ class BatchResults(Sequence[BuiltVariant]):
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
-        """The columns of the table that have any values, in order."""
+        """The names of the columns of the table that are not empty, in order."""
         return tuple(dict.fromkeys(name for row in self.rows for name in row))
 
     def column(self, name: str) -> list[Any]:
-        """Return the cells of a column for all variants of this object. An empty cell is None. Raises `UnknownVariant`."""
+        """Return the cells of a column for all variants of this object. An empty cell is None. Raises `UnknownVariant` for an unknown
+        column.
+        """
         cells = [variant.results.get(name) for variant in self]
         if all(cell is None for cell in cells) and name not in self.columns:
             raise UnknownVariant(f"batch `{self.name}` has no column `{name}`", did_you_mean(str(name), self.columns, what="columns"))
         return cells
 
     def filter(self, where: Where) -> BatchResults:
-        """Return the variants that match `where`. Raises `UnknownVariant` for unknown columns, and `FamilyError` for invalid filters."""
+        """Return the results with only those variants that satisfy the condition `where`.
+
+        Raises `UnknownVariant` for an unknown column, and `FamilyError` for an invalid condition.
+        """
         if isinstance(where, Mapping):
             kept = [True] * len(self)
             for name, wanted in where.items():
@@ -296,7 +312,10 @@ class BatchResults(Sequence[BuiltVariant]):
         return self._of(tuple(index for index, one in zip(self._indices, kept, strict=True) if one))
 
     def chosen(self, mode: str | None) -> str:
-        """Return the mode to use. Raises `UnknownVariant` for an unknown mode, and `FamilyError` for None if there are several modes."""
+        """Return the name of the mode to use. For None, return the default mode or the only mode.
+
+        Raises `UnknownVariant` for an unknown mode, and `FamilyError` for None if there are several modes.
+        """
         name = mode if mode is not None else self.mode
         if name is None:
             if len(self.mode_names) > 1:
@@ -311,11 +330,12 @@ class BatchResults(Sequence[BuiltVariant]):
         self, variants: Iterable[BuiltVariant] | None = None, mode: str | None = None, *, share: bool = False, scene: bool = False,
         visual: bool = True,
     ) -> Iterator[mujoco.MjModel]:
-        """Yield the models of some variants (None: all) in order. The models are equal to the results of `BuiltVariant.model`.
+        """Yield the MuJoCo models of several variants (None: all variants) in order. They equal the results of `BuiltVariant.model`.
 
-        If variants differ only in numbers, some models are compiled, and arrays are overwritten for the others. At most 128 variants are
-        read ahead. With `share`, the same model object is lent each time: it is valid until the next model is requested and must not be
-        used elsewhere. Raises the errors of `BuiltVariant.model`, and `FamilyError` for values that are not variants. Not thread-safe.
+        If variants differ only in numbers, only some models are compiled. For the others, numbers are written into the arrays of a compiled
+        model. At most 128 variants are read ahead. With `share`, the yielded models can be the same object: a model is then valid until the
+        next model is requested, and must not be used elsewhere. Raises the errors of `BuiltVariant.model`, and `FamilyError` for values
+        that are not variants. This method is not thread-safe.
         """
         key = (self.chosen(mode), scene, visual)
         models = self._models.setdefault(key, TextModels())
@@ -324,7 +344,7 @@ class BatchResults(Sequence[BuiltVariant]):
 
 
 class _Rows(Sequence[Mapping[str, Any]]):
-    """The rows of a results table, which are created on demand."""
+    """The rows of a table of results. Each row is read from disk when it is used."""
 
     def __init__(self, records: BuildRecords) -> None:
         self._records = records
@@ -345,9 +365,9 @@ class _Rows(Sequence[Mapping[str, Any]]):
 def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where | None = None) -> BatchResults:
     """Load the built variants of the batch in `folder` (`build/leg_sweep`).
 
-    `mode` is the default mode. `where` filters variants: `{"status": "built"}`, `{"mass": (0, 2.5)}` or a function of a `BuiltVariant`.
-    Only the journal is read. Raises `FamilyError` if the folder is not a batch, `UnknownVariant` for an unknown mode or column, and
-    `OSError` if a chunk of a packed batch is damaged or missing.
+    `mode` is the default mode of the returned object. `where` is a condition for variants: `{"status": "built"}`, `{"mass": (0, 2.5)}` or a
+    function of a `BuiltVariant`. Only the journal of the batch is read. Raises `FamilyError` if the folder does not contain a batch,
+    `UnknownVariant` for an unknown mode or column, and `OSError` if a chunk of a packed batch is damaged or missing.
     """
     import json
 
@@ -367,7 +387,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
 
 
 def _row(line: Line) -> dict[str, Any]:
-    """Return the non-empty cells of a journal line, as in the table. All numbers except counts are floats."""
+    """Return the cells of a journal line that are not empty, as in the table. All numbers except counts are floats."""
     numbers = {name: float(value) for name, value in line.get("results", {}).items()}
     for name, value in line["parameters"].items():
         if isinstance(value, int) and not isinstance(value, bool):
@@ -382,7 +402,7 @@ def _variant(one: Any) -> BuiltVariant:
 
 
 def _check(name: str, wanted: Any, cells: Sequence[Any]) -> None:
-    """Raise `FamilyError` for a value that no cell of a column can have, because a filter with this value would silently select nothing."""
+    """Raise `FamilyError` if no cell of a column can have the value `wanted` of a filter. The filter would otherwise select no variants."""
     if not isinstance(wanted, tuple):
         if wanted is not None and not isinstance(wanted, str | Real):
             raise FamilyError(f"expected a value for the column `{name}`, or a range `(low, high)`, found `{wanted}`")

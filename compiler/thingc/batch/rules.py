@@ -1,4 +1,4 @@
-"""The rules in `keep:`, which compare parameters and results of a variant."""
+"""The rules of a variants document (`keep:`), which compare parameters and results of each variant."""
 
 from __future__ import annotations
 
@@ -29,8 +29,9 @@ OF_RESULTS = "results."
 
 
 class Rule(FrozenStruct):
-    """A rule of a variants document, which is a comparison. `names` maps each name in the comparison to a result, or to None for a
-    parameter.
+    """A rule of a variants document, such as `mass < 2 kg`.
+
+    `names` maps each name in the comparison to the result to which it refers, or to None for a parameter.
     """
 
     text: str
@@ -39,14 +40,14 @@ class Rule(FrozenStruct):
 
     @property
     def needs_results(self) -> bool:
-        """Whether the rule depends on the results of a compiled robot."""
+        """Whether the rule depends on results of a compiled robot, not only on parameters."""
         return any(result is not None for result in self.names.values())
 
     def holds(self, parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None]) -> bool:
-        """Return whether a variant satisfies the rule.
+        """Return whether a variant with these parameters and results satisfies the rule.
 
-        Raises `ExpressionError` if the rule cannot be evaluated (a division by zero), and `KeyError` with the name of the result if the
-        variant does not have this result.
+        Raises `ExpressionError` if the rule cannot be evaluated, for example because of a division by zero. Raises `KeyError` with the name
+        of a result if the variant does not have this result.
         """
         values: dict[str, ExpressionValue] = {}
         for name, result in self.names.items():
@@ -63,7 +64,10 @@ class Rule(FrozenStruct):
 def unkept(
     rules: Iterable[Rule], parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None], mode: str,
 ) -> Iterator[tuple[Rule, Diagnostic | None]]:
-    """Yield the rules that a variant violates. If a rule cannot be evaluated, yield its error, too. `results` are the results of `mode`."""
+    """Yield the rules that a variant violates, each with None, and the rules that cannot be evaluated, each with its error.
+
+    `results` contains the results of the variant in the mode `mode`.
+    """
     for rule in rules:
         wrong = None
         try:
@@ -80,12 +84,12 @@ def unkept(
 
 
 def dimension_of(result: str) -> Dimension:
-    """Return the physical dimension of a result."""
+    """Return the physical dimension of a result, such as a mass for `mass`."""
     return RESULTS.get(result, LENGTH)
 
 
 def meaning(name: str, parameters: Iterable[str], lengths: Iterable[str]) -> str | None:
-    """Return the result to which a name refers, or None for a parameter.
+    """Return the name of the result to which a name in a rule refers, or None if the name refers to a parameter.
 
     Raises `KeyError` for an unknown name, and `ValueError` for an ambiguous name.
     """
@@ -108,10 +112,10 @@ def read_rules(
     document: Document, expressions: Iterable[Expression], parameters: Mapping[str, ExpressionValue], lengths: Iterable[str], *,
     reach: bool, report: Report,
 ) -> list[Rule]:
-    """Return the valid rules of a document, after checking names and dimensions. Errors are reported.
+    """Check the names and physical dimensions in the rules of a document, and return the valid rules. Errors are added to the report.
 
-    `parameters` are the values of the assembly, and `lengths` the joints that have a `length.JOINT`. `reach` specifies whether the document
-    defines `reach`.
+    `parameters` contains the values of all parameters of the assembly. `lengths` contains the joints that have a result `length.JOINT`.
+    `reach` is True if the document defines the result `reach`.
     """
     rules: list[Rule] = []
     lengths = list(lengths)
@@ -144,9 +148,9 @@ def read_rules(
 
 
 def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule, parameters: Mapping[str, ExpressionValue]) -> bool:
-    """Evaluate the rule with the values of the assembly and with the value 1 for all results.
+    """Return whether the physical dimensions in a rule are valid. Otherwise, report an error.
 
-    Return whether its physical dimensions are valid.
+    The rule is evaluated with the values of parameters in the assembly, and with the value 1 for each result.
     """
     try:
         rule.holds(parameters, {result: 1.0 for result in rule.names.values() if result is not None})

@@ -44,7 +44,7 @@ SHOWN = 5
 
 
 class Runner:
-    """Builds the variants of a job. On exit, this context manager ends the geometry worker."""
+    """Builds the variants of a job in a runner process. On exit, this context manager ends the worker process that builds parts."""
 
     def __init__(self, job: Job) -> None:
         self.job = job
@@ -68,7 +68,7 @@ class Runner:
         self.session.__exit__(*exception)
 
     def build(self, task: Variant) -> Row:
-        """Build one variant. Errors are part of the row, including internal errors and errors of the operating system."""
+        """Build one variant, and return its row of results. All errors are recorded in the row, including internal errors."""
         from thingc.geometry.store.local import BlobMissing, StoreUnusable
 
         started = time.perf_counter()
@@ -110,7 +110,7 @@ class Runner:
         return row(task, "built", results=shown, losses=dict(planned.losses), **parts)
 
     def _passed(self, task: Variant) -> Row:
-        """Build a variant by compiling its documents."""
+        """Build a variant by running all compiler passes on its documents."""
         compilation = self.session.compile(Settings(parameters=task.parameters, choices=task.choices), self.job.modes)
         parts: dict[str, Any] = {"modelled": compilation.modelled, "reused": len(compilation.reused)}
         if compilation.report.failed:
@@ -134,7 +134,10 @@ class Runner:
         return row(task, "built", results=shown, losses=losses, **parts)
 
     def _written(self, folder: str, task: Variant, files: Mapping[str, Content]) -> dict[str, Any]:
-        """Write the files of a variant. For a packed batch, write only shared files, and return the contents of the other files."""
+        """Write the files of a variant to its folder, and return the additional cells of its row.
+
+        For a packed batch, only shared files are written, and the row contains the contents of all other files.
+        """
         store = self.session.environment.store
         if not self.job.packed:
             write_variant(folder, task.id, files, store)
@@ -150,14 +153,14 @@ class Runner:
         return measure(robot, self.job.pose, self.job.reach)
 
     def _results(self, compilation: Compilation) -> Results | None:
-        """Return the results, or None if a mount of `reach` does not exist."""
+        """Return the results of a compiled variant, or None if a mount of the result `reach` does not exist."""
         try:
             return self._measured(compilation)
         except UnknownMount:
             return None
 
     def _judge(self, task: Variant, results: Results) -> dict[str, Any] | None:
-        """Return the status of a variant that violates a rule, or None if the variant satisfies all rules."""
+        """Return the status and the rule if a variant violates a rule. Return None if the variant satisfies all rules."""
         if not self.rules:
             return None
         values: dict[str, ExpressionValue] = {
@@ -170,12 +173,12 @@ class Runner:
 
 
 def _displayed_results(results: Results) -> dict[str, float | str]:
-    """Convert results to JSON. Infinity becomes the string `inf`."""
+    """Convert results so that they can be serialized as JSON. Infinity becomes the string `inf`."""
     return {name: value if math.isfinite(value) else "inf" for name, value in results.items() if value is not None}
 
 
 def _said(diagnostics: Iterable[Diagnostic]) -> dict[str, Any]:
-    """Return the code and the message of the first error, and the first errors for the journal."""
+    """Return the cells of a row that describe errors: the code and the message of the first error, and the first errors for the journal."""
     errors = [one for one in diagnostics if one.severity is Severity.ERROR]
     return {"code": errors[0].code.code, "message": errors[0].message, "diagnostics": as_json(errors[:SHOWN])}
 
@@ -189,7 +192,7 @@ def _raised(task: Variant, fault: BaseException) -> Row:
 
 
 def main() -> None:
-    """Read lines from standard input and write an answer for each line to standard output, until standard input ends."""
+    """Run the loop of the runner process: for each line of standard input, write the answers to standard output, until the input ends."""
     answer = connect_to_parent()
     lines: queue.SimpleQueue[str] = queue.SimpleQueue()
     job = Job.decode(sys.stdin.readline())

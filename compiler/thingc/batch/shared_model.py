@@ -1,4 +1,4 @@
-"""A single model for a whole batch, and the arrays in which the variants differ. These arrays can be written to the model.
+"""Create one MuJoCo model for all variants of a batch, and arrays with the values in which the variants differ.
 
     model, fields = thingc.batch.fields("build/leg_sweep", "standing")
     thingc.batch.apply(model, fields, 7)         # now it is the model of variant 7
@@ -57,10 +57,10 @@ _KINDS = {
 
 @functools.cache
 def changeable_fields() -> KeysView[str]:
-    """Return the names of the fields in which variants of a model may differ.
+    """Return the names of the fields of `MjModel` in which the variants of a batch may differ.
 
-    The fields are `SHORTCUTS`, and arrays and options of floating-point numbers that a simulation reads at every step or that depend on
-    such numbers. `SHAPES`, `BUFFERS` and visual settings are excluded.
+    These are arrays and options of floating-point numbers that a simulation reads at every step, and arrays that depend on such numbers
+    (`SHORTCUTS`). `SHAPES`, `BUFFERS` and visual settings are excluded.
     """
     import mujoco
     import numpy as np
@@ -71,7 +71,7 @@ def changeable_fields() -> KeysView[str]:
 
 
 class StructuresDiffer(FamilyError):
-    """Raised if the variants cannot share a model. `field` is the first field that differs and cannot be changed."""
+    """Raised if variants cannot share a MuJoCo model. `field` is the first field that differs although it cannot be changed."""
 
     def __init__(self, field: str, message: str) -> None:
         super().__init__(message, "use separate models with `thingc.batch.load`")
@@ -79,11 +79,12 @@ class StructuresDiffer(FamilyError):
 
 
 def fields(source: str | os.PathLike[str] | BatchResults, mode: str | None = None, *, scene: bool = False) -> tuple[mujoco.MjModel, Fields]:
-    """Return the model of the first variant, and the fields in which variants differ.
+    """Return the MuJoCo model of the first variant of a batch, and arrays with the fields in which the variants differ.
 
-    Fields are arrays (n_variants, *shape of the field) by the name of the field of `MjModel` (`body_mass`; `opt.gravity` for an option).
-    `source` is the folder of a batch, or the result of `load`. `mode` and `scene` are as in `BuiltVariant.model`. Only a few models are in
-    memory at a time. Raises `StructuresDiffer` if models differ in other fields, and `FamilyError` for a batch without variants.
+    The arrays are keyed by the name of a field of `MjModel` (`body_mass`; `opt.gravity` for an option) and have the shape (variants, *shape
+    of the field). `source` is the folder of a batch, or the result of `load`. `mode` and `scene` have the same meaning as in
+    `BuiltVariant.model`. Only a few models are in memory at a time. Raises `StructuresDiffer` if variants differ in other fields, and
+    `FamilyError` for a batch without variants.
     """
     import numpy as np
 
@@ -104,9 +105,10 @@ def fields(source: str | os.PathLike[str] | BatchResults, mode: str | None = Non
 
 
 def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
-    """Write the fields of the variant at `index` to `model`. An existing `MjData` of the model remains valid.
+    """Write the field values of one variant into a MuJoCo model. `index` is the index of the variant in the arrays `fields`.
 
-    Raises `FamilyError` for an invalid index and for fields of another model, without changing the model.
+    An existing `MjData` of the model remains valid. Raises `FamilyError` for an invalid index and for fields of another model, without
+    changing the model.
     """
     count = min(map(len, fields.values()), default=sys.maxsize)
     if not is_whole(index, 0) or index >= count:
@@ -130,10 +132,10 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
 def write(
     source: str | os.PathLike[str] | BatchResults, path: str | os.PathLike[str], mode: str | None = None, *, scene: bool = False,
 ) -> str:
-    """Write the fields to `path`, and the model with its meshes to a file next to it. Return the path of the model.
+    """Save the arrays of a batch to the file `path`, and the model with its meshes to a file beside it. Return the path of the second file.
 
-    For example, `legs.npz` contains an array for each field, and the array `id` with the ids of the variants; `legs.mjz` contains the
-    model. The same batch results in the same bytes. Raises the same errors as `fields`, and `OSError`.
+    For example, `legs.npz` contains an array for each field, and an array `id` with the ids of the variants. `legs.mjz` contains the model.
+    The same batch results in the same bytes. Raises the same errors as `fields`, and `OSError`.
     """
     import numpy as np
 
@@ -169,7 +171,7 @@ def _family(source: str | os.PathLike[str] | BatchResults) -> BatchResults:
 
 
 def _numbers(model: mujoco.MjModel) -> dict[str, Any]:
-    """Return views of all changeable fields, by name."""
+    """Return all fields of a MuJoCo model that may differ between variants, by name. Arrays are views into the model."""
     return {name: getattr(*owner_of(model, name)) for name in changeable_fields()}
 
 
@@ -180,13 +182,13 @@ def _equal(a: Any, b: Any) -> bool:
 
 
 def _leading(values: Any) -> Any:
-    """Return the rows up to the last row that can change."""
+    """Return the leading rows of an array of all variants, up to the last row that differs between variants."""
     changes = (values != values[:1]).reshape(*values.shape[:2], -1).any(axis=(0, 2))
     return values[:, : int(changes.nonzero()[0].max()) + 1]
 
 
 def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVariant) -> None:
-    """Raise `StructuresDiffer` if two models differ in fields other than `changeable_fields`."""
+    """Raise `StructuresDiffer` if the MuJoCo models of two variants differ in a field that is not in `changeable_fields`."""
     import numpy as np
 
     both = f"in `{first.name}` and `{second.name}`"
@@ -217,7 +219,7 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
 
 
 def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> None:
-    """Raise `StructuresDiffer` for the first mesh that differs between two models."""
+    """Raise `StructuresDiffer` if two MuJoCo models have different meshes. The message contains the first mesh that differs."""
     if all(_equal(getattr(model, name), getattr(other, name)) for name in arrays):
         return
     for k in range(model.nmesh):
@@ -229,12 +231,15 @@ def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> No
 
 
 def element_names(model: Any) -> dict[str, list[str]]:
-    """Return the names of all elements by kind."""
+    """Return the names of all elements of a MuJoCo model, such as bodies and joints, by kind of element."""
     return {word: [getattr(model, accessor)(k).name for k in range(getattr(model, count))] for word, accessor, count in _KINDS.values()}
 
 
 def _where(model: Any, name: str, a: Any, b: Any) -> str:
-    """Return the element to which the first differing entry of an array belongs, or an empty string if the element has no name."""
+    """Describe the first difference between the arrays `a` and `b` of two models: the element to which it belongs, and both values.
+
+    Return an empty string if the rows of the arrays do not belong to named elements.
+    """
     import numpy as np
 
     kind = name.partition("_")[0]

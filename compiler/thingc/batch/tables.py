@@ -1,6 +1,6 @@
-"""The table of a batch, `results.csv` and `results.parquet`: one row per variant in plan order.
+"""Write the table of results of a batch, `results.csv` and `results.parquet`. It has one row per variant, in the order of the plan.
 
-Rows are read and written one at a time, so tables of any length need little memory.
+Rows are read and written one at a time, so that even a very long table needs little memory.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ RUN = ("parts_modelled", "parts_reused", "seconds")
 
 
 class Column(FrozenStruct):
-    """A column of the results table.
+    """A column of the table of results.
 
-    `kind` is `integer`, `number`, `text` or `flag`. `unit` is the SI unit, or empty without unit. `written` is the unit in documents, in
-    which the page displays the values; an empty string means the SI unit.
+    `kind` is `integer`, `number`, `text` or `flag`. `unit` is the SI unit of the values, or an empty string. `written` is the unit in the
+    documents, in which the page displays the values. It is empty for SI units.
     """
 
     name: str
@@ -47,12 +47,15 @@ class Column(FrozenStruct):
 
 
 def setting(name: str) -> str:
-    """Return the column of a parameter or path. The column has the same name."""
+    """Return the name of the table column for a parameter or a path. The name of a parameter gets a prefix; a path is returned unchanged.
+    """
     return name if "." in name else PARAMETERS + name
 
 
 def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Sequence[str]) -> tuple[Column, ...]:
-    """Return all columns of the results table, in order. `parameters` have their own names, and `lengths` are the results `length.JOINT`.
+    """Return all columns of the table of results, in order.
+
+    `parameters` contains the columns of parameters, `choices` the paths of choices, and `lengths` the names of results `length.JOINT`.
     """
     return (
         *(Column(name=name, kind="integer" if name == "index" else "text") for name in HEAD),
@@ -66,7 +69,7 @@ def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Seque
 
 
 def flat(line: Line) -> dict[str, Any]:
-    """Return the cells of a line of the journal by column. Empty cells are None, and infinity is the string `inf`."""
+    """Return the cells of the table for a journal line, by column. Empty cells are None, and infinity is the string `inf`."""
     return {
         **{name: line.get(name) for name in HEAD},
         **{setting(name): value for name, value in line["parameters"].items()},
@@ -81,14 +84,14 @@ def flat(line: Line) -> dict[str, Any]:
 
 
 def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
-    """Return the cells of a line of the journal in the order of `wanted`. Empty cells are None."""
+    """Return the cells of the table for a journal line, in the order of the columns `wanted`. Empty cells are None."""
     values = flat(line)
     typed = [(column.kind, values.get(column.name)) for column in wanted]
     return [float(value) if kind == "number" and value is not None else value for kind, value in typed]
 
 
 def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[str]) -> tuple[Column, ...]:
-    """Rewrite `results.csv` and `results.parquet` atomically. Return the columns of the table."""
+    """Write the files `results.csv` and `results.parquet` of a batch again, in one atomic step each. Return the columns of the table."""
     wanted = columns(parameters, choices, lengths_in(folder))
     written = os.path.join(folder, folder_layout.TABLE_CSV), os.path.join(folder, folder_layout.TABLE_PARQUET)
     with _csv(f"{written[0]}.new", wanted) as to_csv, _parquet(f"{written[1]}.new", wanted) as to_parquet:

@@ -19,7 +19,7 @@ from thingc.targets.render.picture import NoGraphics, extent, ready, small_pictu
 
 
 def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
-    """Return the XML of a model and its meshes by file name. Raises `OSError`."""
+    """Read the MuJoCo model file at `path`. Return its XML text, and the contents of its mesh files by file name. Raises `OSError`."""
     with open(path, encoding="utf-8") as stream:
         xml = stream.read()
     folder = os.path.join(os.path.dirname(path), "assets")
@@ -31,7 +31,8 @@ def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
 
 
 def main() -> None:
-    """Read lines from standard input and write an answer for each line to standard output, until standard input ends."""
+    """Run the loop of the rendering process: for each line of standard input, write the answers to standard output, until the input ends.
+    """
     answer = connect_to_parent()
     os.environ.setdefault("MUJOCO_GL", "egl")
     asked = json.loads(sys.stdin.readline() or "null")

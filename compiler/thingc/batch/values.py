@@ -1,4 +1,4 @@
-"""Convert values of variants from documents to SI units, and to strings with the same value."""
+"""Convert values in a variants document to SI units, and to strings that represent exactly the same value."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ ID_DIGITS = 12
 
 
 def unit_in(text: str) -> str:
-    """Return the unit of a quantity as written.
+    """Return the unit in the text of a quantity, such as `mm` for `70 mm`.
 
-    Return an empty string for a number without a unit, and for a string that is not a quantity.
+    Return an empty string for a number without a unit, and for a text that is not a quantity.
     """
     number = scan_number(text.strip())
     return "" if number is None else text.strip()[number[1]:].strip()
 
 
 def size_of(unit: str) -> float | None:
-    """Return the size of a unit in SI units, such as 0.001 for `mm`, or None if the string is not a unit."""
+    """Return the size of a unit in SI units, such as 0.001 for `mm`. Return None if the text is not a unit."""
     try:
         return parse_quantity(f"1 {unit}").value
     except UnitError:
@@ -42,15 +42,15 @@ def size_of(unit: str) -> float | None:
 
 
 def standard_unit(dimension: Dimension) -> str:
-    """Return the SI unit of a physical dimension by its usual name: `N*m`, `kg`, `Hz`, or "" for a number."""
+    """Return the common name of the SI unit of a physical dimension, such as `N*m`, `kg` or `Hz`. Return "" for plain numbers."""
     usual = unit_in(dimension.example)
     return next((unit for unit in (usual, usual[1:]) if unit and size_of(unit) == 1.0), dimension.symbol)
 
 
 def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
-    """Return `count` evenly spaced values between two quantities with the same unit, each rounded once.
+    """Return `count` evenly spaced quantities between two texts with the same unit. Each value is rounded once.
 
-    Four values from `60 mm` to `90 mm` contain exactly 70 mm. Return None if the two quantities are written in different units.
+    For example, four values from `60 mm` to `90 mm` include exactly 70 mm. Return None if the two texts have different units.
     """
     ends: list[Fraction] = []
     units: list[str] = []
@@ -75,21 +75,22 @@ def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
 
 
 def spaced_si(first: Quantity, last: Quantity, count: int) -> list[Quantity]:
-    """Return `count` evenly spaced values between two quantities of the same dimension, computed from the decimals of their SI values."""
+    """Return `count` evenly spaced quantities between two quantities of the same dimension, computed from the decimals of their SI values.
+    """
     a, b = Fraction(Decimal(repr(first.value))), Fraction(Decimal(repr(last.value)))
     return [Quantity(float(a + (b - a) * Fraction(k, count - 1)) + 0.0, first.dimension) for k in range(count)]
 
 
 def is_whole(text: str | None) -> bool:
-    """Return whether a number was written without a decimal point and unit."""
+    """Return whether the text of a number has neither a decimal point nor a unit."""
     return text is not None and re.fullmatch(r"[-+]?\d+", text.strip()) is not None
 
 
 def identity(assembly: str, parameters: Mapping[str, ExpressionValue], choices: Mapping[str, str]) -> str:
-    """Return the id of a variant: 12 hexadecimal digits of the SHA-256 of its settings.
+    """Return the id of a variant, which consists of 12 hexadecimal digits of the SHA-256 of its settings.
 
-    `assembly` is the path of the document in the workspace. `parameters` and `choices` are the settings that differ from the documents. The
-    same settings have the same id in every batch, whatever their order.
+    `assembly` is the path of the assembly document in the workspace. `parameters` and `choices` contain the settings that differ from the
+    documents. The same settings have the same id in every batch, in any order.
     """
     settings = {"assembly": assembly, "parameters": {name: plain(value) for name, value in parameters.items()}, "choices": dict(choices)}
     text = json.dumps(settings, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
@@ -97,10 +98,10 @@ def identity(assembly: str, parameters: Mapping[str, ExpressionValue], choices: 
 
 
 class Paths(FrozenStruct):
-    """The paths at which a variants document sets values, in order.
+    """The paths in the assembly document at which a variants document sets values, in order.
 
-    `kinds` contains an example value of each path, and `own` the values in the assembly. `expressions` are the values in `own` that are
-    expressions.
+    `kinds` contains an example value for each path, which determines the type. `own` contains the values in the assembly document.
+    `expressions` contains those of these values that are expressions.
     """
 
     kinds: Mapping[str, ExpressionValue]
@@ -109,7 +110,7 @@ class Paths(FrozenStruct):
 
 
 def read_paths(spec: VariantsSpec, documents: Documents, parameters: Mapping[str, ExpressionValue]) -> Paths:
-    """Return the paths of a variants document. `parameters` are the values of the parameters of the assembly."""
+    """Return the paths at which a variants document sets values. `parameters` contains the values of the parameters of the assembly."""
     given: dict[str, list[ExpressionValue]] = {}
     for name, raw in _entries(spec):
         if "." in name:
@@ -139,23 +140,23 @@ def _each(raw: Any) -> Iterable[Any]:
 
 
 def as_value(raw: Any) -> ExpressionValue | None:
-    """Convert a value of a document. Return None for an expression."""
+    """Convert a value in a document to a quantity, boolean or string. Return None for an expression."""
     if isinstance(raw, Expression):
         return None
     return Quantity(float(raw)) if isinstance(raw, (int, float)) and not isinstance(raw, bool) else raw
 
 
 def _kind(own: ExpressionValue | None, given: Iterable[ExpressionValue]) -> ExpressionValue | None:
-    """Return a value of the kind used at a path: the value of the assembly, or the first given value.
+    """Return an example of the type of values at a path: the value in the assembly document, or else the first value in `given`.
 
-    0 without a unit is used only if no other value exists.
+    The number 0 without a unit is returned only if there are no other values.
     """
     known = [one for one in (own, *given) if one is not None]
     return next((one for one in known if one != Quantity(0.0)), known[0] if known else None)
 
 
 def of_kind(value: ExpressionValue, kind: ExpressionValue | None) -> ExpressionValue | None:
-    """Convert a value to the kind of another value. Return None if this is impossible."""
+    """Convert a value to the type and the physical dimension of the value `kind`. Return None if this is impossible."""
     if not isinstance(value, Quantity) or not isinstance(kind, Quantity):
         return value if kind is None or type(value) is type(kind) else None
     if value == Quantity(0.0):

@@ -1,4 +1,4 @@
-"""Read a `variants/1` document with its assembly. All keys are checked, and all errors are reported together."""
+"""Read a `variants/1` document and its assembly document. All keys are checked, and all errors are reported together."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from thingc.model.resolve.types import AssemblyDefinition
 
 
 def targets_of(document: Document, spec: VariantsSpec, report: Report) -> tuple[str, ...]:
-    """Return the targets to write, in the order of a build."""
+    """Return the names of the targets that the document specifies, in the order of a build. Unknown targets are reported."""
     from thingc.targets.registry import chosen, unknown
 
     for index, message, hint in unknown(spec.emit):
@@ -42,7 +42,7 @@ def targets_of(document: Document, spec: VariantsSpec, report: Report) -> tuple[
 
 
 def check_names(document: Document, spec: VariantsSpec, model: AssemblyDefinition, report: Report) -> None:
-    """Report unknown modes, poses and mounts."""
+    """Report modes, poses and mounts in the variants document that do not exist in the assembly."""
     modes = [mode.name for mode in model.modes]
     for index, name in enumerate(spec.modes):
         if name not in modes:
@@ -70,7 +70,10 @@ def check_names(document: Document, spec: VariantsSpec, model: AssemblyDefinitio
 
 
 def check_margin(document: Document, spec: VariantsSpec, model: AssemblyDefinition, rules: Sequence[Rule], report: Report) -> None:
-    """Report rules on the torque margin if the mode of the results has loops, because the distribution of loads in loops is unknown."""
+    """Report rules on the torque margin if the robot has closed loops in the mode of the results.
+
+    The distribution of loads in closed loops is unknown, so such a robot has no torque margin.
+    """
     wanted = spec.modes[0] if spec.modes else model.modes[0].name
     mode = next((mode for mode in model.modes if mode.name == wanted), None)
     if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
@@ -85,7 +88,7 @@ def check_margin(document: Document, spec: VariantsSpec, model: AssemblyDefiniti
 
 
 def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
-    """Yield the paths of all moving joints, including joints in nested documents."""
+    """Yield the paths of all joints that can move, including the joints of nested documents."""
     for name in dict.fromkeys(joint.name.joint for joint in model.joints if joint.kind.moves):
         yield prefix + name
     for component in model.components:
@@ -94,9 +97,9 @@ def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
 
 
 def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[str, Any] | list[str], str] | None:
-    """Return the unknown word of a reference to a mount, the known words, and their kind. Return None for a valid reference.
+    """Return the first part of a reference to a mount that does not exist, the names that exist, and what they name.
 
-    The mounts of a part are unknown before it is built.
+    Return None for a valid reference. The mounts of a part are not checked, because they are unknown before the part is built.
     """
     if len(words) == 1:
         return None if words[0] in model.mounts else (words[0], model.mounts, "mounts")
@@ -117,9 +120,9 @@ MOST = 1_000_000
 
 
 def plan(document: str, *, options: Options | None = None) -> Plan:
-    """Return the plan of a `variants/1` document, without building parts. Raises `PlanError` with all diagnostics.
+    """Read a `variants/1` document, and return the plan of its variants. No parts are built.
 
-    `options` are the options of the compiler, such as the store.
+    `options` contains options of the compiler, such as the store. Raises `PlanError` if the document has errors.
     """
     report = Report()
     planned = read_plan(document, options or Options(), report)
@@ -129,7 +132,8 @@ def plan(document: str, *, options: Options | None = None) -> Plan:
 
 
 def read_plan(path: str, options: Options, report: Report, lend: Lend | None = None) -> Plan | None:
-    """Return the plan of the document at `path`. If the document has errors, add them to `report` and return None.
+    """Read the `variants/1` document at `path`, and return the plan of its variants. If it has errors, add them to `report` and return
+    None.
 
     `lend` returns the source of parts, as for `Environment`.
     """
@@ -151,7 +155,7 @@ def read_plan(path: str, options: Options, report: Report, lend: Lend | None = N
 
 
 class _Planner:
-    """Converts one document to a plan."""
+    """Converts one `variants/1` document to a plan, and reports errors in the document."""
 
     def __init__(self, document: Document, spec: VariantsSpec, environment: Environment, sources: Sources, report: Report) -> None:
         self.document = document
@@ -208,7 +212,7 @@ class _Planner:
     # --- axes and settings ----------------------------------------------------------------------------------------
 
     def parameters(self, reader: AxisParser) -> tuple[list[Axis], dict[str, ExpressionValue]]:
-        """Return the axes of parameters, and the values of all variants."""
+        """Return the axes of parameters with several values, and the parameters whose value is the same for all variants."""
         axes: list[Axis] = []
         fixed: dict[str, ExpressionValue] = {}
         for name, raw in self.spec.parameters.items():
@@ -220,7 +224,9 @@ class _Planner:
         return axes, fixed
 
     def units(self, names: Iterable[str]) -> Iterator[tuple[str, str]]:
-        """Yield the unit of each parameter or path, as in this document, or else as in the assembly."""
+        """Yield the name and the unit of each parameter or path. The unit is taken from the variants document, or else from the assembly
+        document.
+        """
         root = self.sources.documents.root
         for name in names:
             own = ("parameters", name) if "." not in name else tuple(name.split("."))
@@ -235,7 +241,7 @@ class _Planner:
                 yield name, unit
 
     def choices(self, root: str) -> tuple[list[Axis], dict[str, str]]:
-        """Return the axes of choices, and the choices of all variants."""
+        """Return the axes of choices with several values, and the choices that are the same for all variants."""
         axes: list[Axis] = []
         fixed: dict[str, str] = {}
         for path, raw in self.spec.choices.items():
@@ -258,20 +264,23 @@ class _Planner:
         return axes, fixed
 
     def named(self, path: str, text: str, root: str) -> str:
-        """Convert the path of a chosen file or document to a path that is relative to the assembly document.
+        """Convert the path of a file or document that a choice selects, so that it is relative to the assembly document.
 
-        Other strings are returned unchanged.
+        Other values of choices are returned unchanged.
         """
         return moved(text, self.document.relative, root) if _key(path) in ("assembly", "file") else text
 
     def there(self, text: str, at: Path) -> bool:
-        """Return whether a chosen document exists. Report a missing document."""
+        """Return whether the document that a choice selects exists. A missing document is reported."""
         return find_assembly(
             text, beside=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
         ) is not None
 
     def possible(self, path: str, text: str, at: Path) -> bool:
-        """Return whether a choice is valid, alone or with an assembly chosen around it. Report an invalid choice."""
+        """Return whether the value `text` of a choice is valid, alone or together with an assembly that another choice selects around it.
+
+        An invalid choice is reported.
+        """
         wrong = self.trial({path: text})
         for diagnostic in wrong:
             if diagnostic.code is Code.CHOICE_OPTION:
@@ -279,10 +288,10 @@ class _Planner:
         return not any(diagnostic.code is Code.CHOICE_OPTION for diagnostic in wrong)
 
     def fits(self, path: str, text: str, at: Path) -> bool:
-        """Return whether a value is valid at a path of the assembly. Report an invalid value, and report an unknown path at its key.
+        """Return whether the value `text` is valid at a path in the assembly document. An invalid value or an unknown path is reported.
 
-        A value of an explicit variant is checked together with the whole variant. Other values are checked alone, then with the first
-        values of other settings.
+        A value of an explicitly listed variant is checked together with all settings of this variant. Any other value is checked alone. If
+        it is invalid alone, it is checked together with the first values of all other settings.
         """
         if at[0] == "list":
             written = self.texts({name: (*at[:-1], name) for name in self.spec.list_[int(at[1])].parameters})
@@ -303,12 +312,14 @@ class _Planner:
         return not wrong
 
     def texts(self, places: Mapping[str, Path]) -> dict[str, str]:
-        """Return the strings in this document at the given paths, by name. Values that are not scalars are omitted."""
+        """Return the source texts of scalars in the variants document. `places` maps names to key paths. Values that are not scalars are
+        omitted.
+        """
         nodes = ((name, node_at(self.document.tree, place)) for name, place in places.items())
         return {name: node.text for name, node in nodes if isinstance(node, ScalarNode)}
 
     def firsts(self) -> dict[str, str]:
-        """Return the first value, as written, of every setting that is fixed, is an axis, or is sampled."""
+        """Return the source text of the first value of each parameter and path, for settings that are fixed, on an axis, or sampled."""
         first: dict[str, Path] = {}
         for name, raw in self.spec.parameters.items():
             within: Path = (0,) if isinstance(raw, list) else ("from",) if isinstance(raw, AxisSpec) else ()
@@ -317,13 +328,13 @@ class _Planner:
         return self.texts(first)
 
     def made_wrong(self, texts: Mapping[str, str], beside: Mapping[str, str]) -> list[Diagnostic]:
-        """Return the errors that `texts` cause with the settings `beside`, without errors that also occur without `texts`."""
+        """Return the errors that the settings `texts` cause in addition to those that the settings `beside` cause without them."""
         wrong = self.trial({**beside, **texts})
         others = self.trial(beside) if wrong else []
         return [one for one in wrong if one not in others]
 
     def trial(self, texts: Mapping[str, str]) -> list[Diagnostic]:
-        """Return the errors that settings cause in the assembly, alone or with one of the assemblies chosen around them.
+        """Return the errors that settings cause in the assembly, alone or together with an assembly that a choice selects around them.
 
         Errors of the assembly itself are not included. Invalid values of parameters are reported elsewhere.
         """
@@ -352,7 +363,10 @@ class _Planner:
         return self.tried[key]
 
     def say_once(self, code: Code, diagnostic: Diagnostic, path: str, at: Path, shown: str, *, key: bool) -> None:
-        """Report an error of the assembly about a setting at its location in this document."""
+        """Report an error that a setting causes in the assembly, at the location of the setting in the variants document.
+
+        The same message is reported only once for each path.
+        """
         if (path, diagnostic.message) in self.said:
             return
         self.said.add((path, diagnostic.message))
@@ -365,7 +379,7 @@ class _Planner:
         )
 
     def around(self, paths: Iterable[str]) -> Iterator[dict[str, str]]:
-        """Yield an empty set of choices, then each assembly that is chosen for a component that contains one of the paths."""
+        """Yield an empty set of choices, and then each choice of an assembly for a component that contains one of the paths."""
         yield {}
         root = self.sources.documents.root.relative
         for other, raw in self.spec.choices.items():
@@ -375,7 +389,7 @@ class _Planner:
                     yield {other: self.named(other, text, root)}
 
     def listed(self, reader: AxisParser, fixed: Setting, root: str) -> tuple[Setting, ...]:
-        """Return the variants that the document lists explicitly."""
+        """Return the settings of the variants that the document lists explicitly, and report invalid settings."""
         met: dict[str, int] = {}
         made: list[Setting] = []
         for index, entry in enumerate(self.spec.list_):
@@ -414,7 +428,7 @@ class _Planner:
         return tuple(made)
 
     def sample(self, reader: AxisParser) -> tuple[Method | None, int, int]:
-        """Return the method, count and seed of the sample."""
+        """Return the sampling method, the number of samples and the seed. The method is None if the document does not specify a sample."""
         sample = self.spec.sample
         if sample is None:
             return None, 0, 0
@@ -427,7 +441,10 @@ class _Planner:
         return sample.method, count or 0, seed or 0
 
     def grid_fits(self) -> bool:
-        """Return whether the grid has at most `MOST` variants. Report a larger grid before any value of an axis is evaluated."""
+        """Return whether the grid of variants contains at most `MOST` variants. A larger grid is reported.
+
+        This is checked before the values of any axis are computed.
+        """
         axes = [(key, raw) for key in ("parameters", "choices") for raw in getattr(self.spec, key).values()]
         sized = [(key, raw.count if isinstance(raw, AxisSpec) else len(raw)) for key, raw in axes if isinstance(raw, (AxisSpec, list))]
         sizes = [(key, size) for key, size in sized if isinstance(size, int) and 1 < size <= MOST_VALUES]
@@ -444,9 +461,9 @@ class _Planner:
     # --- inputs ------------------------------------------------------------------------------------------------------
 
     def inputs(self) -> dict[str, str]:
-        """Return the digests of the documents and the code on which the plan depends.
+        """Return the digests of all documents and code files on which the plan depends.
 
-        The keys are paths, relative to the workspace for files inside it.
+        The keys are paths. They are relative to the workspace for files inside the workspace.
         """
         from thingc.driver.up_to_date import state_of
 
@@ -462,10 +479,10 @@ class _Planner:
         return dict(sorted(digests.items()))
 
     def error(self, code: Code, message: str, path: Path, help: Hint | None = None) -> None:
-        """Report an error at a value of the document."""
+        """Report an error at the location of a value in the variants document."""
         self.report.add(code, message, self.document.span(path), help=help, path=dotted(path), severity=Severity.ERROR)
 
 
 def _key(path: str) -> str:
-    """Return the last key in the path of a choice: `part`, `file`, `assembly` or `material`."""
+    """Return the last key in the path of a choice, such as `part`, `file`, `assembly` or `material`."""
     return path.rpartition(".")[2]

@@ -1,4 +1,4 @@
-"""Overwrite the arrays of a compiled MuJoCo model for other numbers in its XML."""
+"""Write other numbers into the arrays of a compiled MuJoCo model, as if its XML had been compiled with these numbers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ _PLANE = 0.1
 
 
 class Statistics:
-    """Computes MuJoCo's statistics of a model structure for many variants. Statistics that the XML specifies (`stated`) are omitted."""
+    """Computes the field `stat` of a MuJoCo model for many variants that differ only in numbers. `stated` contains the values that the XML
+    specifies.
+    """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, stated: Collection[str] = ()) -> None:
         import mujoco
@@ -55,20 +57,23 @@ class Statistics:
         self._inertia = model.dof_M0
 
     def room(self, variants: int) -> Places:
-        """Return arrays for `note`: positions of anchors, centres, geoms, bodies and sites, each with shape (number, variants, 3) [m]."""
+        """Create the arrays that `note` fills: the positions of joint anchors, centres of mass, geoms, bodies and sites.
+
+        Each array has the shape (number of elements, variants, 3) [m].
+        """
         import numpy as np
 
         return [np.empty((len(place), variants, 3)) for place in self._places]
 
     def note(self, places: Places, variant: int) -> None:
-        """Copy the positions of a variant from `data`, which is at `qpos0`."""
+        """Copy the positions of the elements of one variant from its `MjData`, which must be at `qpos0`, into the arrays `places`."""
         for kind, place in zip(places, self._places):
             kind[:, variant] = place
 
     def of(self, places: Places, masses: Array) -> dict[str, list[Any]]:
-        """Return the statistics of many variants, without `meaninertia`. `masses` (variants, bodies) are in kg.
+        """Compute the statistics of many variants, except `meaninertia`. `masses` (variants, bodies) are in kg.
 
-        `places` can contain a single variant if all variants have the same positions.
+        If all variants have the same positions, `places` can contain only one variant.
         """
         import numpy as np
 
@@ -92,7 +97,10 @@ class Statistics:
         return {name: values * (len(masses) // len(values)) for name, values in columns.items() if name not in self._stated}
 
     def write(self, values: Mapping[str, list[Any]], index: int) -> None:
-        """Write the statistics of a variant, including `meaninertia`, which depends on constants that MuJoCo computes for the variant."""
+        """Write the statistics of the variant with this index to the model.
+
+        They include `meaninertia`, which depends on constants that MuJoCo has computed for this variant.
+        """
         for name, column in values.items():
             setattr(self._stat, name, column[index])
         if self._nv and "meaninertia" not in self._stated:
@@ -117,11 +125,11 @@ Compile = Callable[[str], "mujoco.MjModel"]
 
 
 class Arrays:
-    """A compiled model, and the entries of its arrays that depend on varying numbers.
+    """A compiled MuJoCo model, and the elements of its arrays that depend on varying numbers.
 
-    `text` is the XML with a word for each of these numbers, and `tokens` maps words to indices of numbers. `plain` is the XML with numbers,
-    `assets` are the meshes by file, and `compile` compiles XML. `lines` are the indices of the numbers for `prepare`, in order. Raises
-    `NotAnArrayEntry` if a number does not appear unchanged in an array.
+    `text` is the XML in which a token replaces each varying number, and `tokens` maps tokens to indices of numbers. `plain` is the XML with
+    numbers, `assets` contains the meshes by file name, and `compile` compiles XML. `lines` contains the indices of the numbers that
+    `prepare` expects, in order. Raises `NotAnArrayEntry` if a number does not appear unchanged in an array.
     """
 
     def __init__(self, text: str, tokens: Mapping[str, int], plain: str, assets: Mapping[str, bytes], compile: Compile) -> None:
@@ -170,18 +178,19 @@ class Arrays:
         self._geoms = [self._colliding(body) for body in self._bodies]
 
     def lend(self) -> mujoco.MjModel:
-        """Lend the model to a borrower, which can modify the model."""
+        """Return the model itself, not a copy. The caller can modify it; `take_back` undoes these modifications."""
         self._is_lent = True
         return self.model
 
     def take_back(self) -> None:
-        """Undo the changes of borrowers, so that `put` results in the exact model of a variant."""
+        """Undo the modifications of callers, so that `put` gives the exact model of a variant."""
         if self._is_lent:
             restore(self.model, self._first)
         self._is_lent = False
 
     def _take(self, field: str, entries: list[tuple[int, Entry]]) -> None:
-        """Record the places of the numbers of a field, in an array or in an option. Each number is identified by its column."""
+        """Record which elements of a field depend on numbers. The field is an array or an option. Each number is identified by its column.
+        """
         import numpy as np
 
         owner, name = owner_of(self.model, field)
@@ -195,10 +204,7 @@ class Arrays:
             self._options.append((owner, name, entries[-1][0]))
 
     def _colliding(self, body: int) -> Array:
-        """Return the colliding geoms of a body, followed by -1, so that the entry at index -1 is -1.
-
-        Without colliding geoms, return an empty array.
-        """
+        """Return the indices of the colliding geoms of a body, followed by -1. Return an empty array if the body has no colliding geoms."""
         import numpy as np
 
         m = self.model
@@ -207,7 +213,10 @@ class Arrays:
         return np.array([*colliding, -1] if colliding else [], dtype=int)
 
     def prepare(self, values: Sequence[tuple[float, ...]]) -> Prepared:
-        """Compute the entries for many variants from the numbers of each variant. Raises `ValueError` if MuJoCo rejects a variant."""
+        """Compute the array elements of many variants. `values` contains the numbers of each variant.
+
+        Raises `ValueError` if MuJoCo rejects a variant.
+        """
         import mujoco
         import numpy as np
 
@@ -236,9 +245,9 @@ class Arrays:
         return Prepared(plain, options, self._statistics.of(places, masses))
 
     def _inertial_writes(self, inertials: Array) -> list[tuple[str, Array, Array, Array]]:
-        """Return the entries for the mass properties of bodies (variants, bodies, 10).
+        """Compute the array elements that depend on the mass properties of bodies (variants, bodies, 10).
 
-        Entries for boxes of colliding geoms, which are aligned with principal axes, are included.
+        They include the bounding boxes of colliding geoms, which are aligned with the principal axes.
         """
         import numpy as np
 
@@ -266,7 +275,7 @@ class Arrays:
         return writes
 
     def put(self, prepared: Prepared, index: int) -> None:
-        """Write the entries of a variant to `model`."""
+        """Write the array elements of the variant with this index to `model`."""
         import mujoco
 
         model = self.model
@@ -283,9 +292,9 @@ class Arrays:
 
 @dataclass(slots=True)
 class Prepared:
-    """The computed array entries of several variants.
+    """The array elements of several variants, to be written into a model.
 
-    Each variant has a row of array entries, a value per option, and statistics if MuJoCo recomputes constants.
+    There is a row of array elements for each variant, a value for each option, and statistics if MuJoCo recomputes constants.
     """
 
     writes: list[tuple[Array, Array, Array]]
@@ -294,10 +303,10 @@ class Prepared:
 
 
 class Bodies:
-    """A small model with several copies of some bodies of a model.
+    """A small MuJoCo model that contains many copies of some bodies of a larger model.
 
-    MuJoCo's compiler then computes the principal axes and aligned boxes of many variants in one call. `text` is the XML of the whole model,
-    and `assets` are its meshes by file name.
+    With this model, MuJoCo's compiler computes the principal axes and the aligned bounding boxes of many variants in one call. `text` is
+    the XML of the larger model, and `assets` contains its meshes by file name.
     """
 
     def __init__(self, text: str, assets: Mapping[str, bytes], names: Sequence[str], copies: int) -> None:
@@ -331,10 +340,10 @@ class Bodies:
         self._bodies = [self._spec.body(f"{name}#{index}") for name in names for index in range(copies)]
 
     def work_out(self, inertials: Array) -> BodyArrays:
-        """Compute the results of some variants, at most as many as the number of copies.
+        """Compute the principal axes and the bounding boxes of several variants. There can be at most as many variants as copies.
 
-        `inertials` (variants, bodies, 10) are masses, centres of mass and inertias, as in `fullinertia`. Raises `ValueError` if MuJoCo
-        rejects a variant.
+        `inertials` (variants, bodies, 10) contains the mass, the centre of mass and the inertia of each body, in the order of
+        `fullinertia`. Raises `ValueError` if MuJoCo rejects a variant.
         """
         count = len(inertials)
         for b in range(len(self.names)):
@@ -345,10 +354,10 @@ class Bodies:
 
 
 class BodyArrays:
-    """The arrays of the copied bodies, with the results for all copies.
+    """The fields of a MuJoCo model for several copies of some bodies.
 
-    `inertia` (copies, bodies, 3) are principal moments, and `axes` (copies, bodies, 4) the quaternions of the axes. `boxes` are the fields
-    of the bounding volume tree of each body.
+    `inertia` (copies, bodies, 3) contains principal moments, and `axes` (copies, bodies, 4) the quaternions of the principal axes. `boxes`
+    contains the fields of the bounding volume tree of each body.
     """
 
     def __init__(self, model: mujoco.MjModel, copies: int, bodies: int) -> None:

@@ -1,4 +1,4 @@
-"""Map the numbers of an MJCF file to the array entries of the MuJoCo model that contain them unchanged."""
+"""Find the elements of a MuJoCo model's arrays that contain the numbers of an MJCF file unchanged."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
 
 class NotAnArrayEntry(Exception):
-    """Raised for a number that MuJoCo's compiler changes. `attribute` is the place of the number, such as `geom.pos`."""
+    """Raised if MuJoCo's compiler changes a number, so that no array contains it unchanged.
+
+    `attribute` is the attribute with the number, such as `geom.pos`.
+    """
 
     def __init__(self, attribute: str) -> None:
         super().__init__(attribute)
@@ -21,9 +24,9 @@ class NotAnArrayEntry(Exception):
 
 
 class Entry(FrozenStruct):
-    """An entry of a field of `MjModel`: its flat index, and the factor by which the number is multiplied (1 or -1).
+    """An element of a field of `MjModel`: its flat index, and the sign (1 or -1) by which the number is multiplied.
 
-    Fields of options are named `opt.timestep`, and fields of statistics `stat.extent`.
+    An option has a field name such as `opt.timestep`, and a statistic has a field name such as `stat.extent`.
     """
 
     field: str
@@ -75,10 +78,11 @@ _KINDS = {**dict.fromkeys(_DRIVES, "actuator"), **dict.fromkeys(_TENDONS, "tendo
 def places(
     root: Element, tokens: Mapping[str, int], model: mujoco.MjModel, *, geometry: bool = False,
 ) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
-    """Return the entries of every number, by the index of its token, and the strings of the mass properties by body.
+    """Find the array elements of all numbers that are tokens in an MJCF file. Return them by the index of the token.
 
-    These strings are mass, centre of mass and inertia of each `inertial` with tokens. `model` is the compiled XML. `geometry` includes
-    numbers of geoms, cameras and free bodies from which MuJoCo computes other fields. Raises `NotAnArrayEntry`.
+    Also return the words of the mass properties of each body by the name of the body: mass, centre of mass and inertia of an `inertial`
+    that contains tokens. `model` is the compiled model. `geometry` includes numbers of geoms, cameras and free bodies from which MuJoCo
+    computes other fields. Raises `NotAnArrayEntry`.
     """
     entries: list[tuple[int, Entry]] = []
     inertials: dict[str, list[list[str]]] = {}
@@ -99,7 +103,7 @@ def places(
 
 
 def _walk(root: Element) -> Iterator[tuple[Element, Element]]:
-    """Yield every element with its parent."""
+    """Yield every element of an XML tree together with its parent."""
     waiting = [root]
     while waiting:
         above = waiting.pop()

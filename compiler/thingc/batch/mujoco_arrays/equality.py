@@ -13,7 +13,8 @@ GROUPS = ("opt", "stat", "vis", "vis.global_", "vis.quality", "vis.headlight", "
 
 
 def different_fields(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]:
-    """Return the names of all fields in which two models differ: arrays, sizes, names, and numbers of `opt`, `stat` and `vis`.
+    """Compare two MuJoCo models, and return the names of all fields that differ: arrays, sizes, names, options, statistics and visual
+    settings.
 
     `signature` is not compared, because it depends on the file.
     """
@@ -21,7 +22,7 @@ def different_fields(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]
 
 
 def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
-    """Undo all changes of a model that was created as a copy of `first`."""
+    """Copy all values from the model `first` to the model `model`, which was created as a copy of `first` and may have changed since."""
     import numpy as np
 
     for name in different_fields(model, first):
@@ -34,7 +35,7 @@ def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
 
 
 def names(model: mujoco.MjModel) -> Iterator[str]:
-    """Yield the names of the fields to compare: `body_mass`, `opt.gravity`, `vis.map.znear`."""
+    """Yield the names of all fields of a model that are compared, such as `body_mass`, `opt.gravity` or `vis.map.znear`."""
     import numpy as np
 
     for prefix in ("", *(f"{group}." for group in GROUPS)):
@@ -45,7 +46,8 @@ def names(model: mujoco.MjModel) -> Iterator[str]:
 
 
 def owner_of(model: Any, name: str) -> tuple[Any, str]:
-    """Return the structure that contains a field (`model.vis.map` for `vis.map.znear`), and the name of the field in it."""
+    """Return the object that has a field as its attribute, and the name of the attribute: `model.vis.map` and `znear` for `vis.map.znear`.
+    """
     if "." not in name:  # the most common case
         return model, name
     *groups, field = name.split(".")
@@ -55,7 +57,7 @@ def owner_of(model: Any, name: str) -> tuple[Any, str]:
 
 
 def content(model: Any, name: str) -> bytes:
-    """Return the shape and the bytes of a field."""
+    """Return the shape and the value of a field as bytes, for comparisons."""
     import numpy as np
 
     value = np.asarray(getattr(*owner_of(model, name), None))

@@ -1,6 +1,6 @@
-"""Create models from many XML strings.
+"""Create MuJoCo models from many XML texts.
 
-If models differ only in numbers, one model is compiled, and its arrays are overwritten for the other models.
+If the texts differ only in numbers, only one model is compiled. For the other models, numbers are written into its arrays.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ _NUMBERS = re.compile(r"[-+0-9.e ]*[0-9][-+0-9.e ]*")
 
 
 class ModelText(FrozenStruct, eq=False):
-    """The XML of a model without includes.
+    """The XML text of a MuJoCo model, without includes, and the functions that read its meshes and compile it.
 
-    `meshes` identifies the files of the model; equal values mean equal files. `assets` reads these files by name, and `compiled` compiles
-    the XML.
+    `meshes` identifies the mesh files; equal values mean equal files. `assets` returns the contents of these files by name. `compiled`
+    compiles the XML.
     """
 
     text: str
@@ -42,10 +42,10 @@ class ModelText(FrozenStruct, eq=False):
 
 
 class TextModels:
-    """Creates MuJoCo models from XML strings.
+    """Creates MuJoCo models from many XML texts.
 
-    Some models that were created without compilation (the first, second, fourth, eighth ... of each kind) are compared with the compiled
-    model. After a difference, models of this kind are always compiled. Not thread-safe.
+    Of the models that are created without compilation, some are compared with the compiled model: the first, second, fourth, eighth ... of
+    each kind. If a model differs, all later models of this kind are compiled. This class is not thread-safe.
     """
 
     def __init__(self) -> None:
@@ -53,9 +53,9 @@ class TextModels:
         self._shapes: dict[str, str | int] = {}
 
     def each(self, many: Iterable[ModelText], *, share: bool) -> Iterator[mujoco.MjModel]:
-        """Yield the models for XML strings, in order. At most 128 inputs are read ahead.
+        """Yield the MuJoCo model of each XML text, in order. At most 128 texts are read ahead.
 
-        With `share`, the same model object is lent each time. It is valid until the next model is requested.
+        With `share`, the yielded models can be the same object. A model is then valid until the next model is requested.
         """
         texts = iter(many)
         while some := list(islice(texts, TOGETHER)):
@@ -90,7 +90,8 @@ class TextModels:
 
 
 class _Kind:
-    """Models that differ from `first` only in numbers. `pieces` are the parts of the XML between quotes."""
+    """The models that differ from the model `first` only in numbers. `pieces` contains the parts of the XML text between quotation marks.
+    """
 
     def __init__(self, first: ModelText, pieces: Sequence[str]) -> None:
         self._first = first
@@ -101,7 +102,7 @@ class _Kind:
         self._seen = self._made = 0
 
     def prepared(self, texts: Sequence[Sequence[str]]) -> Prepared | None:
-        """Return the entries to write for each of these models, or None if the models must be compiled."""
+        """Compute the array elements of several models of this kind. Return None if the models must be compiled."""
         self._seen += len(texts)
         if self._slow or self._seen <= ENOUGH:
             return None
@@ -118,7 +119,10 @@ class _Kind:
         return None
 
     def put(self, one: ModelText, prepared: Prepared, index: int, *, share: bool) -> mujoco.MjModel | None:
-        """Return the model, which is lent or must be copied by the caller, or None if it must be compiled."""
+        """Return the model with the given index in `prepared`, or None if it must be compiled.
+
+        With `share`, the returned model is shared; otherwise, the caller must copy it.
+        """
         if self._slow or self._arrays is None:
             return None
         self._made += 1
@@ -132,7 +136,7 @@ class _Kind:
         return self._arrays.lend() if share else self._arrays.model
 
     def _with(self, others: Iterable[int]) -> Arrays:
-        """Return arrays that support additional attributes with different numbers."""
+        """Return `Arrays` in which further attributes of the XML can have different numbers."""
         self._gaps = sorted((*self._gaps, *others))
         tokens: dict[str, int] = {}
         tokened = self._pieces.copy()
@@ -144,6 +148,6 @@ class _Kind:
         return Arrays('"'.join(tokened), tokens, first.text, first.assets(), lambda text: first.compiled())
 
     def _numbers(self, arrays: Arrays, pieces: Sequence[str]) -> tuple[float, ...]:
-        """Return the numbers in the XML of a model, in the order that `arrays` requires."""
+        """Return the numbers in the XML text of a model, in the order that `arrays.prepare` requires."""
         words = [float(word) for k in self._gaps for word in pieces[k].split()]
         return tuple(words[line] for line in arrays.lines)
