@@ -44,7 +44,7 @@ class ModelText(FrozenStruct, eq=False):
 class TextModels:
     """Creates MuJoCo models from many XML texts.
 
-    Of the models that are created without compilation, some are compared with the compiled model: the first, second, fourth, eighth ... of
+    Some of the models that are created without compilation are compared with the compiled model: the first, second, fourth, eighth ... of
     each kind. If a model differs, all later models of this kind are compiled. This class is not thread-safe.
     """
 

@@ -1,1 +1,2 @@
-"""Plans: recorded computations that repeat a compilation for other numbers. `Builds` creates whole builds with plans."""
+"""Plans: recordings of a compilation that repeat its computations with other numbers. The class `Builds` creates whole builds with plans.
+"""

@@ -1,4 +1,4 @@
-"""Create whole builds for many settings. Files are written once, with slots for numbers that are filled for other settings."""
+"""Create whole builds for many settings. The files are generated once with slots, into which the numbers of other settings are inserted."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ Measured = Callable[[Compilation], "dict[str, Any] | None"]
 
 
 class Build(FrozenStruct):
-    """The files of a build of valid settings, and its results.
+    """The files of a build for valid settings, and the results of the robot.
 
-    `results` are those of `measured`; `problems` are all diagnostics; `losses` are counts by kind; `parts` is the number of part
-    definitions. `files` returns the files of the folder by path, including the manifest.
+    `results` contains the results that `measured` returns, and `problems` all diagnostics. `losses` contains the number of export losses of
+    each kind. `parts` is the number of part definitions. `files` returns the contents of all files by path, including the manifest.
     """
 
     results: dict[str, Any]
@@ -62,11 +62,12 @@ class Build(FrozenStruct):
 
 
 class Builds:
-    """Creates builds of one document for fixed modes (none: all) and targets.
+    """Creates builds of one document for many settings, for the same modes (none: all) and targets.
 
-    `measured` returns their results, `emit` their artifacts. A plan is made for the `patience`-th (a power of two, default `PATIENCE`)
-    settings with the same names. For each plan, the first build and then one in `verify` is compared with a compilation, whose models
-    MuJoCo compiles, too (None: the first, second, fourth, eighth ...; 0: none).
+    `measured` computes the results of a compilation, and `emit` creates the files of the targets. A plan is created for the `patience`-th
+    settings with the same names (a power of two, default: `PATIENCE`). For each plan, the first build, and then one in `verify`, is
+    compared with a compilation. MuJoCo also compiles the models of this compilation. (None: the first, second, fourth, eighth ...; 0: no
+    builds.)
     """
 
     def __init__(
@@ -85,7 +86,9 @@ class Builds:
         self._forms: PlanCaches[_Template] = PlanCaches(patience or PATIENCE, self._refusals.applies)
 
     def planned(self, settings: Settings) -> Build | None:
-        """Create the build of settings by a plan. Return None if there is no plan for the settings, whether they are valid or not."""
+        """Create the build for the given settings with a plan. Return None if no plan applies to the settings, which can be valid or
+        invalid.
+        """
         read = self._reader.read({**settings.parameters, **settings.choices})
         given = {*settings.parameters, *settings.choices}
         if given != {*read.names, *dict(read.texts)} or not self._has_slots:
@@ -103,26 +106,31 @@ class Builds:
         return made
 
     def refused(self, settings: Settings) -> tuple[tuple[Diagnostic, ...], int] | None:
-        """If a plan shows that settings are refused, return their diagnostics and the number of part definitions, otherwise None."""
+        """Return the diagnostics and the number of part definitions if a plan shows that the settings are refused. Otherwise, return None.
+        """
         read = self._refusable(settings)
         problems = None if read is None else self._refusals.problems(read)
         return None if problems is None else (problems, self._refusals.parts)
 
     def learn(self, settings: Settings, problems: tuple[Diagnostic, ...]) -> None:
-        """Record a failed compilation, so that `refused` can recognize similar settings."""
+        """Record that a compilation of these settings has failed, so that `refused` can recognize similar settings."""
         read = self._refusable(settings)
         if read is not None:
             self._refusals.learn(read, problems)
 
     def _refusable(self, settings: Settings) -> ParsedSettings | None:
-        """Parse settings. Return None if their diagnostics may quote other texts than those of plans, or may have another order."""
+        """Parse settings for `refused`. Return None if the diagnostics of a plan could differ from those of a compilation in text or order.
+        """
         read = self._reader.read({**settings.parameters, **settings.choices})
         own = self._reader.settings(read)
         alike = [*settings.parameters] == [*own.parameters] and [*settings.choices.items()] == [*own.choices.items()]
         return read if alike else None
 
     def made(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
-        """Create the files of settings by a plan or a compilation. Return the files (none for refused settings) and all diagnostics."""
+        """Create the files of a build for the given settings, with a plan or by a compilation. Also return all diagnostics.
+
+        There are no files for refused settings.
+        """
         planned = self.planned(settings)
         if planned is not None:
             return planned.files(), planned.problems
@@ -135,7 +143,10 @@ class Builds:
         return files, problems
 
     def passed(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
-        """Compile settings, and check all models with MuJoCo. Return the files (none for refused settings) and all diagnostics."""
+        """Compile the given settings, check all models with MuJoCo, and return the files of the build and all diagnostics.
+
+        There are no files for refused settings.
+        """
         build, problems = self._passed(settings)
         return build.files() if build is not None else {}, problems
 
@@ -157,7 +168,7 @@ class Builds:
         ), problems
 
     def _plan(self, read: ParsedSettings, form: PlanCache[_Template]) -> NumericPlan[_Template] | None:
-        """Create a plan that gives the same builds as compilations. If this is impossible, return None and store the reason in `form`."""
+        """Create a plan that gives the same builds as compilations. If this is impossible, store the reason in `form` and return None."""
         first, _ = self._passed(self._reader.settings(read))
         if first is None:
             return None
@@ -176,7 +187,10 @@ class Builds:
         return tracing.checked(tracing.plan(read, finish, form), read, form, differs, "files")
 
     def _written(self, read: ParsedSettings, compilation: Compilation, tape: Tape) -> tuple[Mapping[str, Content], Mapping[str, Any]]:
-        """Create files with slots for the numbers and texts of settings, and results with traced numbers (for `trace_compilation`)."""
+        """Create the files of a traced compilation with slots for numbers and texts of settings, and its results with traced numbers.
+
+        This function is used by `trace_compilation`.
+        """
         results = self._measured(compilation) or {}
         environment = copy.copy(self._session.environment)
         environment.memo = Memo()
@@ -195,7 +209,9 @@ class Builds:
 
 
 class _Kernel:
-    """The geometry service for traced compilations. Numbers on which the STEP file of the robot depends are pinned to their values."""
+    """The geometry service during a traced compilation. If the STEP file of the robot depends on a traced number, the plan is restricted to
+    its value.
+    """
 
     def __init__(self, service: Any) -> None:
         self._service = service
@@ -204,7 +220,10 @@ class _Kernel:
         return getattr(self._service, name)
 
     def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
-        """Write the STEP file as `GeometryService` does. With traced numbers, return an empty file and pin the plan to these values."""
+        """Write the STEP file of the robot as `GeometryService` does. If poses contain traced numbers, return an empty file instead.
+
+        The plan then applies only to the current values of these numbers.
+        """
         rows: list[tuple[Any, ...]] = [row for one in instances for row in (*one.pose.rotation, one.pose.translation)]
         traced = [number for row in rows for number in row if isinstance(number, Traced)]
         for number in traced:
@@ -214,7 +233,10 @@ class _Kernel:
 
 
 class _Template:
-    """A build with slots for numbers. `outputs` are the numbers for the slots, and `like` is a build with the same structure."""
+    """The files of a build with slots for numbers. `outputs` contains the numbers for the slots, and for the results.
+
+    `like` is a build without slots, whose diagnostics and export losses are the same.
+    """
 
     def __init__(self, rehearsal: TraceResult, like: Build) -> None:
         files, results = rehearsal.made
@@ -236,7 +258,7 @@ class _Template:
         self.outputs = [*self._numbers.outputs, *self._shape.outputs]
 
     def build(self, outputs: Sequence[float], settings: Settings) -> Build | None:
-        """Create the build for these values of `outputs`. Return None if a number in a file is not finite."""
+        """Create the build for the given values of `outputs`. Return None if a number in a file is infinite or NaN."""
         count, like = len(self._numbers.outputs), self._like
         if not all(map(math.isfinite, outputs[:count])):
             return None
@@ -246,7 +268,7 @@ class _Template:
         )
 
     def files(self, numbers: Sequence[float], settings: Settings) -> dict[str, Content]:
-        """Fill the slots of the files with these numbers and texts of settings."""
+        """Insert numbers and the texts of settings into the slots, and return the contents of all files by path."""
         files = dict(self._files)
         words, digests = self._numbers.words(numbers), {}
         given = {**settings.parameters, **settings.choices}
@@ -262,6 +284,6 @@ class _Template:
 
 
 def _same(planned: Build, whole: Build | None) -> bool:
-    """Return whether the build of a plan equals the build of a compilation."""
+    """Return whether the build that a plan created equals the build of a compilation."""
     said = ("results", "problems", "losses", "parts")
     return whole is not None and all(getattr(planned, name) == getattr(whole, name) for name in said) and planned.files() == whole.files()

@@ -1,7 +1,7 @@
-"""Run a program for many settings at once, with an array of values for each number. All results equal those of `Program.run` bit by bit.
+"""Run a program for many settings at once, with one numpy array for each number. All results equal those of `Program.run` bit by bit.
 
-NumPy computes only what IEEE 754 defines exactly (sums, products, quotients, square roots, comparisons). Its other functions may differ in
-the last bit from those of Python, which are therefore applied to one value after the other.
+NumPy computes only operations that IEEE 754 defines exactly: sums, products, quotients, square roots and comparisons. The results of other
+functions may differ from Python in the last bit. These functions are therefore called in Python for each value.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MOMENTS = "_principal_moments"
 
 
 def column_function(program: Program) -> ColumnFunction:
-    """Convert a program to a function of columns, which are arrays with one value per setting."""
+    """Convert a program to a function of arrays, each of which contains one value per setting."""
     last: dict[int, int] = {int(one): len(program.statements) for one in program.outputs if isinstance(one, Ref)}
     for place in range(len(program.statements) - 1, -1, -1):
         for one in program.statements[place].arguments:
@@ -66,7 +66,7 @@ def column_function(program: Program) -> ColumnFunction:
 
 
 def _guards_only(program: Program) -> set[int]:
-    """Return the values that depend on principal moments and are used only by guards. These values need not be exact."""
+    """Return the indices of values that depend on principal moments and that only guards use. These values need not be exact."""
     near: set[int] = set()
     for one in program.statements:
         depends = any(int(argument) in near for argument in one.arguments if isinstance(argument, Ref))
@@ -78,9 +78,11 @@ def _guards_only(program: Program) -> set[int]:
 def _execute(
     statement: Operation | Guard, columns: dict[int, Any], ok: Booleans, near: set[int], functions: Mapping[str, Callable[..., Any]],
 ) -> None:
-    """Execute a statement for all rows. Clear the flags of rows that a guard excludes or for which an operation fails.
+    """Execute one statement of a program for all settings. `ok` contains a flag for each setting, which is cleared if the program does not
+    apply.
 
-    A guard also excludes rows for which values `near` the exact ones do not decide it.
+    The program does not apply if a guard has another outcome or if an operation fails. It also does not apply if a guard compares values in
+    `near`, which are not exact, and the comparison is too close to decide.
     """
     arguments = [value_in(one, columns) for one in statement.arguments]
     if isinstance(statement, Operation):
@@ -114,7 +116,7 @@ def _operation(name: str, arguments: Sequence[Any], ok: Booleans, functions: Map
 
 
 def _each(function: Callable[..., Any], arguments: Sequence[Any], ok: Booleans) -> Any:
-    """Apply a function to each row, and return an array or a list of tuples. Clear the flags of rows for which the function fails."""
+    """Call a function once per setting, and return the results as an array or a list of tuples. Clear the flag in `ok` if a call fails."""
     rows = zip(*(one.tolist() if isinstance(one, np.ndarray) else repeat(one, len(ok)) for one in arguments))
     try:
         results = [function(*row) for row in rows]
@@ -137,10 +139,10 @@ def _attempt(function: Callable[..., Any], row: Iterable[Any]) -> Any:
 
 
 def _hypot(arguments: Sequence[Any], ok: Booleans) -> Any:
-    """Compute `numeric.hypot` for arrays, with a single rounding.
+    """Compute `numeric.hypot` for arrays. The exact result is rounded once.
 
-    The sum of squares has twice the digits of a float (Dekker 1971); its root is that of a float with one correction. Python computes
-    lengths near the middle of two floats, and of values whose squares are too large or small for this.
+    The sum of squares is computed with twice the digits of a float (Dekker 1971), and its root with one correction. Python computes results
+    that are near the middle of two floats, and results for values whose squares are too large or too small for this method.
     """
     components = [np.broadcast_to(np.asarray(one, dtype=np.float64), ok.shape) for one in arguments]
     sizes = [np.abs(one) for one in components]
@@ -165,9 +167,10 @@ def _hypot(arguments: Sequence[Any], ok: Booleans) -> Any:
 
 
 def _moments(arguments: Sequence[Any], ok: Booleans) -> Floats:
-    """Compute ascending principal moments `(3, k)` by the rotations of `principal_axes`, with a relative error of about 1e-12.
+    """Compute principal moments `(3, k)` of k inertia matrices in ascending order, with a relative error of about 1e-12.
 
-    Python computes those of very different size, for which the relative error is greater.
+    The method is the same as in `principal_axes`. For moments of very different size, for which the relative error would be greater, Python
+    computes the result.
     """
     entries = [np.broadcast_to(np.asarray(one, dtype=np.float64), ok.shape) for one in arguments]
     m = [[(entries[3 * row + column] + entries[3 * column + row]) / 2.0 for column in range(3)] for row in range(3)]
@@ -193,9 +196,10 @@ def _moments(arguments: Sequence[Any], ok: Booleans) -> Floats:
 
 
 def _fsum(arguments: Sequence[Any], ok: Booleans) -> Any:
-    """Compute `math.fsum` for arrays, with a single rounding: the sum of floats and of their rounding errors (Ogita, Rump and Oishi 2005).
+    """Compute `math.fsum` for arrays. The exact sum is rounded once.
 
-    Python adds values whose sum is near the middle of two floats, or much smaller than the values.
+    The result is the sum of the floats and of their rounding errors (Ogita, Rump and Oishi 2005). Python computes sums that are near the
+    middle of two floats, or that are much smaller than the values.
     """
     arrays = [one for one in arguments if isinstance(one, np.ndarray)]
     constants = _few([one for one in arguments if not isinstance(one, np.ndarray)])
@@ -218,7 +222,7 @@ def _fsum(arguments: Sequence[Any], ok: Booleans) -> Any:
 
 
 def _few(numbers: Sequence[float]) -> Sequence[float]:
-    """Return two numbers with exactly the same sum as `numbers` if they exist, otherwise `numbers`."""
+    """Return two numbers that have exactly the same sum as `numbers`. If there are no such numbers, return `numbers`."""
     try:
         high = math.fsum(numbers)
         low = math.fsum((*numbers, -high))
@@ -228,14 +232,14 @@ def _few(numbers: Sequence[float]) -> Sequence[float]:
 
 
 def _sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """Return the sum of numbers and its rounding error (Knuth 1969)."""
+    """Return the rounded sum of two arrays, and its rounding error (Knuth 1969)."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
 
 
 def _square(value: Floats) -> tuple[Floats, Floats]:
-    """Return the square of numbers as the sum of a float and its rounding error."""
+    """Return the rounded square of an array, and its rounding error."""
     square = value * value
     scaled = 134217729.0 * value  # 2**27 + 1
     high = scaled - (scaled - value)

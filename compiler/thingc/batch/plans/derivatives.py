@@ -1,9 +1,10 @@
-"""Compute exact derivatives of a program with the chain rule and a rule for each operation (Griewank and Walther, Evaluating Derivatives,
-2008).
+"""Compute exact derivatives of a program by the chain rule, with a derivative rule for each operation.
 
-The generated function computes values and derivatives in one pass, forward (from the variables) or backward (from the outputs), whichever
-needs fewer statements. At a kink, such as the minimum of two equal numbers, an output is differentiable only if all branches have the same
-derivatives there, which is tested.
+See Griewank and Walther, Evaluating Derivatives, 2008.
+
+The generated function computes values and derivatives in one pass, in forward mode (from the variables) or in reverse mode (from the
+outputs), whichever needs fewer statements. At a kink, such as the minimum of two equal numbers, an output is differentiable only if all
+branches have the same derivatives. This is tested.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ BESIDE = 1e-6
 
 
 class NotSmooth(Exception):
-    """Raised if an output of a program has no derivative. `output` is its index, and `why` is the reason as a clause."""
+    """Raised if an output of a program does not have a derivative. `output` is the index of the output, and `why` describes the reason."""
 
     def __init__(self, output: int, why: str) -> None:
         super().__init__(why)
@@ -42,10 +43,11 @@ class NotSmooth(Exception):
 
 @dataclass(frozen=True)
 class Partials:
-    """The partial derivatives of an operation by its arguments `{0}`, `{1}` ..., with the result `{r}`.
+    """The partial derivatives of an operation as Python expressions. The arguments are `{0}`, `{1}` ..., and the result is `{r}`.
 
-    `each` is the partial derivative of operations with any number of arguments by argument `{i}`. The operation has no derivative if
-    `kink`, described by `why`, is true. With `bounded` slopes, it has one even there if all branches have the same derivatives.
+    For an operation with any number of arguments, `each` is the partial derivative by the argument `{i}`. `kink` is a condition under which
+    the operation has no derivative, and `why` describes this condition. If `bounded` is true, the derivative exists even at a kink if all
+    branches have the same derivatives.
     """
 
     partials: tuple[str, ...] = ()
@@ -55,7 +57,7 @@ class Partials:
     bounded: bool = False
 
     def partial(self, index: int) -> str:
-        """Return the partial derivative by an argument, with placeholders."""
+        """Return the partial derivative by the argument with this index, as an expression with placeholders."""
         return self.each.replace("{i}", f"{{{index}}}") if self.each else self.partials[index]
 
 
@@ -97,8 +99,10 @@ ROTATION = ("cosine of", "sine of")
 
 @dataclass(frozen=True)
 class Step:
-    """An operation with its partial derivatives. The value `target` depends on `arguments`, and `varying` are the positions of the
-    arguments that vary.
+    """An operation of a program together with its partial derivatives.
+
+    `target` is the index of the computed value, `arguments` contains the arguments, and `varying` contains the positions of those arguments
+    that depend on variables.
     """
 
     target: int
@@ -108,16 +112,18 @@ class Step:
 
     @cached_property
     def rule(self) -> Partials:
-        """The derivative rule of the operation. Operations without a rule are treated as not differentiable."""
+        """The derivative rule of the operation. An operation without a rule is treated as not differentiable."""
         return RULES.get(self.operation, UNKNOWN)
 
     def code(self, template: str) -> str:
-        """Return a partial derivative or the condition of a kink as a Python expression."""
+        """Replace the placeholders in a partial derivative, or in the condition of a kink, by names of values and constants."""
         return template.format(*map(word, self.arguments), r=f"v{self.target}")
 
     @property
     def kink(self) -> str:
-        """The condition under which the operation is not differentiable, as an expression. Empty if it is always differentiable."""
+        """The condition, as a Python expression, under which the operation has no derivative. It is empty for an operation that always has
+        one.
+        """
         if self.operation in EXTREMES:
             words = ", ".join(map(word, self.arguments))
             return f"({words}).count(v{self.target}) > 1"
@@ -126,12 +132,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Derivatives:
-    """The values `(m,)` of the outputs of a program, and their derivatives `(m, n)` by the variables.
+    """The values `(m,)` of the outputs of a program, and their derivatives `(m, n)` by n variables.
 
-    Derivatives through an operation without a rule are NaN.
-
-    `special` are the columns of variables on which a decision between equal numbers depends: beside these values, other operations may
-    compute the outputs.
+    Derivatives that depend on an operation without a rule are NaN. `special` contains the columns of variables on which a comparison of
+    equal numbers depends. For slightly different values of these variables, other operations may compute the outputs.
     """
 
     values: Floats
@@ -145,9 +149,11 @@ LONGEST = 50_000
 
 
 def derivative_function(program: Program, by: Sequence[int] | None = None) -> DerivativeFunction:
-    """Create a function of the variables that computes the outputs and their derivatives by the variables at the indices `by` (None: all).
+    """Create a function that computes the outputs of a program and their derivatives by the variables with the indices `by` (None: all
+    variables).
 
-    It returns None, or raises `ArithmeticError` or `ValueError`, for values to which the program does not apply. Raises `NotSmooth`.
+    The argument of the created function contains the values of all variables. It returns None, or raises `ArithmeticError` or `ValueError`,
+    for values to which the program does not apply. It raises `NotSmooth` if a derivative does not exist.
     """
     varying = program.variables if by is None else tuple(program.variables[place] for place in by)
     steps = _steps_of(program, varying)
@@ -177,9 +183,10 @@ def derivative_function(program: Program, by: Sequence[int] | None = None) -> De
 
 
 def with_slopes(program: Program, by: int, numbers: Sequence[int]) -> Program:
-    """Return the program with the variables `numbers` as linear functions of the variable `by`.
+    """Return a program in which the variables `numbers` are linear functions of the variable `by`.
 
-    Its variables are those of the program, then the slopes of the numbers, and the value of `by` at which they have the given values.
+    The arguments of the new program are the variables of the old program, then the slopes of the linear functions. The last argument is the
+    value of `by` at which the numbers have the given values.
     """
     unused = 1 + max(*program.variables, *(one.target for one in program.statements if isinstance(one, Operation)))
     count = len(numbers)
@@ -202,7 +209,7 @@ Decision = tuple[str, frozenset[int]]
 
 
 def _decisions(program: Program, varying: Sequence[int]) -> list[Decision]:
-    """Return the decisions of guards that depend on the variables of a program."""
+    """Return the comparisons in guards that depend on the given variables of a program."""
     depends: dict[int, frozenset[int]] = {index: frozenset((column,)) for column, index in enumerate(varying)}
     tests: dict[str, frozenset[int]] = {}
     for one in program.statements:
@@ -217,10 +224,10 @@ def _decisions(program: Program, varying: Sequence[int]) -> list[Decision]:
 def _special(
     program: Program, decisions: Sequence[Decision], varying: Sequence[int], values: Sequence[float], known: dict[str, float],
 ) -> tuple[frozenset[int], list[Decision]]:
-    """Return the columns of variables for which the program does not apply to nearby values, and the decisions between numbers that remain
-    equal.
+    """Find comparisons between equal numbers for which the program would not apply to nearby values of the variables.
 
-    Only variables of decisions between numbers that are equal now are tested.
+    Return the columns of the variables on which these comparisons depend, and the comparisons whose numbers remain equal. Only variables
+    that affect comparisons between currently equal numbers are tested.
     """
     functions = names()
     equal = [one for one in decisions if eval(one[0], functions, known)]
@@ -242,9 +249,9 @@ def _special(
 
 
 def _generated(program: Program, steps: Sequence[Step], decisions: Sequence[Decision], code: Code | None) -> Callable[..., Any]:
-    """Generate the function that computes the outputs and the entries of the Jacobian.
+    """Generate the function that computes the outputs and the elements of the Jacobian.
 
-    At a kink, for a decision between equal numbers, and without `code`, it returns all values by name in place of the entries.
+    At a kink, for a comparison between equal numbers, and without `code`, the function returns all values by name instead of the Jacobian.
     """
     text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
     text += program.code
@@ -258,7 +265,8 @@ def _generated(program: Program, steps: Sequence[Step], decisions: Sequence[Deci
 
 
 def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
-    """Generate code for forward differentiation: the derivatives of every value by the variables on which it depends."""
+    """Generate code for forward differentiation, which computes the derivatives of each value by the variables on which the value depends.
+    """
     known: dict[int, dict[int, str]] = {index: {place: "1.0"} for place, index in enumerate(varying)}
     statements: list[str] = []
     for step in steps:
@@ -273,7 +281,8 @@ def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) ->
 
 
 def _backward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
-    """Generate code for backward differentiation: the derivatives of every output by the values on which it depends."""
+    """Generate code for reverse differentiation, which computes the derivatives of each output by the values on which the output depends.
+    """
     statements: list[str] = []
     partials = [dict(_partials(step, statements)) for step in steps]
     entries: list[str] = []
@@ -294,7 +303,10 @@ def _backward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -
 
 
 def _partials(step: Step, statements: list[str]) -> list[tuple[int, str]]:
-    """Return the partial derivatives by the arguments that vary. For partial derivatives that are not constant, statements are added."""
+    """Return the partial derivatives of an operation by each argument that varies, as names or constants.
+
+    Statements that compute partial derivatives that are not constant are appended to `statements`.
+    """
     partials = []
     for place in step.varying:
         code = step.code(step.rule.partial(place))
@@ -312,12 +324,15 @@ def _product(partial: str, derivative: str) -> str:
 
 
 def _index(argument: Argument) -> int:
-    """Return the index of a value, or -1 for a constant."""
+    """Return the index of the value to which an argument refers, or -1 for a constant."""
     return int(argument) if isinstance(argument, Ref) else -1
 
 
 def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], values: dict[str, float]) -> Floats:
-    """Compute the Jacobian from all values by name, with an array of derivatives for each value. Raises `NotSmooth`."""
+    """Compute the Jacobian of a program from the values of all operations, with an array of derivatives for each value.
+
+    `values` maps the names of values to numbers. Raises `NotSmooth`.
+    """
     zero = np.zeros(len(varying))
     known: dict[int, Floats] = dict(zip(varying, np.eye(len(zero)), strict=True))
     reasons: dict[int, Partials] = {}
@@ -352,7 +367,7 @@ def _number(argument: Argument, values: dict[str, float]) -> float:
 
 
 def _steps_of(program: Program, variables: Sequence[int]) -> list[Step]:
-    """Return the operations with derivatives that affect outputs, in order of computation."""
+    """Return the operations that depend on the variables and affect outputs, with their derivative rules, in the order of computation."""
     made = {one.target: one for one in program.statements if isinstance(one, Operation)}
     varying, steps = set(variables), []
     for line in made.values():

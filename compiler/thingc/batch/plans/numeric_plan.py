@@ -1,5 +1,5 @@
-"""Compute models or results for other numbers by a plan instead of a compilation. A plan is created once, and is checked against
-compilations.
+"""Compute models or results for other numbers with a plan instead of a compilation. A new plan is compared with compilations before it is
+used.
 """
 
 from __future__ import annotations
@@ -46,10 +46,11 @@ EXCHANGED = (2, 4)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NumericPlan(Generic[Made]):
-    """A plan: a function that maps numbers to the inputs of `made`, which creates the result.
+    """A plan, which computes the numbers in a model, in files or in results from the values of settings.
 
-    `fixed` are the indices and values of numbers that must not change. `program` takes the values at `free`, and, if parts depend on them,
-    the numbers that `exchange` returns from their records.
+    `program` computes these numbers, and `made` inserts them. `free` contains the indices of the settings that are variables of the
+    program. `fixed` contains the indices and values of the settings that must not change. If parts depend on the variables, `exchange`
+    provides numbers from their records, which are further variables of the program.
     """
 
     free: tuple[int, ...]
@@ -60,7 +61,7 @@ class NumericPlan(Generic[Made]):
     _uses: Iterator[int] = field(default_factory=partial(count, 1), init=False, repr=False, compare=False)
 
     def outputs(self, values: Sequence[float]) -> tuple[float, ...] | None:
-        """Compute the inputs of `made` for the values of all names. Return None if the plan does not apply to these values."""
+        """Compute the numbers for `made` from the values of all settings. Return None if the plan does not apply to these values."""
         try:
             given = self.given(values)
             return None if given is None else self.program.run(*given)
@@ -74,7 +75,9 @@ class NumericPlan(Generic[Made]):
                 self.exchange.prepare([values[at] for at in self.free] for values in many)
 
     def given(self, values: Sequence[float]) -> tuple[float, ...] | None:
-        """Return the variables of `program` for the values of all names; None if the plan does not apply to them."""
+        """Return the values of the variables of `program`, given the values of all settings. Return None if the plan does not apply to
+        these values.
+        """
         if any(values[at] != value for at, value in self.fixed):
             return None
         given = tuple(values[at] for at in self.free)
@@ -84,7 +87,9 @@ class NumericPlan(Generic[Made]):
         return None if exchanged is None else (*given, *exchanged.numbers)
 
     def columns(self, values: Floats) -> tuple[Floats, Booleans]:
-        """Compute the outputs for values `(k, n)`, and return whether the plan applies to each row. Parts must not depend on the numbers.
+        """Compute the numbers for `made` for many settings at once. `values` `(k, n)` contains a row with the values of all settings.
+
+        Also return a flag for each row that is True if the plan applies. No parts may depend on the settings.
         """
         outputs, ok = self._columns(values[:, list(self.free)])
         for at, value in self.fixed:
@@ -96,12 +101,15 @@ class NumericPlan(Generic[Made]):
         return column_function(self.program)
 
     def exchanged(self, values: Sequence[float]) -> Exchanged | None:
-        """Return the records of parts for values to which the plan applies. Return None if no parts depend on the values."""
+        """Return the numbers and meshes of the parts for these values of settings, or None if no parts depend on them. The plan must apply
+        to the values.
+        """
         return None if self.exchange is None else self.exchange.of([values[at] for at in self.free])
 
     def is_due(self, verify: int | None) -> bool:
-        """Count a use of the plan, and return whether its result must be compared with a compilation: the first use, then one in `verify`
-        uses (None: the first, second, fourth, eighth ...; 0: none).
+        """Count a use of the plan, and return whether its result must be compared with a compilation.
+
+        The first use is compared, then one in `verify` uses (None: the first, second, fourth, eighth ...; 0: none).
         """
         use = next(self._uses)
         if verify is None:
@@ -110,10 +118,12 @@ class NumericPlan(Generic[Made]):
 
 
 class PlanCache(Generic[Made]):
-    """The plans for settings that set the same names to the same texts and differ only in numbers.
+    """Caches plans for settings that differ only in numbers. All other values of these settings, and the names of the numbers, are the
+    same.
 
-    `why` has the reason for each number that is not traced, `modelled` the part that depends on each traced number, `refused` the reason
-    why there is no plan at all. A plan is made for the `patience`-th (a power of two) settings without one.
+    `why` contains the reason for each number that cannot be traced. `modelled` contains the part that depends on each traced number.
+    `refused` is the reason why no plan can be created at all. A plan is created for the `patience`-th settings without a plan (a power of
+    two).
     """
 
     def __init__(self, patience: int = 2) -> None:
@@ -126,7 +136,7 @@ class PlanCache(Generic[Made]):
         self._seen: dict[tuple[float, ...], int] = {}
 
     def plan_for(self, read: ParsedSettings) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """Return the plan that applies to these settings, and its outputs, or None."""
+        """Return the plan that applies to the given settings, and the numbers that it computes. Return None if no plan applies."""
         for number, plan in enumerate(self.plans):
             outputs = plan.outputs(read.values)
             if outputs is not None:
@@ -137,10 +147,10 @@ class PlanCache(Generic[Made]):
         return None
 
     def worth_it(self, read: ParsedSettings) -> bool:
-        """Return whether a plan should be created for settings that have no plan.
+        """Return whether a plan should be created for settings to which no existing plan applies.
 
-        This takes as long as some compilations, so it is not done for settings that may occur once only; numbers that parts depend on often
-        do not occur again.
+        Creating a plan takes as long as several compilations. It is therefore not worth it for settings that may occur only once. Numbers
+        on which parts depend often do not occur again.
         """
         if self.refused is not None:
             return False
@@ -158,20 +168,20 @@ class PlanCache(Generic[Made]):
         self.plans = [plan, *self.plans[: MOST - 1]]
 
     def give_up(self, names: Collection[str], why: str) -> None:
-        """Stop tracing these numbers. Without numbers, stop creating plans."""
+        """Do not trace these numbers any more, for the reason `why`. If there are no numbers, do not create any plans."""
         self.why.update((name, f"{self.modelled[name]}, and {why}" if name in self.modelled else why) for name in names)
         if not names:
             self.refused = why
 
     def wrong(self, why: str) -> None:
-        """Drop all plans and stop creating plans, because a plan gave a wrong result."""
+        """Delete all plans and do not create new plans, because a plan has given a wrong result."""
         self.plans, self.refused = [], why
 
 
 class PlanCaches(Generic[Made]):
-    """The caches of plans, by the names and texts of settings. `patience` has the same meaning as in `PlanCache`.
+    """Contains a cache of plans for each combination of names of numbers and values of other settings. See `PlanCache` for `patience`.
 
-    No plan is made for settings that `is_refused` returns True for.
+    No plan is created for settings for which `is_refused` returns True.
     """
 
     def __init__(self, patience: int = 2, is_refused: Callable[[ParsedSettings], bool] = lambda read: False) -> None:
@@ -180,7 +190,7 @@ class PlanCaches(Generic[Made]):
         self.kept: dict[Hashable, PlanCache[Made]] = {}
 
     def of(self, read: ParsedSettings) -> PlanCache[Made]:
-        """Return the cache of plans for settings with these names and texts."""
+        """Return the cache of plans for settings with the same names of numbers, and the same values of other settings."""
         key = (read.names, read.texts)
         if key not in self.kept:
             if len(self.kept) >= FORMS or sum(len(form.plans) for form in self.kept.values()) >= FORMS:
@@ -209,7 +219,7 @@ class PlanCaches(Generic[Made]):
 
 
 class TracedResults:
-    """The results of a traced compilation by name. Some of the values are traced numbers, which are listed in `outputs`."""
+    """The results of a traced compilation, by name. `outputs` contains those results that are traced numbers."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self.outputs = [value for value in values.values() if isinstance(value, Traced)]
@@ -217,14 +227,14 @@ class TracedResults:
         self._all = {name: None if isinstance(value, Traced) else value for name, value in values.items()}
 
     def argument(self, name: str, program: Program) -> Argument:
-        """Return the output of a program that corresponds to a name, or NaN if the name has no value."""
+        """Return the output of a program that computes the result with this name. Return the constant NaN if the result has no value."""
         if name in self._names:
             return program.outputs[self._names.index(name)]
         value = self._all.get(name)
         return Const(nan if value is None else value)
 
     def of(self, outputs: Sequence[float]) -> dict[str, Any]:
-        """Return the results with the given numbers in the places of `outputs`."""
+        """Return the results by name, with the given values for the traced numbers in `outputs`."""
         return {**self._all, **dict(zip(self._names, outputs, strict=True))}
 
 
@@ -235,9 +245,10 @@ Differs = Callable[[NumericPlan[Made], ParsedSettings, tuple[float, ...]], bool]
 
 
 class Tracing(FrozenStruct):
-    """Makes plans from traced compilations of `modes` (none: all), which may fail if `refused`, and what `make` computes from them.
+    """Creates plans from traced compilations of the given modes (none: all).
 
-    `assets` returns the meshes of a traced model; None: parts may not depend on traced numbers.
+    `make` computes a model, files or results from each traced compilation. If `refused` is True, the compilation may fail. `assets` returns
+    the meshes of a traced model. If `assets` is None, parts must not depend on traced numbers.
     """
 
     session: Session
@@ -248,9 +259,9 @@ class Tracing(FrozenStruct):
     assets: Callable[[Any], Mapping[str, StoredArtifact]] | None = None
 
     def plan(self, read: ParsedSettings, finish: Finish[Made], form: PlanCache[Made], *, nearby: bool = True) -> NumericPlan[Made] | None:
-        """Create a plan for these settings. If this is impossible, return None and store the reason in `form`.
+        """Create a plan for settings with these names. If this is impossible, store the reason in `form` and return None.
 
-        `nearby`: trace numbers near these, which may be special.
+        With `nearby`, the compilation is traced with numbers near the given numbers, because round numbers can be special cases.
         """
         while form.refused is None:
             free = [name for name in read.names if name not in form.why]
@@ -276,7 +287,10 @@ class Tracing(FrozenStruct):
         return None
 
     def plan_for(self, read: ParsedSettings, finish: Finish[Made], form: PlanCache[Made]) -> NumericPlan[Made] | None:
-        """Return a plan that is traced near the settings, or at them if it does not apply to them, such as to whole numbers."""
+        """Create a plan that applies to the given settings. It is traced with nearby numbers if possible.
+
+        If such a plan does not apply to the settings, for example to integers, it is traced with the numbers themselves.
+        """
         plan = self.plan(read, finish, form)
         if plan is not None and plan.outputs(read.values) is None:
             return self.plan(read, finish, form, nearby=False)
@@ -285,7 +299,10 @@ class Tracing(FrozenStruct):
     def checked(
         self, plan: NumericPlan[Made] | None, read: ParsedSettings, form: PlanCache[Made], differs: Differs[Made], what: str,
     ) -> NumericPlan[Made] | None:
-        """Return a plan if `what` it computes differs for no sample; else None, and make no more plans."""
+        """Compare a plan with compilations of several sample settings. If a result differs, do not create further plans, and return None.
+
+        `what` describes the compared results, for the stored reason.
+        """
         if plan is None:
             return None
         for sample in self.samples(read, form):
@@ -296,7 +313,8 @@ class Tracing(FrozenStruct):
         return plan
 
     def samples(self, read: ParsedSettings, form: PlanCache[Any]) -> list[ParsedSettings]:
-        """Return settings for checking a plan: the given settings, then settings near them that use the same parts."""
+        """Return the settings for which a plan is compared with a compilation: the given settings, and nearby settings with the same parts.
+        """
         settings = [read]
         for side in SIDES:
             source = random.Random(0)
@@ -309,7 +327,8 @@ class Tracing(FrozenStruct):
         return list(dict.fromkeys(settings))
 
     def _rehearse(self, read: ParsedSettings, form: PlanCache[Any], *, nearby: bool) -> TraceResult | None:
-        """Trace the numbers that `form` does not exclude. Return None if `form` was changed and another attempt is necessary."""
+        """Trace a compilation with all numbers that can be traced. Return None if another attempt is necessary, because `form` has changed.
+        """
         quantities = self.reader.quantities(read)
         free = {name: quantities[name] for name in read.names if name not in form.why}
         texts = {**{name: text_of(one) for name, one in quantities.items()}, **dict(read.texts)}  # ordered as in `SettingsReader`
@@ -335,14 +354,17 @@ class Tracing(FrozenStruct):
     def _attempt(
         self, numbers: Mapping[str, Quantity], texts: Mapping[str, str], exact: Collection[str] = (),
     ) -> tuple[TraceResult | None, NotTraceable | None]:
-        """Trace numbers; return the result, or why it is impossible. Texts are not traced. Parts may depend on numbers in `exact`."""
+        """Trace a compilation with the given numbers. Return the result, or the exception that explains why this is impossible.
+
+        The settings `texts` are not traced. Parts may depend on the numbers in `exact`.
+        """
         try:
             return trace_compilation(self.session, self.modes, numbers, texts, self.make, exact, refused=self.refused), None
         except NotTraceable as fault:
             return None, fault
 
     def _culprits(self, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> list[str]:
-        """Return the numbers that cannot be traced even if no other number is traced."""
+        """Return the names of the numbers that cannot be traced even if no other number is traced."""
         if len(numbers) == 1:
             return list(numbers)
         alone = {name: {**texts, **{other: text_of(one) for other, one in numbers.items() if other != name}} for name in numbers}
@@ -350,6 +372,6 @@ class Tracing(FrozenStruct):
 
 
 def _near(quantity: Quantity, source: random.Random, side: float = 1.0) -> Quantity:
-    """Return a number near another number. Near 0, the result is positive, because many numbers must not be negative."""
+    """Return a quantity near the given quantity. Near 0, the result is positive, because many numbers must not be negative."""
     share = side * source.uniform(-1e-3, 1e-3)
     return Quantity(quantity.value * (1.0 + share) if quantity.value else abs(share), quantity.dimension)

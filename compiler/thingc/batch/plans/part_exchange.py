@@ -1,5 +1,6 @@
-"""Support parts that depend on traced numbers. A tape computes the definition of a part, the record of this part is requested, and its
-numbers replace those of the first record.
+"""Support plans in which parts depend on numbers. The plan computes the definition of a part, and requests the record of this part.
+
+The numbers in the new record then replace the numbers in the record of the traced compilation.
 """
 
 from __future__ import annotations
@@ -30,8 +31,10 @@ _ASIDE = frozenset(("text", "bom", "brep", "code", "slices"))
 
 
 class Exchanged(FrozenStruct):
-    """The part records for some parameters: their numbers in order, the names of their meshes in the model, and all meshes of the model by
-    file.
+    """The numbers and meshes of the parts for some values of the numbers on which these parts depend.
+
+    `numbers` contains the numbers in the part records, in order. `names` contains the names of the meshes of these parts in the model.
+    `assets` contains all meshes of the model by file name.
     """
 
     numbers: tuple[float, ...]
@@ -40,11 +43,11 @@ class Exchanged(FrozenStruct):
 
 
 class TracedParts:
-    """The source of parts during a traced compilation.
+    """The source of part records during a traced compilation.
 
-    For definitions with traced numbers, it returns the record for their current values, in which numbers are new variables, and meshes are
-    tokens. `allowed` returns whether parts may depend on a traced number; if not, `PartDependsOnNumber` is raised. `before` is a copy of
-    the tape from before; None if there is no such definition.
+    If a part definition contains traced numbers, the record for their current values is returned. In this record, numbers are new variables
+    of the tape, and meshes are tokens. `allowed` returns whether parts may depend on a traced number. If not, `PartDependsOnNumber` is
+    raised. `before` is a copy of the tape before these variables were added, or None if no part definition contains traced numbers.
     """
 
     def __init__(self, parts: PartSource, allowed: Callable[[Traced], bool]) -> None:
@@ -62,8 +65,9 @@ class TracedParts:
         return getattr(self._parts, name)
 
     def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None, **named: Any) -> Any:
-        """Return part records as `PartSource` does. The method can be called once. Likely slicings are not passed on, because they may
-        contain traced numbers.
+        """Return the part records for the given definitions, as `PartSource` does. This method can be called only once.
+
+        The argument `likely` is not passed on, because it may contain traced numbers.
         """
         traced = [one for one in definitions if numbers_of(one)]
         for one in traced:
@@ -91,24 +95,24 @@ class TracedParts:
 
     @property
     def likeness(self) -> tuple[Hashable, ...]:
-        """The properties that all records of a plan must share."""
+        """The values in part records that must not change if a plan is used for other numbers."""
         return tuple(self._walk.rest)
 
     @property
     def parameters(self) -> list[Traced]:
-        """The traced numbers in part definitions, in order."""
+        """The traced numbers in all part definitions, in order."""
         return [number for one in self.definitions for number in numbers_of(one)]
 
     @property
     def words(self) -> list[str]:
-        """The texts of records that messages may quote and that may contain numbers of other parts."""
+        """The texts in part records that messages may quote. They may contain numbers of other parts."""
         records = self._records.values()
         found = [one.interface or "" for record in records for one in record.mounts.values()]
         found += [text for record in records for one in record.expectations for text in (one.label, one.text)]
         return [text for text in found if any(map(str.isdigit, text))]
 
     def slice(self, definitions: Sequence[PartDefinition], records: Any, slicings: Mapping[str, Collection[Slicing]]) -> Any:
-        """Return the records with slices as `PartSource` does."""
+        """Return the part records with slicing results, as `PartSource` does."""
         for one in definitions:
             for slicing in slicings.get(one.text, ()):
                 for value in (*slicing.up, *astuple(slicing)):
@@ -126,7 +130,9 @@ class TracedParts:
 
 
 class PartDependsOnNumber(Exception):
-    """Raised if a part depends on a traced number (default: the first number of its definition)."""
+    """Raised if a part depends on a traced number and this is not supported. `number` is the traced number (default: the first in the
+    definition).
+    """
 
     def __init__(self, definition: PartDefinition, number: Traced | None = None) -> None:
         super().__init__(definition.label)
@@ -135,10 +141,10 @@ class PartDependsOnNumber(Exception):
 
 
 class Exchange:
-    """The exchange of part records in a plan.
+    """Replaces the part records in a plan by the records of parts for other numbers.
 
-    `rehearsed` are the parts of the traced compilation, `parts` is the source of others, and `assets` are the meshes in the traced model.
-    `names` are those of its meshes that are replaced.
+    `rehearsed` contains the parts of the traced compilation. `parts` is the source of other part records. `assets` contains the meshes of
+    the traced model, and `names` the names of those meshes that are replaced.
     """
 
     def __init__(self, rehearsed: TracedParts, parts: PartSource, assets: Mapping[str, StoredArtifact]) -> None:
@@ -166,7 +172,8 @@ class Exchange:
         self._kept: OrderedDict[tuple[float, ...], Exchanged | None] = OrderedDict()
 
     def of(self, values: Sequence[float]) -> Exchanged | None:
-        """Return the part records for values of the variables, or None if the plan does not apply to these values.
+        """Return the numbers and meshes of the parts for these values of the variables. Return None if the plan does not apply to the
+        values.
 
         Parts that are not in the store are built.
         """
@@ -187,11 +194,12 @@ class Exchange:
             self._records_of(definitions)
 
     def _traced(self, definitions: Sequence[PartDefinition]) -> dict[str, PartDefinition]:
-        """Return the distinct definitions in the places of traced ones."""
+        """Return the new definition of each part that depends on traced numbers, by the definition text in the traced compilation."""
         return {one.text: one for one, rehearsed in zip(definitions, self._definitions, strict=True) if numbers_of(rehearsed)}
 
     def _pattern_of(self, definitions: Sequence[PartDefinition]) -> list[int]:
-        """Return for each definition, including definitions that other parts expect, the index of the first definition with the same text.
+        """Return for each part definition the index of the first definition with the same text. Definitions that other parts expect are
+        included.
         """
         first: dict[str, int] = {}
         return [first.setdefault(text, place) for place, text in enumerate((*(one.text for one in definitions), *self._expected))]
@@ -221,12 +229,15 @@ class Exchange:
         return Exchanged(numbers=tuple(walk.numbers), names=names, assets={**self._others, **own})
 
     def _definitions_at(self, given: Sequence[float]) -> list[PartDefinition]:
-        """Return all definitions with these numbers."""
+        """Return all part definitions of the traced compilation, with the numbers `given` in place of traced numbers."""
         numbers = iter(given)
         return [self._made(one, numbers) if numbers_of(one) else one for one in self._definitions]
 
     def _records_of(self, many: Sequence[Sequence[PartDefinition]]) -> Mapping[str, PartRecord | PartFailure]:
-        """Return the records of the definitions in the places of traced ones, with slices where the parts could be built."""
+        """Return the part records of those definitions that depend on traced numbers, by definition text.
+
+        Parts that could be built also have slicing results.
+        """
         asked = {text: one for definitions in many for text, one in self._traced(definitions).items()}
         wanted = [
             (one.text, pieces, slicings) for definitions in many
@@ -238,7 +249,7 @@ class Exchange:
         return self._parts.slice(made, records, {text: slicings for text, _, slicings in wanted if text in texts and slicings})
 
     def _made(self, rehearsed: PartDefinition, numbers: Any) -> PartDefinition:
-        """Return a part definition with other numbers in the places of traced numbers."""
+        """Return the part definition of the traced compilation with other numbers in place of its traced numbers."""
         if rehearsed.plain is not None and rehearsed.mirror is not None:
             return self._made(rehearsed.plain, numbers).mirrored(rehearsed.mirror)
         values = {name: next(numbers) if isinstance(value, Traced) else value for name, value in rehearsed.parameters}
@@ -252,10 +263,10 @@ TOKEN = "mesh "
 
 
 class _Walk:
-    """Visits the numbers of part records in a fixed order.
+    """Visits all numbers in part records in a fixed order, and replaces each of them by the result of the function `number`.
 
-    Every number is replaced by the result of `number`; `rest` collects all other values that models depend on. `texts` are those of all
-    definitions, which are replaced by their indices.
+    `rest` collects all other values on which models depend. `texts` contains the texts of all part definitions, which are replaced by their
+    indices.
     """
 
     def __init__(self, texts: Sequence[str], number: Callable[[float], Any]) -> None:
@@ -268,18 +279,18 @@ class _Walk:
         self.rest: list[Hashable] = []
 
     def slices(self, record: PartRecord) -> Any:
-        """Return the slicing results of a record with other numbers."""
+        """Return the slicing results of a part record with replaced numbers."""
         return self._in("slices", record)
 
     def through(self, record: PartRecord) -> PartRecord:
-        """Return a part record with other numbers and meshes, without its slicing results."""
+        """Return a part record with replaced numbers and meshes. Its slicing results are omitted."""
         known = {name: getattr(record, name) for name in record.__struct_fields__ if name in _ASIDE}
         changed = {name: self._in(name, record) for name in record.__struct_fields__ if name not in known}
         self._record, self._mesh = self._record + 1, 0
         return PartRecord(**known, **changed)
 
     def _in(self, name: str, record: PartRecord) -> Any:
-        """Return a field of a part record with other numbers."""
+        """Return the value of one field of a part record with replaced numbers."""
         self._plain = () if name in _MEASURED else _PLAIN
         return self._of(getattr(record, name))
 
@@ -314,12 +325,12 @@ class _Walk:
 
 
 def numbers_of(definition: PartDefinition) -> list[Traced]:
-    """Return the traced numbers in a part definition."""
+    """Return the traced numbers in a part definition, in order."""
     values: Sequence[tuple[str, Any]] = definition.parameters
     return [value for _, value in values if isinstance(value, Traced)]
 
 
 def _plain(definition: PartDefinition) -> PartDefinition:
-    """Return a part definition with each traced number replaced by its value."""
+    """Return a part definition in which each traced number is replaced by its value."""
     plain = None if definition.plain is None else _plain(definition.plain)
     return replace(definition, parameters=tuple((name, value_of(one)) for name, one in definition.parameters), plain=plain)

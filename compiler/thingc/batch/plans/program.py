@@ -1,4 +1,4 @@
-"""Programs: the statements of a tape that compute given outputs, in order of computation."""
+"""Programs, which compute numbers from variables. A program consists of those statements of a tape that the requested outputs need."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ Run = Callable[..., "tuple[float, ...] | None"]
 
 
 def names(operations: Mapping[str, Callable[..., Any]] = {}) -> dict[str, Any]:
-    """Return the names that generated code can use: all registered operations, and `operations`."""
+    """Return the names that generated Python code can use: all registered operations, and the given `operations`."""
     return {"inf": numeric.inf, "nan": numeric.nan, "log": math.log, **numeric.OPERATIONS, **operations}
 
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """A statement that computes the value with index `target` from other values and constants."""
+    """A statement of a program that computes the value with the index `target` from other values and constants."""
 
     target: int
     operation: str
@@ -32,7 +32,7 @@ class Operation:
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """A guard of a program, which applies only to values for which the operation returns `outcome`."""
+    """A condition in a program. The program applies only to variables for which the operation returns `outcome`."""
 
     operation: str
     arguments: tuple[Argument, ...]
@@ -41,9 +41,10 @@ class Guard:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A program that computes `outputs` from the variables of a tape.
+    """A program that computes the numbers `outputs` from the variables of a tape.
 
-    It repeats the operations of the passes on doubles in the same order, so its results are equal to the last bit.
+    The program repeats the operations of the compiler on doubles in the same order. Its results are therefore equal to the results of a
+    compilation bit by bit.
     """
 
     variables: tuple[int, ...]
@@ -54,8 +55,10 @@ class Program:
 
     @cached_property
     def run(self) -> Run:
-        """The program as a function of the variables. For values for which a pass would decide differently or fail, the function returns
-        None or raises `ArithmeticError` or `ValueError`.
+        """A Python function of the variables that computes the outputs.
+
+        If the compiler would make another decision or fail for the given values, the function returns None, or raises `ArithmeticError` or
+        `ValueError`.
         """
         text = [f"def run({', '.join(f'v{index}' for index in self.variables)}):", *self.code]
         text.append(f" return ({''.join(f'{word(one)}, ' for one in self.outputs)})")
@@ -64,7 +67,7 @@ class Program:
 
     @property
     def code(self) -> list[str]:
-        """The source lines of a Python function that executes the statements. The function returns None if a guard fails."""
+        """The source lines of a Python function that executes the statements. The function returns None if a guard has another outcome."""
         return [
             f" v{one.target} = {expression(one.operation, one.arguments)}" if isinstance(one, Operation)
             else f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None"
@@ -73,7 +76,7 @@ class Program:
 
     @cached_property
     def needed(self) -> frozenset[int]:
-        """The values on which the outputs depend. Guards may depend on other values."""
+        """The indices of all computed values on which the outputs depend. Values that only guards use are not included."""
         needed = {int(one) for one in self.outputs if isinstance(one, Ref)}
         for one in reversed(self.statements):
             if isinstance(one, Operation) and one.target in needed:
@@ -82,7 +85,9 @@ class Program:
 
 
 def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
-    """Create the program that computes `outputs` (numbers, traced or not), with all guards of the tape."""
+    """Create the program that computes the numbers `outputs`. It contains all guards of the tape. Numbers that are not traced are
+    constants.
+    """
     guards = list(dict.fromkeys((Guard(operation, arguments, outcome), at) for at, operation, arguments, outcome in tape.guards))
     results = tuple(Ref(one.line) if isinstance(one, Traced) else Const(one) for one in outputs)
     needed = lines_needed(tape, [*results, *(argument for one, _ in guards for argument in one.arguments)])
@@ -98,14 +103,16 @@ def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
 
 
 def function(name: str, lines: Sequence[str], operations: Mapping[str, Callable[..., Any]] = {}) -> Any:
-    """Compile generated source code, and return its function `name`. The code can use `names`."""
+    """Compile generated Python source code, and return the function `name` that it defines. The code can use the names that `names`
+    returns.
+    """
     known = names(operations)
     exec("\n".join(lines), known)
     return known[name]
 
 
 def expression(operation: str, arguments: Sequence[Argument]) -> str:
-    """Format an operation as a Python expression."""
+    """Format an operation and its arguments as a Python expression."""
     words = [word(one) for one in arguments]
     if operation in OPERATORS:
         return f"-{words[0]}" if len(words) == 1 else f"({words[0]} {operation} {words[1]})"
@@ -120,5 +127,5 @@ def value_in(argument: Argument, values: Mapping[int, Any]) -> Any:
 
 
 def word(argument: Argument) -> str:
-    """Format an argument as a Python expression: the name of a value, or a constant."""
+    """Format an argument of an operation as a Python expression, which is the name of a value or a constant."""
     return f"v{int(argument)}" if isinstance(argument, Ref) else f"({argument.text})"

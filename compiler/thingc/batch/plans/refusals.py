@@ -1,5 +1,6 @@
-"""Compute the diagnostics of refused settings by plans. A refused compilation is traced up to its diagnostics, whose texts have slots for
-numbers.
+"""Compute the diagnostics of refused settings with plans, instead of a compilation that fails.
+
+The failed compilation is traced until it reports its diagnostics. Numbers in the texts of diagnostics become slots.
 """
 
 from __future__ import annotations
@@ -35,10 +36,10 @@ Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], Hashable]
 
 
 class Refusals:
-    """Computes the diagnostics of refused settings by plans.
+    """Computes the diagnostics of refused settings with plans.
 
-    Each cause, which is a list of codes, locations and paths, has its own plans. `verify` is as in `ModelsOfMode`. `parts` is the number of
-    part definitions of the last refused settings.
+    There are separate plans for each cause of a refusal, which consists of the codes, locations and paths of the diagnostics. `verify` has
+    the same meaning as in `ModelsOfMode`. `parts` is the number of part definitions for the last refused settings.
     """
 
     def __init__(self, session: Session, reader: SettingsReader, modes: Sequence[str], *, verify: int | None) -> None:
@@ -51,8 +52,9 @@ class Refusals:
         self._last: tuple[ParsedSettings, Diagnostics | None] | None = None
 
     def problems(self, read: ParsedSettings) -> Diagnostics | None:
-        """Return the diagnostics of settings if a plan shows that the settings are refused. Otherwise, return None; the settings may still
-        be refused.
+        """Return the diagnostics of the given settings if a plan shows that they are refused.
+
+        If no plan applies, return None. The settings can then be valid or refused.
         """
         if read.report is not None or not all(map(isfinite, read.values)):  # a compilation parses no such number
             return None
@@ -61,11 +63,14 @@ class Refusals:
         return self._last[1]
 
     def applies(self, read: ParsedSettings) -> bool:
-        """Return whether a plan shows that settings are refused."""
+        """Return whether a plan shows that the given settings are refused."""
         return self.problems(read) is not None
 
     def learn(self, read: ParsedSettings, problems: Diagnostics) -> None:
-        """Record a failed compilation. If its cause occurs again, create a plan, unless the cause is a part."""
+        """Record that a compilation of these settings has failed with the diagnostics `problems`.
+
+        If the same cause occurs again, a plan is created, unless the errors are about a part.
+        """
         if not read.names or read.report is not None or any(one.code in PARTS and one.severity is Severity.ERROR for one in problems):
             return
         key = (read.names, read.texts, _cause(problems))
@@ -94,7 +99,7 @@ class Refusals:
     def _plan(
         self, read: ParsedSettings, problems: Diagnostics, form: PlanCache[DiagnosticsTemplate],
     ) -> NumericPlan[DiagnosticsTemplate] | None:
-        """Create a plan that gives the same diagnostics as compilations. If this is impossible, return None and store the reason in `form`.
+        """Create a plan that gives the same diagnostics as compilations. If this is impossible, store the reason in `form` and return None.
         """
         if self._compiled(read) != problems:  # refused later, by MuJoCo or when it was written
             form.refused = "it is not refused by a compilation"
@@ -120,9 +125,9 @@ class Refusals:
 
 
 class DiagnosticsTemplate:
-    """Diagnostics with slots for numbers, from a compilation with `parts` part definitions.
+    """The diagnostics of a failed compilation, with slots for numbers. `parts` is the number of part definitions of this compilation.
 
-    Raises `NotTraceable` if they contain other text that depends on numbers.
+    Raises `NotTraceable` if a text depends on numbers in other ways than by slots.
     """
 
     def __init__(self, rehearsal: TraceResult) -> None:
@@ -139,7 +144,7 @@ class DiagnosticsTemplate:
         self.numbers = NumberSlots(rehearsal.tape, [name for one in self._templates.values() for name in one.slots])
 
     def diagnostics(self, outputs: Sequence[float]) -> Diagnostics:
-        """Return the diagnostics with these values of the numbers. Duplicates are omitted, as in a report."""
+        """Insert the values of the numbers into the slots, and return the diagnostics. Duplicates are omitted, as in a report."""
         words = self.numbers.words(outputs)
         texts = {text: template.fill(words) for text, template in self._templates.items()}
         return tuple(dict.fromkeys(_filled(one, texts) for one in self._all)) if texts else self._all
@@ -154,7 +159,7 @@ def _texts(one: Diagnostic) -> list[str]:
 
 
 def _filled(one: Diagnostic, texts: Mapping[str, str]) -> Diagnostic:
-    """Return a diagnostic with the slots in its texts filled."""
+    """Return a diagnostic in which words are inserted into the slots of all texts."""
     if not any(text in texts for text in _texts(one)):
         return one
     notes = tuple(replace(note, message=texts.get(note.message, note.message)) for note in one.notes)

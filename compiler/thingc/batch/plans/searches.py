@@ -1,4 +1,7 @@
-"""Record iterative searches, such as for closed loops, as single operations of a tape, because their steps depend on the numbers."""
+"""Record an iterative search, such as for a closed loop, as a single operation on a tape.
+
+The single steps of a search are not recorded, because their number depends on the numbers.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +28,10 @@ Numbers = Sequence[float]
 
 
 class SearchMemo(Memo):
-    """The memo of a traced compilation. A call of a function in `SEARCHES` with traced numbers is recorded as one operation on the tape.
+    """The cache of function results during a traced compilation. It records each call of a search function with traced numbers on the tape.
 
-    The operation raises `ValueError` if its result has another structure than the traced one (other than for its numbers), because the
-    tape does not apply then.
+    `SEARCHES` contains the names of search functions. When the operation is repeated, it raises `ValueError` if the structure of the result
+    has changed, because the tape does not apply then.
     """
 
     __slots__ = ("_tape",)
@@ -38,7 +41,8 @@ class SearchMemo(Memo):
         self._tape = tape
 
     def __call__(self, place: Any, function: Callable[..., Any], *inputs: Any) -> Any:
-        """Return the result of a function, as `Memo` does, and record searches on the tape."""
+        """Return the result of a function, from the cache if possible, as `Memo` does. A call of a search function is recorded on the tape.
+        """
         known = getattr(function, "__name__", "") in SEARCHES
         return super().__call__(place, partial(self._search, function) if known else function, *inputs)
 
@@ -72,10 +76,10 @@ class SearchMemo(Memo):
 
 
 def _builder(value: Any, numbers: list[Traced]) -> Callable[[Numbers], Any] | None:
-    """Return a function that rebuilds a structure with other numbers in the places of its traced numbers. The traced numbers are added to
-    `numbers`.
+    """Return a function that creates a copy of `value` with other numbers in place of its traced numbers. Return None if it has no traced
+    numbers.
 
-    None if there are none.
+    The traced numbers are appended to `numbers`. The argument of the returned function contains a value for each of them.
     """
     if isinstance(value, Traced):
         place = next((place for place, one in enumerate(numbers) if one.line == value.line), len(numbers))
@@ -104,12 +108,12 @@ def _builder(value: Any, numbers: list[Traced]) -> Callable[[Numbers], Any] | No
 
 
 def _like(value: Any, items: Iterable[Any]) -> Any:
-    """Return a list, tuple or named tuple of the same type as `value` with other items."""
+    """Create a list, tuple or named tuple of the same type as `value` from other items."""
     return getattr(type(value), "_make", type(value))(items)
 
 
 def _outside(inputs: Sequence[Any]) -> dict[str, Any]:
-    """Return the start values of joints that do not move any loop closure, by path. They are usually unchanged in the result."""
+    """Return the start values of all joints that do not move any loop, by path. A search usually does not change them."""
     loops, start = (*inputs, None)[:2]
     return {path: start.q[path] for path in loops.outside} if isinstance(loops, Loops) and isinstance(start, SolverState) else {}
 
@@ -119,7 +123,10 @@ def _is_kept(path: Any, value: Any, outside: Mapping[str, float]) -> bool:
 
 
 def _structure(value: Any, outside: Mapping[str, float], numbers: list[float]) -> Any:
-    """Return the structure of a result without its floats. The floats are added to `numbers`, unless `outside` contains equal values."""
+    """Return the structure of the result of a search without its floats, for comparisons with other results.
+
+    The floats are appended to `numbers`, except those that equal a start value in `outside`.
+    """
     if type(value) is float:
         numbers.append(value)
         return float
@@ -131,7 +138,9 @@ def _structure(value: Any, outside: Mapping[str, float], numbers: list[float]) -
 
 
 def _with_numbers(value: Any, outside: Mapping[str, float], traced: Mapping[str, Any], numbers: Iterator[Traced]) -> Any:
-    """Return a result with traced numbers in the places of its floats: first those of `traced` for the joints in `outside`, then `numbers`
+    """Return the result of a search with traced numbers in place of its floats.
+
+    A float that equals a start value in `outside` is replaced by the traced number in `traced`. All other floats are replaced by `numbers`,
     in order.
     """
     change = partial(_with_numbers, outside=outside, traced=traced, numbers=numbers)

@@ -1,9 +1,10 @@
-"""The tape, which records the computations of passes with some numbers, so that they can be repeated with other numbers.
+"""A tape, which records the computations of compiler passes with some numbers, so that they can be repeated for other values of these
+numbers.
 
-A `Traced` replaces a number in the passes and has its value. What is computed from it, by operators and the functions of `base/numeric.py`,
-is another `Traced` with a line on the tape: the operation and its arguments. A decision (`if mass > 0`) is recorded as a *guard*: the tape
-does not apply to numbers that decide otherwise. Code that needs the value itself (a parameter of a part, a count) converts with `float` or
-`int`, and the value is guarded. In a file that is written, the number is a slot.
+A `Traced` object replaces a number in the compiler passes. Operators and the functions of `base/numeric.py` return another `Traced`, and
+add a line to the tape, which contains the operation and its arguments. A decision such as `if mass > 0` is recorded as a *guard*: the tape
+does not apply to values for which the decision would be different. Code that needs the value itself, such as a count, converts the number
+by `float` or `int`. The tape then applies only to this value. In a generated file, the number is replaced by a slot.
 """
 
 from __future__ import annotations
@@ -23,13 +24,14 @@ SLOT = re.compile("⟦(.*?)⟧")
 
 
 def slot(name: str) -> str:
-    """Return the text of a slot for a number, which the pattern `SLOT` matches."""
+    """Return the text that represents the slot with this name in a generated file. The pattern `SLOT` matches it."""
     return f"⟦{name}⟧"
 
 
 class Tape:
-    """A tape of recorded operations in the order of computation. A line is `(operation, arguments)`, where arguments are constants or
-    `Ref`s to lines.
+    """A list of recorded operations in the order of computation.
+
+    A line of the tape is a tuple `(operation, arguments)`. Each argument is a constant, or a `Ref` to another line.
     """
 
     def __init__(self) -> None:
@@ -44,7 +46,10 @@ class Tape:
         self._known: dict[tuple[str, tuple[Any, ...]], int] = {}
 
     def variable(self, value: float, of: Sequence[Traced] = ()) -> Traced:
-        """Add a variable to the tape. `of` are the numbers on which the variable depends through operations that are not on the tape."""
+        """Add a variable with this value to the tape, and return it as a traced number.
+
+        `of` contains traced numbers on which the variable depends through computations that are not recorded on the tape.
+        """
         return self._line("variable", (Const(len(self.lines)), *map(_argument, of)), value)
 
     def copy(self) -> Tape:
@@ -55,16 +60,19 @@ class Tape:
         return made
 
     def apply(self, operation: str, arguments: Sequence[Number], value: Any) -> Traced:
-        """Record an operation with the result `value`, unless the tape already contains an equal line."""
+        """Record an operation with the result `value`, and return the result as a traced number. An equal line of the tape is used again.
+        """
         return self._line(operation, tuple(map(_argument, arguments)), value)
 
     def guard(self, operation: str, arguments: Sequence[Number], outcome: bool) -> bool:
-        """Record a decision as a guard, and return its outcome."""
+        """Record the outcome of a decision as a guard, and return the outcome."""
         self.guards.append((len(self.lines), operation, tuple(map(_argument, arguments)), outcome))
         return outcome
 
     def pin(self, number: Traced) -> Any:
-        """Record that a pass uses the value of a number directly, so that the tape applies only to this value."""
+        """Return the value of a traced number, and record that the tape applies only to this value, because a compiler pass uses it
+        directly.
+        """
         self.pinned.append(number)
         self.guards.append((len(self.lines), "==", (Ref(number.line), Const(number.value)), True))
         return number.value
@@ -80,7 +88,7 @@ class Tape:
 
 
 class Ref(int):
-    """A reference to a line of the tape, by its index."""
+    """A reference to a line of the tape by its index."""
 
     __slots__ = ()
 
@@ -92,7 +100,7 @@ class Ref(int):
 
 
 class Const:
-    """A constant on the tape. Zeros with different signs are different constants."""
+    """A constant argument of an operation on the tape. Zeros with different signs are different constants."""
 
     __slots__ = ("text", "value")
 
@@ -112,12 +120,13 @@ def _argument(number: Number) -> Ref | Const:
 
 
 def value_of(number: Number) -> Any:
-    """Return the value of a number without recording it."""
+    """Return the value of a number, which may be traced. The use of the value is not recorded."""
     return number.value if isinstance(number, Traced) else number
 
 
 class Traced(Recorded):
-    """A number on a tape. It is hashed and compared by identity, so that different traced numbers never share a cache entry."""
+    """A number whose computations are recorded on a tape. It is compared and hashed by identity, so that caches distinguish traced numbers.
+    """
 
     __slots__ = ("line", "tape", "value")
 
@@ -192,23 +201,25 @@ class Traced(Recorded):
         return self.slot(f":{form}") if self.tape.writing or self.tape.reporting else format(self.value, form)
 
     def operate(self, name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """Record a function call as one line of the tape, without the decisions inside the function. A test is recorded as a guard."""
+        """Record a function call as a single line of the tape. Operations inside the function are not recorded. A boolean result becomes a
+        guard.
+        """
         result = function(*map(value_of, arguments))
         if isinstance(result, bool):
             return self.tape.guard(name, arguments, result)
         return _items(self.tape.apply(name, arguments, result))
 
     def for_text(self) -> Any:
-        """Return the number if texts are recorded with slots, otherwise its value."""
+        """Return this number if texts can contain slots. Otherwise, return its value."""
         return self if self.tape.writing or self.tape.reporting else self.value
 
     def slot(self, form: str) -> str:
-        """Return the slot that represents this number in a text."""
+        """Return the slot that represents this number in a text. `form` is the format of the number."""
         return slot(f"{self.line}:{form}")
 
 
 def _items(result: Traced) -> Any:
-    """Return the traced numbers of a result, in tuples with the same structure as the result."""
+    """Return the items of a traced result that is a tuple, as traced numbers in nested tuples with the same structure."""
     if not isinstance(result.value, tuple):
         return result
     return tuple(_items(result.tape.apply("item", (result, place), one)) for place, one in enumerate(result.value))
@@ -239,14 +250,14 @@ OPERATORS: dict[str, Callable[..., Any]] = {
 
 
 def variables_of(tape: Tape, number: Traced) -> list[int]:
-    """Return the indices of the variables that a number depends on."""
+    """Return the indices of the variables of the tape on which a traced number depends."""
     variables = [line for line, (operation, _) in enumerate(tape.lines) if operation == "variable"]
     needed = lines_needed(tape, [Ref(number.line)])
     return [k for k, line in enumerate(variables) if line in needed]
 
 
 def lines_needed(tape: Tape, wanted: Sequence[Any]) -> set[int]:
-    """Return the indices of the lines on which references depend, including the lines of the references. Constants are ignored."""
+    """Return the indices of all lines of the tape that are needed to compute the references in `wanted`. Constants are ignored."""
     needed: set[int] = set()
     waiting = [int(one) for one in wanted if isinstance(one, Ref)]
     while waiting:

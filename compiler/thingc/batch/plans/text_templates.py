@@ -1,4 +1,4 @@
-"""Texts with slots that are filled with numbers."""
+"""Texts with slots, into which numbers are inserted."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ from thingc.batch.plans.trace_compilation import NotTraceable
 
 
 class TextTemplate:
-    """A text with slots. `slots` contains the distinct names of the slots."""
+    """A text that contains slots. `slots` contains the distinct names of these slots."""
 
     def __init__(self, text: str) -> None:
         self._pieces = SLOT.split(text)
         self.slots = list(dict.fromkeys(self._pieces[1::2]))
 
     def fill(self, words: Mapping[str, str]) -> str:
-        """Fill each slot of the text with a word."""
+        """Return the text with a word in place of each slot. `words` maps the names of slots to words."""
         pieces = self._pieces.copy()
         pieces[1::2] = [words[name] for name in pieces[1::2]]
         return "".join(pieces)
 
 
 class NumberSlots:
-    """The slots in texts for numbers of a tape.
+    """The slots for traced numbers in one or more texts.
 
-    `outputs` are these numbers, in the order of `names`. Raises `NotTraceable` for names of other slots.
+    `outputs` contains the traced numbers of these slots, in the order of `names`. Raises `NotTraceable` if a name does not belong to a slot
+    for a number.
     """
 
     def __init__(self, tape: Tape, names: Iterable[str]) -> None:
@@ -41,5 +42,5 @@ class NumberSlots:
             self._formatters.append(FORMATTERS.get(form, f"{{{form}}}".format))
 
     def words(self, values: Sequence[float]) -> dict[str, str]:
-        """Format the values of `outputs`, and return the formatted words by slot."""
+        """Format a value for each number in `outputs`. Return the formatted words by the names of their slots."""
         return {name: write(value) for name, write, value in zip(self.names, self._formatters, values, strict=True)}

@@ -1,4 +1,4 @@
-"""Trace a compilation: record on a tape how a model depends on the numbers of a document."""
+"""Trace a compilation: record on a tape how a model, its files or its results depend on numbers in a document."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from thingc.targets.mjcf.emit import sources as model_sources
 
 
 class NotTraceable(Exception):
-    """Raised if a number cannot be traced.
+    """Raised if a compilation cannot be traced with the given numbers. `why` is the reason.
 
-    `names` are the settings that it comes from (empty: unknown), `why` is the reason. `modelled`: a part depends on it. `unused`: no pass
-    uses it.
+    `names` contains the settings that cause the problem, or is empty if they are unknown. `modelled` is true if a part depends on a number.
+    `unused` is true if no compiler pass uses a number.
     """
 
     def __init__(self, why: str, names: Sequence[str] = (), *, modelled: bool = False, unused: bool = False) -> None:
@@ -44,8 +44,8 @@ class NotTraceable(Exception):
 class TraceResult(FrozenStruct):
     """The result of a traced compilation.
 
-    `made` is computed from the compilation, and may contain traced numbers. `names` are the names of the variables, in order (those of
-    records follow). `parts` is None unless parts depend on traced numbers.
+    `made` is the result of the function `make`, and can contain traced numbers. `names` contains the names of the variables in order;
+    variables for numbers in part records follow them. `parts` is None unless parts depend on traced numbers.
     """
 
     made: Any
@@ -59,11 +59,11 @@ def trace_compilation(
     make: Callable[[Compilation, Tape], Any], exact: Collection[str] = (), *,
     refused: bool = False,
 ) -> TraceResult:
-    """Compile modes (none: all) and trace `numbers`, while `texts` are set unchanged. Both are given by parameter or path. Return the
-    result of `make`.
+    """Compile modes (none: all), record on a tape how the compilation depends on `numbers`, and return the result of `make`.
 
-    Parts may depend on numbers in `exact`. If `refused`, the compilation may fail, and its diagnostics have slots for numbers. Raises
-    `NotTraceable`.
+    `numbers` and `texts` map names of parameters, or paths in the document, to values. The values in `texts` are set, but not traced. Parts
+    may depend on the numbers in `exact`. If `refused` is True, the compilation may fail, and its diagnostics contain slots for numbers.
+    Raises `NotTraceable`.
     """
     tape = Tape()
     tape.reporting = refused
@@ -101,7 +101,7 @@ WrittenModel = tuple[str, Mapping[str, StoredArtifact]]
 
 
 def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilation, Tape], WrittenModel]:
-    """Return a function that writes the model of a mode, for use with `trace_compilation`."""
+    """Return a function for `trace_compilation` that writes the MuJoCo model of a mode, with slots for numbers."""
 
     def make(compilation: Compilation, tape: Tape) -> WrittenModel:
         request = replace(pipeline.request_of(session.environment, compilation, verify=False), memo=Memo())
@@ -116,7 +116,7 @@ def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilatio
 
 
 def pinned(rehearsal: TraceResult) -> list[str]:
-    """Return the settings whose values were used directly by a pass, so that the tape applies only to these values."""
+    """Return the names of the settings whose values a compiler pass used directly. The tape applies only to these values."""
     names: dict[str, None] = {}
     for number in rehearsal.tape.pinned:
         names.update(dict.fromkeys(_names(rehearsal.tape, rehearsal.names, number)))
@@ -128,20 +128,20 @@ def _names(tape: Tape, names: Sequence[str], number: Traced) -> list[str]:
 
 
 class _Quantities(dict[str, Quantity]):
-    """The traced numbers, by parameter or path. `used` contains the names that were looked up."""
+    """The traced numbers by the name of a parameter, or by path. `used` contains the names that a compiler pass has looked up."""
 
     def __init__(self, numbers: Mapping[str, Quantity]) -> None:
         super().__init__(numbers)
         self.used: set[str] = set()
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Look up a number, and record its name in `used`."""
+        """Return the traced number with this name, and record the name in `used`. Return `default` if there is no such number."""
         self.used.add(name)
         return super().get(name, default)
 
 
 def _with_parameters(session: Session, numbers: Mapping[str, Quantity]) -> Sources:
-    """Return the documents with other default values of parameters."""
+    """Return the documents with the given numbers as the default values of parameters."""
     own = session.sources
     assert own is not None
     relative = own.documents.root.relative
