@@ -1,4 +1,4 @@
-"""The coordinates of joints as edges of the mate graph, including values that come from the drives of the joints."""
+"""Create the joint edges of the mate graph, including effort, velocity and armature values that come from the drives of joints."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`driv
 
 
 def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
-    """Return a joint edge with only the values from the document, without values of its drive."""
+    """Return the edge of a joint with only the values that the document specifies. Values of the joint's drive are not included."""
     mimic = None if joint.mimic is None else replace(joint.mimic, joint=_named(instance, joint.mimic.joint))
     return JointEdge(
         name=_named(instance, joint.name), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
@@ -34,7 +34,10 @@ def _named(instance: Instance, name: CoordinateName) -> CoordinateName:
 
 
 def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findings: LinkReport) -> JointEdge:
-    """Return a joint edge. Its effort, velocity and armature come from the drive, unless the document specifies them for the joint."""
+    """Return the edge of a joint.
+
+    The drive of the joint provides effort limit, velocity limit and armature that the document does not specify.
+    """
     origin = joint.origin + instance.origin
     path = instance.within(joint.path)
     limit, dynamics = joint.limit, joint.dynamics

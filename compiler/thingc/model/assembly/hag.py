@@ -32,7 +32,7 @@ class Definition(OneLineRepr, FrozenStruct):
 
     @classmethod
     def of(cls, made: PartDefinition | LinkDefinition | AssemblyDefinition) -> Definition:
-        """Return the node of a part, a link or an assembly."""
+        """Create the node of the hierarchical assembly graph for the definition of a part, a link or an assembly."""
         kind: DefinitionKind
         match made:
             case PartDefinition():
@@ -48,7 +48,8 @@ class Definition(OneLineRepr, FrozenStruct):
 
 
 class DefinitionEdge(OneLineRepr, FrozenStruct):
-    """An edge of the HAG: definition `parent` contains definition `child` as its component `component`.
+    """An edge of the hierarchical assembly graph: the definition `parent` has a component named `component`, which uses the definition
+    `child`.
 
     `parent` and `child` are the texts of definitions. `mounts` describes the placement (`back -> plate.servo_seat`). `joint` is the name of
     the joint that places the component, if any.
@@ -62,7 +63,7 @@ class DefinitionEdge(OneLineRepr, FrozenStruct):
 
 
 class Hag(OneLineRepr, FrozenStruct):
-    """The hierarchical assembly graph: acyclic, one node per distinct definition, in depth-first order from the top."""
+    """The hierarchical assembly graph of a robot. The graph is acyclic and has one node per distinct definition, in depth-first order."""
 
     root: str
     definitions: tuple[Definition, ...]
@@ -79,7 +80,9 @@ FRAME = Definition(text="frame", label="frame", reference="frame", kind="frame")
 
 
 def hag_of(model: AssemblyDefinition) -> Hag:
-    """Return the graph of `model`: one node per distinct definition, in depth-first order from the top."""
+    """Build the hierarchical assembly graph of a model, with one node per distinct definition, in depth-first order from the top
+    document.
+    """
     names = _Names()
     edges: list[DefinitionEdge] = []
     met: dict[Definition, None] = {}

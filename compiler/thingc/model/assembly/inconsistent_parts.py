@@ -26,7 +26,9 @@ Show = Callable[[Any, int], str]
 
 
 class RecordDifference(FrozenStruct, kw_only=False):
-    """A difference between two records: the property (`volume`) and a description (`its volume is 1.2 cm^3 and 1.3 cm^3`)."""
+    """A difference between two geometry records of the same part: the property (`volume`) and a description (`its volume is 1.2 cm^3 and
+    1.3 cm^3`).
+    """
 
     name: str
     words: str
@@ -105,7 +107,7 @@ The B-rep contains numerical noise of the kernel (see `build_part.DECIMALS`).
 
 
 def differences(first: PartRecord, second: PartRecord) -> list[RecordDifference]:
-    """Compare two records exactly and return all differences, most informative first."""
+    """Compare two geometry records of the same part exactly. Return all differences, with the most informative difference first."""
     compared = (field.difference(getattr(first, name), getattr(second, name)) for name, field in FIELDS.items())
     return [difference for difference in compared if difference is not None]
 
@@ -117,7 +119,10 @@ def definitions_of(assembly: Assembly) -> tuple[PartDefinition, ...]:
 
 
 def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], report: Report) -> None:
-    """Compare the records of parts with the records in `again` (by text), and report each difference at the part's first occurrence."""
+    """Compare the geometry records of an assembly's parts with those of a second build.
+
+    Report each difference at the part's first occurrence.
+    """
     waiting = dict(again)
     for occurrence in assembly.occurrences:
         second = waiting.pop(occurrence.definition.text, None)

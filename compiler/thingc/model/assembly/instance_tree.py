@@ -1,6 +1,6 @@
 """The tree of instances of all definitions, and lookup of references in it.
 
-An instance is one use of a definition: of a nested assembly, or of a part or frame (an occurrence).
+An instance is one use of a definition in the robot. An instance of a part or a frame is called an occurrence.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, R
 
 @dataclass(slots=True, eq=False)
 class Instance:
-    """An instance of a definition in the robot, at a path such as `hand/cap` (empty for the top document).
+    """One use of a definition in the robot, at a path such as `hand/cap`. The path of the top document is empty.
 
     `origin` is the chain of spans in documents that created the instance.
 
@@ -41,11 +41,14 @@ class Instance:
     base: Instance | None = None
 
     def within(self, name: str) -> str:
-        """Return the path of the element `name` in this assembly."""
+        """Return the path in the robot of an element of this assembly: `hand/tip` for the element `tip` of the assembly at `hand`."""
         return f"{self.path}/{name}" if self.path else name
 
     def occurrences(self) -> Iterator[Instance]:
-        """Yield the occurrences in this instance (including itself), in document order."""
+        """Yield all parts, links and frames in this instance, in document order.
+
+        If the instance is a part, a link or a frame, yield the instance.
+        """
         waiting = [self]
         while waiting:
             instance = waiting.pop()
@@ -55,7 +58,7 @@ class Instance:
 
 
 class FoundMount(MountAt):
-    """A mount that was found, with its pose in the occurrence's frame."""
+    """The result of looking up a mount: its occurrence, its name, and its pose in the frame of the occurrence."""
 
     pose: Pose
 
@@ -74,7 +77,7 @@ _SILENT = _Fault(silent=True)
 
 
 def unplaced(definition: AssemblyDefinition) -> list[str]:
-    """Return the names of components that are not placed. In a valid document this is only the base."""
+    """Return the names of an assembly's components that are not placed. A valid assembly has exactly one such component, its base."""
     placed = {joint.child.path[0] for joint in definition.joints if joint.child.path and not joint.loop}
     return [c.name for c in definition.components if c.placement is None and c.name not in placed]
 
@@ -147,7 +150,7 @@ class Tree:
                     self.added.setdefault(instance.index, {})[f"{instance.path}/{name}"] = frame
 
     def find(self, instance: Instance, reference: Reference) -> FoundMount | None:
-        """Resolve `reference` in the document of `instance` to a mount. Report an error and return None if it is invalid."""
+        """Find the mount to which a reference in the document of `instance` refers. Report an invalid reference and return None."""
         place: FoundMount | Instance | _Fault = self._walk(instance, reference.path)
         if isinstance(place, Instance):
             place = self._mount(place, reference.mount or "origin", ".".join(reference.path), instance)
@@ -157,12 +160,15 @@ class Tree:
         return None
 
     def shown(self, instance: Instance, name: str) -> FoundMount | None:
-        """Return the exported mount `name` of a component, or None if it has no such mount."""
+        """Return the mount `name` of a part, or the mount that an assembly exports as `name`. Return None if there is no such mount."""
         mount = self._mount(instance, name, "", self.top)
         return mount if isinstance(mount, FoundMount) else None
 
     def component(self, instance: Instance, reference: Reference) -> Instance | None:
-        """Resolve `reference` to its component, ignoring the mount, if any. Report an error and return None if it is invalid."""
+        """Find the component to which a reference refers.
+
+        A mount in the reference is ignored. Report an invalid reference and return None.
+        """
         place = self._walk(instance, reference.path)
         if isinstance(place, Instance):
             return place

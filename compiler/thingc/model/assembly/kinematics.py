@@ -12,14 +12,14 @@ from thingc.model.assembly.types import Assembly, JointEdge, Mate
 
 
 def joints_of(assembly: Assembly) -> tuple[JointEdge, ...]:
-    """Return the coordinates of all joints. Joints of a document precede joints of its nested documents."""
+    """Return the coordinates of all joints of the assembly. The joints of a document precede the joints of its nested documents."""
     return tuple(joint for mate in assembly.mates for joint in mate.joints)
 
 
 def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dict[str, float]:
-    """Return a mapping of joint paths to q [rad or m], in the order of `joints`. Values come from `values`, mimics, or 0.
+    """Return the position q [rad or m] of every joint by path. Positions that `values` does not contain follow from mimics, or are 0.
 
-    Joints in a cycle of mimics are at 0. The resolver reports such cycles.
+    If joints mimic each other in a cycle, all of them are at 0. The resolver reports such cycles.
     """
     by_path = {joint.path: joint for joint in joints}
     known: dict[str, float] = {}
@@ -66,12 +66,15 @@ def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -
 
 
 def bent(joints: Iterable[JointEdge]) -> bool:
-    """Return whether any mimic is a nonlinear polynomial. The result of `leaders` then depends on q."""
+    """Return whether any joint mimics another joint by a nonlinear polynomial. If so, the result of `leaders` depends on q."""
     return any(joint.mimic is not None and joint.mimic.higher for joint in joints)
 
 
 def across(mate: Mate, q: Mapping[str, float]) -> Pose:
-    """Return `X_PC(q)`, the pose of the child occurrence in the parent occurrence. `q` [rad or m] is by joint path (default 0)."""
+    """Compute the pose of a mate's child occurrence in the frame of its parent occurrence.
+
+    `q` maps joint paths to positions [rad or m], by default 0.
+    """
     if not mate.joints:
         return mate.X_PJ @ mate.X_JC
     values = tuple(q.get(joint.path, 0.0) + joint.offset for joint in mate.joints)
@@ -79,13 +82,16 @@ def across(mate: Mate, q: Mapping[str, float]) -> Pose:
 
 
 def balls(joints: Iterable[JointEdge]) -> Iterator[tuple[JointEdge, ...]]:
-    """Yield the three coordinates of every ball joint. `joints` are in joint order."""
+    """Yield the three coordinates of every ball joint. `joints` contains the coordinates of all joints of the robot."""
     for _, own in groupby((joint for joint in joints if joint.kind.at_once), key=lambda joint: joint.name.joint):
         yield tuple(own)
 
 
 def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> dict[str, float]:
-    """Return the coordinates of ball joints [rad] by path, clamped to half a turn and to the cone limit of each joint."""
+    """Clamp the rotation of every ball joint to half a turn and to the cone limit of the joint.
+
+    Return the coordinates [rad] of ball joints by path.
+    """
     angles: dict[str, float] = {}
     for ball in balls:
         x, y, z = within_turn((q[ball[0].path], q[ball[1].path], q[ball[2].path]))
@@ -96,7 +102,7 @@ def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> 
 
 
 def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
-    """Return the mate indices of each occurrence. Mates that close loops are omitted, so that the remaining mates form a tree."""
+    """Return the indices of the mates of each occurrence. Mates that close loops are omitted, so the remaining mates form a tree."""
     neighbours: list[list[int]] = [[] for _ in range(count)]
     for number, mate in enumerate(mates):
         if mate.loop is not None:

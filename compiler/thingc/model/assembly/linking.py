@@ -34,7 +34,7 @@ ABSENT = {
 
 
 def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Report each part that has no shape for its `collision` setting.
+    """Report each part that has no geometry of the type that its `collision` setting requires.
 
     Parts with unknown geometry, such as those read from a lock file, are skipped.
     """
@@ -53,11 +53,14 @@ def link(
     model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure], report: Report, memo: Memo | None = None,
     meshes: Meshes | None = None, *, unmodelled: bool = False,
 ) -> Assembly | None:
-    """Link a resolved model with its part records. Return None if there are errors, which are added to `report`.
+    """Build the linked assembly from the resolved model and the geometry records of its parts.
 
-    `records` contains the result for every part definition of `model`, by text. With `unmodelled`, parts are not built: `link` reports only
-    errors of the documents and returns None. `meshes` are the known records of mesh files of links. Elements that depend on invalid
-    elements are skipped without another message. The time is linear in the number of occurrences. `memo` caches intermediate results.
+    Add errors to `report` and return None for an invalid model.
+
+    `records` contains the geometry record of every part in `model`, keyed by the text of the part's definition. With `unmodelled`, parts
+    are not built: `link` reports only errors of the documents and returns None. `meshes` are the known records of mesh files of links.
+    Elements that depend on invalid elements are skipped without another message. The time is linear in the number of occurrences. `memo`
+    caches intermediate results.
     """
     memo = memo or Memo()
     findings = LinkReport(report)

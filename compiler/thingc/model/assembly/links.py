@@ -18,9 +18,10 @@ from thingc.model.assembly.types import Adhesion, Assembly, Link, LinkedMode, Ma
 
 
 def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
-    """Return the link number of each occurrence. Links are numbered by their first occurrence in document order.
+    """Find the sets of rigidly connected occurrences, which are the links of the robot. Return the link number of each occurrence.
 
-    Union-find with path halving over the mates without a joint.
+    Links are numbered by their first occurrence in document order. The method is union-find with path halving over the mates without a
+    joint.
     """
     sets = DisjointSets(count)
     for mate in mates:
@@ -43,8 +44,8 @@ class _Naming(FrozenStruct, kw_only=False):
 def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo) -> tuple[Link, ...]:
     """Return the links of the robot, in document order.
 
-    `links:` specifies names and frames; the outermost document takes precedence. By default, a link has the name and the frame of its first
-    occurrence.
+    The key `links:` of a document specifies names and frames of links. The outermost document takes precedence. By default, a link has the
+    name and the frame of its first occurrence.
     """
     link_of = connected_components(len(occurrences), mates)
     members: list[list[int]] = [[] for _ in range(max(link_of, default=-1) + 1)]

@@ -20,14 +20,14 @@ NOTHING = MassProperties(mass=0.0)
 
 
 class Density(FrozenStruct):
-    """A density [kg/m^3]. If it is `estimated`, a mass that is computed from this density is also an estimate."""
+    """A density [kg/m^3] of a part. With `estimated`, every mass that is computed from this density is also marked as an estimate."""
 
     value: float
     estimated: bool = False
 
 
 class MassResult(FrozenStruct):
-    """Mass properties in the component's frame, and their source (`measured | vendor | stated | derived | estimated`).
+    """The mass properties of a component in its own frame, and their source (`measured | vendor | stated | derived | estimated`).
 
     `estimate` is the method (`layers | skin`) for a part with infill, otherwise None.
     """
@@ -38,7 +38,7 @@ class MassResult(FrozenStruct):
 
 
 def merged(over: Process | None, under: Process | None) -> Process | None:
-    """Merge two manufacturing processes. Keys of `over` take precedence."""
+    """Merge the settings of two manufacturing processes. Settings of `over` take precedence over settings of `under`."""
     if over is None or under is None:
         return over if over is not None else under
     stated = {name: value for name in Process.__struct_fields__ if (value := getattr(over, name)) is not None}
@@ -57,14 +57,14 @@ def estimate_of(process: Process | None) -> str | None:
 
 
 def missing_keys(process: Process | None) -> tuple[str, ...]:
-    """Return the keys that a mass estimate requires but the process lacks, such as `("walls",)`."""
+    """Return the process settings that are missing for an estimate of the part's mass, such as `("walls",)`."""
     return tuple(key for key in _NEEDED.get(estimate_of(process) or "", ()) if getattr(process, key) is None)
 
 
 def unsaid_keys(process: Process | None) -> tuple[str, ...]:
-    """Return those of the `missing_keys` that must be reported.
+    """Return the missing process settings that must be reported to the user.
 
-    Invalid keys are omitted, because they have already been reported. The result is empty if `kind` or `estimate` is invalid.
+    Invalid settings are omitted, because they have already been reported. The result is empty if `kind` or `estimate` is invalid.
     """
     if process is None or not process.wrong.isdisjoint(("kind", "estimate")):
         return ()
@@ -72,19 +72,23 @@ def unsaid_keys(process: Process | None) -> tuple[str, ...]:
 
 
 def layers_too_high(process: Process) -> bool:
-    """Return whether the layer height exceeds the line width."""
+    """Return whether the layer height of a printing process exceeds its line width."""
     return process.layer is not None and process.line_width is not None and process.layer > process.line_width
 
 
 def slicing_of(process: Process | None, overrides: Overrides, record: PartRecord) -> Slicing | None:
-    """Return the slicing of a part whose mass is estimated from its printed layers. Return None for other parts and for incomplete
-    processes.
+    """Return the slicing settings of a part whose mass is estimated from its printed layers.
+
+    Return None for other parts, and if settings are missing.
     """
     return layers_of(process, overrides.up or record.up) if record.volume > 0.0 else None
 
 
 def layers_of(process: Process | None, up: Vector | None) -> Slicing | None:
-    """Return the slicing of a part printed in the direction `up`. Return None for incomplete processes and other estimation methods."""
+    """Return the slicing settings of a part that is printed in the direction `up`.
+
+    Return None if settings are missing, or if the mass is not estimated from layers.
+    """
     if process is None or estimate_of(process) != "layers" or missing_keys(process) or layers_too_high(process):
         return None
     return Slicing(
@@ -95,10 +99,11 @@ def layers_of(process: Process | None, up: Vector | None) -> Slicing | None:
 
 
 def component_mass(record: PartRecord | None, density: Density | None, process: Process | None, overrides: Overrides) -> MassResult | None:
-    """Return the mass properties of a component, or None if its mass is not specified.
+    """Compute mass, centre of mass and inertia of a component in its own frame. Return None if the mass is not specified.
 
-    `record` is None for a frame. `density` is from the Thing or the material, if any. If only the mass is overridden, the inertia is
-    scaled. If only the centre is overridden, the inertia is unchanged. Inertias are about the centre of mass.
+    `record` is the geometry record of the part (None for a frame). `density` comes from the Thing or from the material, if any. If only the
+    mass is overridden, the inertia is scaled. If only the centre is overridden, the inertia is unchanged. Inertias are about the centre of
+    mass.
     """
     matter, estimate = _matter(record, process, overrides)
     natural = _natural(matter, density, estimate)
@@ -131,7 +136,7 @@ def component_mass(record: PartRecord | None, density: Density | None, process: 
 
 
 def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
-    """Return the mass properties of a link, from the document or from `matter`, the mass properties of its shapes.
+    """Compute the mass properties of a link from the values in the document, or from `matter`, the mass properties of the link's shapes.
 
     If the document specifies only the mass, `matter` is scaled to this mass.
     """
@@ -141,7 +146,9 @@ def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
 
 
 def is_fully_stated(overrides: Overrides) -> bool:
-    """Return whether a document specifies mass, centre of mass and inertia."""
+    """Return whether the document specifies mass, centre of mass and inertia of a component, so that nothing must be computed from its
+    geometry.
+    """
     return overrides.mass is not None and overrides.com is not None and overrides.inertia is not None
 
 
@@ -156,7 +163,7 @@ def _with_overrides(properties: MassProperties, overrides: Overrides) -> MassPro
 
 
 def stated_inertia(six: tuple[float, ...]) -> Matrix:
-    """Return the inertia matrix of `ixx iyy izz ixy ixz iyz` [kg m^2]."""
+    """Return the symmetric inertia matrix (3 x 3) with the elements `ixx iyy izz ixy ixz iyz` [kg m^2]."""
     xx, yy, zz, xy, xz, yz = six
     return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
 

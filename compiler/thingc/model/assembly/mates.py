@@ -29,10 +29,12 @@ UPSIDE_DOWN = turned_x(math.pi)
 
 
 def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
-    """Return all edges of the mate graph, and the indices of the edges that come from `at` and do not connect mounts.
+    """Return all mates of the robot, which are the edges of the mate graph.
 
-    The order for each assembly is: `attach` and `at` in component order, joints in written order, then nested assemblies.
-    Edges with an invalid reference are omitted.
+    Also return the indices of mates from `at`, which do not connect mounts.
+
+    In each assembly, mates from `attach` and `at` come first, in component order. Mates of joints follow, in the order of the document, and
+    then mates of nested assemblies. Edges with an invalid reference are omitted.
     """
     mates: list[Mate] = []
     laid: set[int] = set()
@@ -93,7 +95,10 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
 
 
 def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, ...]:
-    """Return `joints` and the joints of parts with unknown mounts. Documents specify the limits of all these joints."""
+    """Return the given joints and the joints whose mounts are on parts with unknown geometry.
+
+    The limits of all these joints are known from documents.
+    """
     edges = {joint.path: joint for joint in joints}
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
@@ -104,12 +109,12 @@ def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, .
 
 
 def loops_in(tree: Tree) -> Iterator[Joint]:
-    """Yield the joints that close loops."""
+    """Yield every joint of the robot that closes a kinematic loop instead of placing a component."""
     return (joint for _, definition in tree.assemblies for joint in definition.joints if joint.loop)
 
 
 def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[Link], findings: LinkReport) -> None:
-    """Report loops that close within one link."""
+    """Report each joint that closes a loop although both of its mounts are on the same link."""
     for mate in mates:
         if mate.loop is not None and link_of[mate.parent] == link_of[mate.child]:
             name = links[link_of[mate.parent]].name

@@ -41,7 +41,7 @@ The friction of a material takes precedence over the friction of the floor, beca
 
 
 def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
-    """Return every exported mount at every level. An assembly precedes the assemblies nested in it."""
+    """Return the exported mounts of the top document and of all nested assemblies. An assembly precedes its nested assemblies."""
     exported: list[ExportedMount] = []
     for instance, definition in tree.assemblies:
         for name, reference in definition.mounts.items():
@@ -54,7 +54,7 @@ def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
 
 
 def modes_of(tree: Tree, model: AssemblyDefinition, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedMode, ...]:
-    """Return the modes with a valid root. Excluded pairs on the same link are omitted, because a link does not collide with itself."""
+    """Return the modes that have a valid root, with resolved references. Excluded collision pairs within one link are omitted."""
     linked = (_mode(tree, mode, link_of, findings) for mode in model.modes)
     return tuple(mode for mode in linked if mode is not None)
 
@@ -170,7 +170,10 @@ def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], withi
 
 
 def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:
-    """Return the magnets of all modes in the order of first use, with the largest force [N] of each."""
+    """Return the magnets that any mode uses, in the order of their first use.
+
+    Each magnet has the largest force [N] that a mode specifies.
+    """
     largest: dict[str, Adhesion] = {}
     for mode in model.modes:
         for reference, force in mode.adhesion:
@@ -185,7 +188,10 @@ def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:
 
 
 def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
-    """Return the raw attributes of all documents, with names converted to paths in the robot: `yaw` of `hand` becomes `hand/yaw`."""
+    """Return the raw attributes of all documents.
+
+    Names of elements are converted to paths in the robot: `yaw` of `hand` becomes `hand/yaw`.
+    """
     attributes: list[RawAttribute] = []
     for instance, definition in tree.assemblies:
         for raw in definition.raw:
@@ -214,7 +220,7 @@ def check_poses(
     poses: Sequence[NamedPose], modes: Sequence[Mode], joints: Sequence[JointEdge], findings: LinkReport,
     loops: Collection[str] = (), *, unset: bool,
 ) -> None:
-    """Check every pose against the limits of joints.
+    """Report every value of a named pose that is outside the limits of its joint.
 
     If `unset` (no joints were omitted), poses that modes use are also checked for joints that mimic others and joints that are 0 by
     default. A joint in `loops` is checked only if the pose sets the joint.

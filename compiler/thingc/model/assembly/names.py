@@ -17,7 +17,10 @@ Named = dict[NamedKind, dict[str, tuple[str, Origin]]]
 
 
 def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings: LinkReport) -> FileNames | None:
-    """Return the names in files, prefixed with the path of nested documents. Return None if there are none. Report duplicates."""
+    """Return the names of elements in output files that documents specify.
+
+    Return None if documents specify no names. Report duplicate names.
+    """
     named: Named = {}
     for instance, definition in tree.assemblies:
         for one in definition.names:

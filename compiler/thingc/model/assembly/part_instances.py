@@ -65,7 +65,9 @@ _SHOWN_PLACES = 8
 
 
 class PartInstances:
-    """A cache of part instances by component. If a definition is used twice, its components are computed once.
+    """Creates the instances of parts, links and frames, and caches them by component.
+
+    If an assembly is used twice, its parts are computed once.
 
     `unknown` is set if the properties of a part are not known exactly (see `PartRecord.exact`). The caller reports such parts.
     """
@@ -83,7 +85,10 @@ class PartInstances:
         self.unknown = False
 
     def of(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
-        """Return the instance of `component` in the assembly `scope`, first used at `path`. Return None if the part could not be built."""
+        """Return the part instance of a component of the assembly `scope`.
+
+        `path` is its first use in the robot. Return None if the part could not be built.
+        """
         key = id(component)
         if key not in self._known:
             self._known[key] = self._remembered(component, scope, path, origin)
@@ -423,7 +428,7 @@ class PartInstances:
 
 
 def doubted(help: Hint | None) -> str:
-    """Return the help text for a warning about an implausible density."""
+    """Return the help text for a warning about an implausible density. `help` suggests the density that was probably intended, if known."""
     return f"{help}; {allow_hint(Code.DENSITY)}" if help is not None else allow_hint(Code.DENSITY)
 
 

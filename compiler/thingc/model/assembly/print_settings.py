@@ -1,4 +1,4 @@
-"""Print settings that affect the mass of parts, for requests to the geometry service."""
+"""Collect the print settings that affect the mass of parts. Requests to the geometry service contain these settings."""
 
 from __future__ import annotations
 
@@ -12,19 +12,24 @@ from thingc.model.resolve.types import AssemblyDefinition, Component, Material, 
 
 
 def material_of(component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> Material | None:
-    """Return the material in the document, otherwise the default material of the component's Thing if `scope` contains this material."""
+    """Return the material of a component: the material in the document, otherwise the default material of its Thing if `scope` contains
+    this material.
+    """
     if component.material is not None or record is None or record.material is None:
         return component.material
     return scope.materials.get(record.material)
 
 
 def process_of(component: Component, material: Material | None) -> Process | None:
-    """Return the process of a component. Its keys take precedence over the keys of its material."""
+    """Return the manufacturing process of a component. Settings of the component take precedence over settings of its material."""
     return merged(component.overrides.process, material.process if material is not None else None)
 
 
 def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> dict[str, set[Slicing]]:
-    """Return the slicings of the parts of a model, keyed by the text of their definition. A part may have several slicings."""
+    """Return the slicing settings of all printed parts of a model, keyed by the text of the part's definition.
+
+    A part may have several settings.
+    """
     slicings: dict[str, set[Slicing]] = {}
     for definition, component, scope in _parts(model):
         record = records.get(definition.text)
@@ -38,7 +43,7 @@ def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | Pa
 
 
 def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema | PartFailure]) -> dict[str, set[LikelySlicing]]:
-    """Predict `slicings_of` before parts are built, for parts whose class specifies a material."""
+    """Predict the slicing settings of parts before the parts are built, from materials that part classes specify."""
     likely: dict[str, set[LikelySlicing]] = {}
     for definition, component, scope in _parts(model):
         schema, material, up = schemas.get(definition.reference), component.material, component.overrides.up
