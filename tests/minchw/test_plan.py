@@ -141,6 +141,17 @@ def test_the_pull_of_a_swing_is_the_rate_of_momentum(planner: tuple, plan: list)
         assert needed <= 300.0 - mode.loads(swing)[1] + 0.5
 
 
+def test_a_swing_beyond_a_limit_is_too_fast(planner: tuple, plan: list, monkeypatch: pytest.MonkeyPatch) -> None:
+    mode, swing = planner[2].modes["rear"], plan[1].swing
+    mode.hold(plan[1].feet["rear"])
+    load, margin = mode.loads(swing)
+    for name, tight in (("LOAD", 0.99 * load), ("MOVED", 1.01 * margin)):
+        assert mode._slow_enough(swing)
+        with monkeypatch.context() as limits:
+            limits.setattr(sys.modules["inchworm_modes"], name, tight)
+            assert not mode._slow_enough(swing)
+
+
 def test_the_pull_of_a_landing_by_jacobians_by_hand(planning: ModuleType, planner: tuple, plan: list) -> None:
     """Springs in series: the sole is pushed back by 0.1 mm and kept from tilting. Derivatives are differences of planar kinematics."""
     mode, state = planner[2].modes["rear"], plan[1]
@@ -173,6 +184,7 @@ def test_a_foot_that_drags_and_a_body_on_the_wall_collide(planning: ModuleType, 
     mode.hold(begin.feet["rear"])
     assert not mode.collides(begin.q, [begin.feet["front"]])
     assert mode.collides(begin.q, [])  # no foothold there
+    assert mode.collides(begin.q, [planning.Foothold(face=tunnel.faces[0], distance=0.33)])  # 10 mm beside it
     mode.hold(planning.Foothold(face=tunnel.faces[0], distance=tunnel.length - 0.3))
     assert mode.collides(begin.q, [planning.Foothold(face=tunnel.faces[0], distance=tunnel.length + 0.02)])  # the front foot is in the wall
 
