@@ -1,1 +1,5 @@
-"""Import robots of other formats: a reader per format, a common source model, and a writer of documents."""
+"""Import robots from files in other formats, such as URDF, SDF and MJCF.
+
+The package contains one reader per format, a source model that all readers return, and a writer that converts the source model to a YAML
+document.
+"""

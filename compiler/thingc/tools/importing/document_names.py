@@ -1,4 +1,4 @@
-"""Assign document names to all elements of an imported robot, and order its shapes."""
+"""Choose a name in the generated document for each element of an imported robot, and pair its visual shapes with its collision shapes."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 def plain_name(name: str, kind: str) -> str:
-    """Convert a name to letters, digits and `_`.
+    """Convert a name to a valid document name, which consists of letters, digits and `_`.
 
-    Prepend `kind` if the result does not start with a letter. Append `kind` if the result is a reserved word, or if YAML does not parse the
-    result as a string.
+    The function prepends `kind` to a name that does not start with a letter. It appends `kind` to a reserved word, and to a name that YAML
+    does not parse as a string.
     """
     word = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")[:LONGEST] or kind
     if not _NAME.fullmatch(word):
@@ -33,10 +33,10 @@ def plain_name(name: str, kind: str) -> str:
 
 
 def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return a unique document name for each of `names`. No result is in `taken`; comparisons ignore case.
+    """Map each name in `names` to a unique document name that is not in `taken`. Names that differ only in case count as equal.
 
-    The names of elements of an `earlier` import do not change. A valid name does not change, even if the conversion of another name gives
-    the same name.
+    Elements that an `earlier` import already named get the same document name again. A valid name does not change, even if the conversion
+    of another name gives the same name.
     """
     used, wanted = {one.lower() for one in taken}, list(dict.fromkeys(names))
     words: dict[str, str] = {}
@@ -59,10 +59,13 @@ def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier
 
 
 class DocumentNaming:
-    """The document names of all elements, by their names in the source.
+    """The names that the elements of an imported robot get in the generated document.
 
-    `links` are components, and `frames` are links that become mounts. `order` lists the attachments, starting at the root, and `shown`
-    lists the exported mounts. `meshes` maps the meshes of shapes to files. The names of elements of an `earlier` import do not change.
+    Most attributes map a source name to a document name.
+
+    `links` are the links that become components, and `frames` are the links that become mounts of their parents. `order` lists the
+    attachments of the kinematic tree, starting at the root. `shown` lists the mounts that the document exports. `meshes` maps the mesh URIs
+    of shapes to file paths. Elements that an `earlier` import already named keep their names.
     """
 
     def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: PreviousImport | None) -> None:
@@ -115,7 +118,7 @@ class DocumentNaming:
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
 
     def _points(self, taken: Collection[str]) -> dict[str, str]:
-        """Return the names of the components that carry the mass of links with shapes but without inertia."""
+        """Return the component names of the point masses of links that have a mass and shapes, but no inertia."""
         named: dict[str, str] = {}
         for link in self.robot.links:
             if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self.is_shown, link.shapes)):
@@ -124,9 +127,9 @@ class DocumentNaming:
         return named
 
     def _added(self, drives: list[str]) -> dict[tuple[str, str], str]:
-        """Return the names of elements added to the MuJoCo model, by section and source name.
+        """Return the names of the elements that are added to the MuJoCo model unchanged, keyed by section and source name.
 
-        The name of an actuator must differ from all names in `drives`.
+        The name of an actuator must differ from the names of all drives in `drives`.
         """
         added: dict[tuple[str, str], str] = {}
         for element in self.robot.added:
@@ -146,9 +149,9 @@ class DocumentNaming:
         return {name: mount for name, mount in mounts.items() if wanted[mount] == 1 and mount.lower() not in RESERVED}
 
     def _placed(self, places: Mapping[str, tuple[str, Pose]], kind: str, taken: Iterable[str]) -> dict[str, str]:
-        """Return a mount for each place: the mount of a site or link with the same pose if one exists, else a new mount.
+        """Return the name of a mount for each pose in `places`. If a site or link already has this pose, its mount is reused.
 
-        `places` maps names to a link and a pose in it.
+        `places` maps a source name to a link and a pose in the frame of this link.
         """
         there = {
             name: next((word for word, at in self._shown_on(link) if same_place(at, pose)), None) for name, (link, pose) in places.items()
@@ -157,7 +160,7 @@ class DocumentNaming:
         return {name: word or words[name] for name, word in there.items()}
 
     def _shown_on(self, link: str) -> Iterator[tuple[str, Pose]]:
-        """Yield the names of the exported mounts of a link, with their poses in the link."""
+        """Yield the name of each exported mount of a link, and the pose of the mount in the frame of the link."""
         yield from ((self.sites[site.name], site.pose) for site in self.link_of[link].sites)
         yield from ((self.frames[one.child], one.pose) for one in self.below.get(link, ()) if one.child in self.frames)
 
@@ -166,9 +169,10 @@ class DocumentNaming:
         return not (one.joints or link.weight or link.shapes or one.child in self.below)
 
     def in_files(self) -> dict[str, dict[str, str]]:
-        """Return the section `names` of the document: source names that differ from the default names in models, by kind.
+        """Return the section `names` of the document: for each kind of element, a mapping from document names to names in generated models.
 
-        If two elements request the same name in a model, the first element gets the name. Links precede sites.
+        The section contains only elements whose source name differs from the name that thingc gives them by default. If two elements
+        request the same name in a model, the first element gets the name. Links precede sites.
         """
         moving = {one.name: self.loops[one.name] for one in self.robot.loops if one.kind != "fixed"}  # welds are not joints
         kinds: dict[str, list[tuple[str, str, str]]] = {  # entries: document name, source name, default name in models
@@ -196,7 +200,10 @@ class DocumentNaming:
         return names
 
     def others(self) -> dict[str, dict[str, str]]:
-        """Return the source names of all other elements whose default name differs from the source name, by kind."""
+        """Return the document names of sites, loops, tendons, actuators, equalities, sensors, poses and geoms.
+
+        The result maps each kind to a mapping from source names to document names.
+        """
         drives = {drive.name: word for word, _, drive in self.driven}
         magnets = {one.name: f"{self.links[one.link]}/{self.magnets[one.name]}" for one in self.robot.adhesions}
         parts = {of: f"{word}:{part}" for one, word in zip(self.robot.sensors, self.sensors, strict=True) for of, part in one.parts}
@@ -214,7 +221,7 @@ class DocumentNaming:
         return {kind: dict(names) for kind, names in kinds.items() if names}
 
     def _usual(self, link: str) -> Iterator[tuple[SourceShape, str]]:
-        """Yield the imported shapes of a link, with the default names of unnamed shapes in models."""
+        """Yield each imported shape of a link, and the name that the shape gets in generated models if the document does not name it."""
         shown = [shape for shape in self.link_of[link].shapes if self.is_shown(shape)]
         for use in ("visual", "collision"):
             for number, shape in enumerate(shape for shape in shown if shape.use == use):
@@ -222,25 +229,30 @@ class DocumentNaming:
                 yield shape, self.links[link] if usual.endswith(":visual") else usual
 
     def title(self, shape: SourceShape) -> str | None:
-        """Return the source name of a shape if the document must specify it, else None. Names are unique in models."""
+        """Return the name that the document must specify for a shape, or None if no name is necessary or if its source name cannot be used.
+
+        A source name cannot be used if several shapes have this name, because names are unique in MuJoCo models.
+        """
         name = shape.name
         return name if name is not None and name not in self.repeated and name != self.usual[id(shape)] and is_file_name(name) else None
 
     def _tied(self) -> dict[str, str]:
-        """Map the source names of MuJoCo equalities to their default names in models."""
+        """Map the source name of each MuJoCo equality to the name that the equality gets in generated models by default."""
         tied = {one.follows.name: f"{self.joints[one.name]}:mimic" for hanging in self.order for one in hanging.joints if one.follows}
         tied |= {one.equality: f"{self.loops[one.name]}:loop" for one in self.robot.loops} | self._of("equality")
         return {name: word for name, word in tied.items() if name}
 
     def _of(self, section: str) -> dict[str, str]:
-        """Return the document names of the elements added to a section, by source name."""
+        """Return the names of the elements that are added to a section of the MuJoCo model, as a mapping from source names to document
+        names.
+        """
         return {name: word for (of, name), word in self.added.items() if of == section}
 
     def items(self, link: SourceLink) -> Iterator[tuple[SourceShape, SourceShape | None]]:
-        """Yield the items of `shapes` of a link: a shape, and its collision shape if any.
+        """Yield the items of the list `shapes` of a link. Each item is a shape, and the collision shape that it represents or None.
 
-        The collision shape is the shape itself or another shape of the same form. The order of visual shapes and the order of collision
-        shapes do not change.
+        A visual shape and a collision shape become one item if they have the same kind, size, pose and mesh. The order of visual shapes and
+        the order of collision shapes do not change.
         """
         shown = [shape for shape in link.shapes if self.is_shown(shape)]
         alone = [shape for shape in shown if shape.use == "collision"]
@@ -265,10 +277,13 @@ class DocumentNaming:
                 yield shape, alone.pop(0)
 
     def is_shown(self, shape: SourceShape) -> bool:
-        """Return whether the document contains a shape. Only shapes of omitted meshes are missing."""
+        """Return whether the document contains a shape. The document contains all shapes except meshes that were not imported."""
         return shape.mesh is None or shape.mesh in self.meshes
 
 
 def _form(shape: SourceShape) -> tuple[object, ...]:
-    """Return the properties that must be equal so that a visual and a collision shape become one item in a document."""
+    """Return the kind, size, pose and mesh of a shape.
+
+    If they are equal, a visual shape and a collision shape become one item in the document.
+    """
     return shape.kind, shape.size, shape.pose, shape.mesh

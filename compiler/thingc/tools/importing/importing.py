@@ -1,4 +1,7 @@
-"""Import a robot from a file: create the files of a workspace, and report errors and losses."""
+"""Import a robot from a file of another format.
+
+The import creates the files of a workspace, and reports errors and information that was lost.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,8 @@ _METRES = "check the unit: lengths are in metres"
 
 
 def refuse_endless(robot: SourceRobot, report: Report) -> None:
-    """Report masses that are not finite, and sizes, distances and masses whose products overflow."""
+    """Report an error for each mass that is not finite, and for sizes, distances and masses so large that computations with them overflow.
+    """
     for link in robot.links:
         far = {shape.where: shape for shape in link.shapes if shape.kind != "mesh" and not max(map(abs, shape.size)) <= FARTHEST}
         for where, shape in far.items():
@@ -65,9 +69,9 @@ ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")
 
 
 class Imported(FrozenStruct):
-    """An imported robot and the `files` of its workspace by path. `document` is the path of its document.
+    """An imported robot, and the contents of the workspace files to write for it.
 
-    `earlier` is the previous import, if any.
+    `files` maps paths to contents. `document` is the path of the generated document. `earlier` is the previous import, if any.
     """
 
     name: str
@@ -85,10 +89,12 @@ def import_robot(
     arguments: Mapping[str, str] | None = None, meshes: bool = True, earlier: Callable[[str], PreviousImport | None] = lambda _: None,
     update: bool = False, mesh_roots: Sequence[str] = (),
 ) -> Imported | None:
-    """Import the robot in a file. Return None after errors, which are added to `report`.
+    """Import the robot in the file `path`. If the file has errors, add them to `report` and return None.
 
-    Each link in `roots` gets a mode. `repair` is the method for invalid inertias. `packages` maps package names to folders, `arguments` are
-    for xacro, and `mesh_roots` are further folders of meshes. Without `meshes`, import no meshes. `earlier` returns the previous import.
+    The generated document has an additional mode for each link in `roots`, with this link as the root. `repair` is the method for repairing
+    invalid inertias. `packages` maps the names of ROS packages to folders. `arguments` are the arguments of a xacro file. `mesh_roots` are
+    additional folders to search for meshes. If `meshes` is false, meshes are not imported. The function `earlier` returns the previous
+    import of the robot with the given name.
     """
     data = _content(path, report)
     path = os.path.abspath(path)
@@ -133,7 +139,7 @@ def import_robot(
 
 
 def _content(path: str, report: Report) -> bytes | None:
-    """Return the content of a file, or None after reporting that its suffix is not supported or that it cannot be read."""
+    """Return the content of a file. Return None after reporting that the file cannot be read, or that its suffix is not supported."""
     if not path.lower().endswith(ENDINGS):
         known = ", ".join(f"`{one}`" for one in ENDINGS)
         what = "a folder, not a file" if os.path.isdir(path) else "not of a supported format"
@@ -149,7 +155,7 @@ def _content(path: str, report: Report) -> bytes | None:
 def _load_source(
     path: str, data: bytes, arguments: Mapping[str, str], packages: Packages, report: Report, *, meshes: bool,
 ) -> SourceRobot | None:
-    """Read the robot with the reader for the suffix of the file. `.xml` can be MJCF or URDF."""
+    """Read the robot with the reader for the suffix of the file. A file with the suffix `.xml` can be MJCF or URDF."""
     if path.lower().endswith(".xacro"):
         made = expanded(path, arguments, packages.given, report)
         return None if made is None else read_urdf(path, made[0], report, files=made[1])
@@ -161,10 +167,10 @@ def _load_source(
 
 
 def _record(imported: Imported, written: WrittenDocument, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
-    """Return the data of `import.json`.
+    """Return the JSON data of the file `import.json`, which describes an import.
 
-    The file contains the source, the options, the names, the repairs, the losses, and the original document, so that the next import can
-    compare them.
+    The next import of the same robot reads this file. It contains the source, the options, the names, the repairs, the losses, and the
+    document as it was generated.
     """
     losses = [
         {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in imported.losses

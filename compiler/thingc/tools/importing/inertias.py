@@ -1,8 +1,8 @@
-"""Check the inertias of an imported robot, and repair each inertia that no solid can have.
+"""Check that the inertias of an imported robot are physically possible, and repair the inertias that are not.
 
 Links that are rigidly connected form one body, and the total inertia of the body is checked. Invalid inertias are errors unless a repair
-method is given, which is applied to each link. `nearest` uses the nearest inertia that a solid of the same mass can have. `shapes` computes
-the inertia of the shapes of the link.
+method is given. The method is then applied to each link. The method `nearest` uses the nearest inertia that a solid of the same mass can
+have. The method `shapes` computes the inertia from the shapes of the link.
 
 `nearest` raises the eigenvalues of the pseudo-inertia about the centre of mass, `diag(S, m)` with the second moments of mass `S = tr(I)/2 1
 - I`, to a lower bound. The result is the nearest in the Frobenius norm (Wensing, Kim and Slotine, "Linear Matrix Inequalities for
@@ -36,7 +36,8 @@ LEAST = 1e-6
 
 
 class RepairedLink(FrozenStruct):
-    """A link with changed mass properties: the old properties (None if massless), the new ones, and the method."""
+    """A link whose mass properties were repaired: the old mass properties (None for a massless link), the new ones, and the repair method.
+    """
 
     link: SourceLink
     new: MassProperties
@@ -46,10 +47,10 @@ class RepairedLink(FrozenStruct):
 def repaired(
     robot: SourceRobot, roots: Sequence[str], how: Repair | None, report: Report, matter: Matter = lambda _: None,
 ) -> tuple[SourceRobot, tuple[RepairedLink, ...]]:
-    """Return the robot with valid inertias, and the repaired links.
+    """Repair the invalid inertias of an imported robot. Return the robot and the links that were repaired.
 
-    The function checks the bodies in the mode `source` and in the modes with these `roots`. It reports an invalid inertia if `how` is None
-    or if the method cannot repair the inertia. The function `matter` returns the mass properties of a mesh.
+    The function checks the bodies in the mode `source` and in one mode for each link in `roots`. It reports an invalid inertia if `how` is
+    None, or if the method `how` cannot repair the inertia. The function `matter` returns the mass properties of the mesh of a shape.
     """
     between = _between(robot)
     bodies, done = _bodies(robot), dict[str, RepairedLink]()
@@ -76,7 +77,10 @@ def repaired(
 
 
 def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
-    """Return the links of each body by the name of its first link, with their poses in the first link."""
+    """Group the links into rigid bodies.
+
+    Return the links of each body with their poses in the frame of its first link, keyed by the name of the first link.
+    """
     links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
     bodies: dict[str, list[tuple[SourceLink, Pose]]] = {robot.root: [(links[robot.root], NO_POSE)]}
     waiting = [(robot.root, robot.root, NO_POSE)]
@@ -90,7 +94,7 @@ def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
 
 
 def _between(robot: SourceRobot) -> set[str]:
-    """Return the massless intermediate links between two joints."""
+    """Return the names of the massless links that only connect two joints."""
     links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
     return {
         one.child for one in robot.hangings
@@ -113,7 +117,7 @@ def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
 
 
 def _misstated(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
-    """Return the reason why the inertia of a body that does not move is invalid, or None if it is valid or missing."""
+    """Return the reason why the inertia of a fixed body is invalid, or None if the inertia is valid or not specified."""
     stated = [link.weight.properties.inertia for link, _ in members if link.weight is not None]
     if all(one == ZERO or physical_fault(one) is None for one in stated):
         return None
@@ -170,7 +174,10 @@ def nearest(inertia: Matrix, mass: float) -> Matrix:
 
 
 def _solid(shapes: Sequence[SourceShape], matter: Matter) -> MassProperties | None:
-    """Return the mass properties of shapes at density 1, or None if no volume is known. Prefer collision shapes to visual shapes."""
+    """Return the mass properties that shapes would have at density 1, or None if the volume of the shapes is unknown.
+
+    If a link has collision shapes with known volumes, the function uses them instead of the visual shapes.
+    """
     chosen = [shape for shape in shapes if shape.use == "collision"] or list(shapes)
     bodies = [one for shape in chosen if (one := _volume(shape) if shape.kind != "mesh" else _held(shape, matter)) is not None]
     return total(bodies) if bodies and len(bodies) == len(chosen) else None

@@ -1,4 +1,7 @@
-"""Collect the meshes of a robot in `meshes/`. Meshes with equal content share one file, which has its original name."""
+"""Copy the mesh files of an imported robot to the folder `meshes/`.
+
+Meshes with equal content share one file, which has its original name.
+"""
 
 from __future__ import annotations
 
@@ -32,9 +35,10 @@ SAMPLE = 1000
 
 
 def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | None]:
-    """Return a function that computes the mass properties of the mesh of a shape at density 1 [m].
+    """Return a function that computes the mass properties of the mesh of a shape, in metres and at density 1.
 
-    The returned function returns None for open or unreadable meshes. It caches the meshes in the store for the first build.
+    The returned function returns None for meshes that are not closed or cannot be read. It stores each mesh in the cache, so that the first
+    build does not read it again.
     """
 
     def matter(shape: SourceShape) -> MassProperties | None:
@@ -51,9 +55,9 @@ def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | No
 
 
 def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping[str, str], report: Report) -> None:
-    """Warn about the first mesh whose size, compared with the distances between joints, suggests that its unit is the millimetre.
+    """Warn if a mesh seems to be in millimetres instead of metres, judging by its size compared with the distances between joints.
 
-    `files` maps paths to contents, `paths` maps the URIs of the source to paths.
+    Only the first such mesh is reported. `files` maps paths to contents, and `paths` maps the mesh URIs of the source to paths.
     """
     reach = max((dist(one.pose.translation, (0.0, 0.0, 0.0)) for one in robot.hangings), default=0.0)
     for shape in (shape for link in robot.links for shape in link.shapes if shape.mesh in paths):
@@ -67,7 +71,7 @@ def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping
 
 
 def _corner(data: bytes, path: str) -> float:
-    """Return the largest coordinate of the first vertices of an STL or OBJ file, or 0 for other formats."""
+    """Return the largest absolute coordinate among the first vertices of an STL or OBJ file, or 0 for other formats."""
     numbers: list[float] = []
     if path.endswith(".stl") and not data[:SAMPLE].lstrip().startswith(b"solid"):
         whole = (len(data) - 84) // 50
@@ -93,9 +97,11 @@ def _stem(uri: str) -> str:
 def gathered(
     robot: SourceRobot, packages: Packages | None, report: Report,
 ) -> tuple[Mapping[str, str], dict[str, bytes], tuple[SourceLoss, ...]]:
-    """Return the paths of meshes in the workspace by URI, their contents by path, and the losses.
+    """Read the meshes of an imported robot.
 
-    Missing meshes are reported at their first use. If `packages` is None, all meshes are losses.
+    Return their paths in the workspace keyed by URI, their contents keyed by path, and the import losses.
+
+    A missing mesh is reported once, at the first shape that uses it. If `packages` is None, no mesh is read, and each mesh is a loss.
     """
     named = [(shape.mesh, shape) for link in robot.links for shape in link.shapes if shape.mesh is not None]
     lost = Losses()
@@ -134,7 +140,10 @@ def gathered(
 
 
 def _copy_libraries(uri: str, shape: SourceShape, packages: Packages, files: dict[str, bytes], lost: Losses) -> None:
-    """Add the `.mtl` files that an OBJ mesh refers to, under the names in the mesh. Record other files in `lost`."""
+    """Copy the material files (`.mtl`) that an OBJ mesh refers to.
+
+    Their names do not change. Other files that the mesh refers to are recorded in `lost`.
+    """
     for name in libraries(packages.find(uri)):
         path = f"{FOLDER}/{name}"
         try:

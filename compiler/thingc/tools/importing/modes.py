@@ -1,4 +1,6 @@
-"""Write the sections `poses`, `modes`, `simulation`, `sensors` and `tendons` of an imported document, and its drives."""
+"""Write the sections `poses`, `modes`, `simulation`, `sensors` and `tendons` of the document of an imported robot, and the keys of its
+drives.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from thingc.tools.importing.source_model import SOURCE_MODE, SourceDrive, Source
 
 
 def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
-    """Return the start values of joints that are not 0, and the first pose that contains these values, or None.
+    """Return the start values of the joints that do not start at 0.
+
+    Also return the first pose that contains these start values, or None.
 
     A pose can replace the start values if it satisfies the limits of each joint whose start value violates the limits.
     """
@@ -34,7 +38,7 @@ def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
 
 
 def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
-    """Yield the lines of `poses`, `modes` and `simulation`, with the mode `source` and one mode for each of `roots`."""
+    """Yield the lines of the sections `poses`, `modes` and `simulation`. The modes are `source` and one mode for each link in `roots`."""
     start, stated = _start(words)
     word = stated or distinct(["start"], "pose", taken=words.poses.values())["start"]
     if start or words.poses:
@@ -79,7 +83,10 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
 
 
 def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
-    """Format the values of a pose. Zeros are omitted if the robot has no loops, in which an unspecified joint could move."""
+    """Format the joint values of a pose.
+
+    Zeros are omitted if the robot has no closed loops, because an unspecified joint of a loop could move.
+    """
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
     said: dict[str, str] = {}
     for name, value in state.q.items():
@@ -92,7 +99,7 @@ def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
 
 
 def _shared(words: DocumentNaming) -> dict[str, str]:
-    """Return the keys that all modes have in common, except keys with default values."""
+    """Return the keys and values that all modes have in common, except keys with default values."""
     robot, contacts = words.robot, []
     if robot.excluded:
         pairs = ", ".join(f"[{words.links[one]}, {words.links[other]}]" for one, other in robot.excluded)
@@ -106,7 +113,7 @@ def _shared(words: DocumentNaming) -> dict[str, str]:
 
 
 def sensor_lines(words: DocumentNaming) -> Iterator[str]:
-    """Yield the lines of the section `sensors`, or nothing without sensors."""
+    """Yield the lines of the section `sensors`. Yield nothing if the robot has no sensors."""
     if words.robot.sensors:
         yield from ("", "sensors:")
     turning = {joint.name for hanging in words.order for joint in hanging.joints if joint.kind in TURNS}
@@ -134,7 +141,10 @@ def sensor_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _readings(one: SourceSensor, numbers: Mapping[str, float], turns: bool) -> str:
-    """Format noise or cutoffs as one value, or as a mapping by reading if the sensor has several readings."""
+    """Format the noise levels or cutoffs of a sensor.
+
+    The result is one value, or a mapping from readings to values if the sensor has several readings.
+    """
     units: dict[str, Dimension | str] = {reading.name: reading.unit for reading in SENSORS[one.kind].readings if reading.unit is not None}
     said = {}
     for name, value in numbers.items():
@@ -153,9 +163,10 @@ UNITS = {ACCELERATION: "m/s^2", ANGULAR_VELOCITY: "rad/s", VELOCITY: "m/s", FORC
 
 
 def dynamics_words(of: SourceMotion, turns: bool) -> dict[str, str]:
-    """Return the nonzero keys of `dynamics`. `turns` specifies whether q, or the length of the tendon, is an angle.
+    """Return the keys and values of the mapping `dynamics` of a joint or tendon. Values that are zero are omitted.
 
-    If a tendon along a path has stiffness, the result always contains `rest`.
+    `turns` specifies whether q of the joint, or the length of the tendon, is an angle. If a tendon along a path has stiffness, the result
+    always contains `rest`.
     """
     units = ("N*m*s/rad", "N*m", "kg*m^2", "N*m/rad") if turns else ("N*s/m", "N", "kg", "N/m")
     values = {"damping": of.damping, "friction": of.friction, "armature": of.armature, "stiffness": of.stiffness}
@@ -165,7 +176,7 @@ def dynamics_words(of: SourceMotion, turns: bool) -> dict[str, str]:
 
 
 def drive_words(drive: SourceDrive, turns: bool) -> dict[str, str]:
-    """Return the keys of `drive`: kind, gains and limits."""
+    """Return the keys and values of the mapping `drive` of a joint or tendon: kind, gains and limits."""
     values = {
         "kp": (drive.kp, "N*m/rad" if turns else "N/m"), "kv": (drive.kv, "N*m*s/rad" if turns else "N*s/m"),
         "effort": (drive.effort, "N*m" if turns else "N"), "velocity": (drive.velocity, "rad/s" if turns else "m/s"),
@@ -174,7 +185,7 @@ def drive_words(drive: SourceDrive, turns: bool) -> dict[str, str]:
 
 
 def tendon_lines(words: DocumentNaming) -> Iterator[str]:
-    """Yield the lines of the section `tendons`, or nothing without tendons."""
+    """Yield the lines of the section `tendons`. Yield nothing if the robot has no tendons."""
     if words.robot.tendons:
         yield "tendons:"
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
@@ -201,7 +212,7 @@ def tendon_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _factor(tendon: SourceTendon, turns: bool, value: float) -> str:
-    """Format the factor of a joint in a tendon with its unit: length per unit of q."""
+    """Format the factor of a joint in a tendon with its unit. The unit is a length per unit of the joint coordinate q."""
     unit = "" if tendon.turns or not turns else "m/rad"
     return f"{scaled(value, 0)} {unit}".rstrip()
 

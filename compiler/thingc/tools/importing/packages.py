@@ -1,4 +1,5 @@
-"""Find the files that a source file refers to: `package://NAME/...`, `model://NAME/...`, `file://...`, or a relative path."""
+"""Find the files that a robot description refers to by a URI: `package://NAME/...`, `model://NAME/...`, `file://...`, or a relative path.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ _NAME_OF = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
 
 
 class NotFound(Exception):
-    """Raised if a file is missing or if reading the file is not allowed. The exception contains an error message and a help text."""
+    """Raised if a file does not exist, or if the import is not allowed to read it. The exception contains an error message and a hint."""
 
     def __init__(self, message: str, help: Hint | None = None) -> None:
         super().__init__(message)
@@ -32,7 +33,9 @@ class NotFound(Exception):
 
 
 class Packages:
-    """Finds the files that the source file at the absolute path `source` refers to.
+    """Finds the ROS packages, Gazebo models and files that a robot description refers to.
+
+    `source` is the absolute path of the robot description.
 
     `given` maps package names to folders and has precedence. If a file is missing, `find` searches for the end of its path below `given`,
     `roots` and `meshes` (a folder relative to the folder of the source). After resolving symbolic links, every file must be below the
@@ -53,7 +56,7 @@ class Packages:
         self.allowed = (self.home, *self.given.values(), *roots, *self.shared)
 
     def find(self, uri: str) -> str:
-        """Return the absolute path of the file at a URI. Raises `NotFound`."""
+        """Return the absolute path of the file that a URI refers to. Raises `NotFound`."""
         scheme, _, rest = uri.rpartition("://")
         if scheme not in ("", "file", "package", "model"):
             raise NotFound(f"`{uri}` is not a file of this machine", "write `package://NAME/...`, or a path relative to the robot's file")
@@ -86,7 +89,10 @@ class Packages:
         raise fault if slashed == uri else NotFound(str(fault), f"write `/` between folders: `{slashed}`")
 
     def read(self, uri: str) -> tuple[str, bytes]:
-        """Return the absolute path and the content of a file. Raises `NotFound` if it is missing or cannot be read."""
+        """Return the absolute path and the content of the file that a URI refers to.
+
+        Raises `NotFound` if the file is missing or cannot be read.
+        """
         path = self.find(uri)
         try:
             return path, beginning(path, MOST_BYTES)
@@ -94,7 +100,7 @@ class Packages:
             raise NotFound(f"cannot read `{uri}`: {(fault.strerror or str(fault)).lower()}") from None
 
     def package(self, name: str) -> str:
-        """Return the absolute path of a package. Raises `NotFound`."""
+        """Return the absolute path of the package with this name. Raises `NotFound`."""
         for place in self._folders(name):
             return place
         raise self._unknown(name)
@@ -104,7 +110,7 @@ class Packages:
         return NotFound(f"there is no package `{name}`; looked for {looked}", f"specify its folder: `--package {name}=DIR`")
 
     def _folders(self, name: str) -> list[str]:
-        """Return the candidate folders for a package, in order of precedence."""
+        """Return the existing folders that may contain a package, in order of precedence."""
         return [place for place in dict.fromkeys(self._places(name)) if os.path.isdir(place)]
 
     def _above(self) -> Iterator[str]:
@@ -113,13 +119,15 @@ class Packages:
         return map(str, (folder, *folder.parents))
 
     def readable(self) -> list[str]:
-        """Return the folders that expressions in the source may read: its folder, known packages, and packages next to it or its parents.
+        """Return the folders from which expressions in the robot description may read files.
+
+        The folders are the folder of the robot description, all known packages, and packages next to this folder or next to its parents.
         """
         beside = (found for folder in self._above() for found in glob(os.path.join(escape(folder), "*", MANIFEST)))
         return [*self.allowed, *map(os.path.dirname, beside)]
 
     def _places(self, name: str) -> Iterator[str]:
-        """Yield the possible locations of a package, in order of precedence."""
+        """Yield the paths at which a package may be located, in order of precedence."""
         if name in self.given:
             yield self.given[name]
             return
@@ -140,7 +148,7 @@ def _format_paths(paths: Sequence[str]) -> str:
 
 
 def _called(folder: str) -> str | None:
-    """Return the name in the manifest of a package, or None without a manifest."""
+    """Return the name of a package according to the manifest in its folder. Return None if the folder has no manifest."""
     try:
         with open(os.path.join(folder, MANIFEST), "rb") as stream:
             match = _NAME_OF.search(stream.read(100_000))
@@ -150,7 +158,7 @@ def _called(folder: str) -> str | None:
 
 
 def within(path: str, folder: str) -> bool:
-    """Return whether a path is below a folder after resolving symbolic links."""
+    """Return whether a path is inside a folder after resolving symbolic links."""
     return os.path.realpath(path).startswith(os.path.join(os.path.realpath(folder), ""))
 
 

@@ -1,4 +1,4 @@
-"""Format numbers of the source as quantities of a document, in common units and with as few digits as possible.
+"""Format numbers of an imported robot as quantities with units for a document, in common units and with as few digits as possible.
 
 The module writes a length of 0.0388353 m as `38.8353 mm`. The compiler parses this quantity as the same double, because it converts units
 exactly and rounds once. If a double with 16 or 17 digits is a short number except for rounding errors, the module writes the short number.
@@ -36,7 +36,7 @@ def _format_decimal(value: Decimal) -> str:
 
 
 def scaled(value: float, power: int, beside: float = 0.0) -> str:
-    """Format a number times a power of ten, exactly: `scaled(0.0388353, 3)` is `38.8353`.
+    """Multiply a number by a power of ten, and format the exact product: `scaled(0.0388353, 3)` is `38.8353`.
 
     If the number was computed together with a larger number `beside`, it has the rounding error of the larger number.
     """
@@ -44,7 +44,10 @@ def scaled(value: float, power: int, beside: float = 0.0) -> str:
 
 
 def _short(value: float, within: float) -> Decimal:
-    """Return a number without rounding errors of size `within`: 0.039999999999999994 becomes 0.04."""
+    """Round a number to fewer digits if this changes it by at most `within`, the size of rounding errors.
+
+    For example, 0.039999999999999994 becomes 0.04.
+    """
     exact = Decimal(repr(value))
     if len(exact.as_tuple().digits) > 15:
         short = Decimal(f"{value:.{SHORT}g}")
@@ -53,18 +56,18 @@ def _short(value: float, within: float) -> Decimal:
 
 
 def length(value: float) -> str:
-    """Format a length [m]: `38.8353 mm`, or `0`."""
+    """Format a length, given in metres, as a quantity such as `38.8353 mm`. A zero length becomes `0`."""
     return "0" if abs(value) < NOISE else f"{scaled(value, 3)} mm"
 
 
 def lengths(values: Sequence[float]) -> str:
-    """Format three lengths [m]: `38.8353 0 62.4 mm`."""
+    """Format three lengths, given in metres, as one quantity with a common unit: `38.8353 0 62.4 mm`."""
     largest = max(map(abs, values), default=0.0)
     return _shared([scaled(value, 3, largest) if abs(value) >= NOISE else "0" for value in values], "mm")
 
 
 def shape_words(kind: ShapeKind, size: Sizes) -> str:
-    """Format the size of a primitive [m]: `box: 10 20 30 mm`, `sphere: {radius: 5 mm}`."""
+    """Format the dimensions of a primitive shape, given in metres: `box: 10 20 30 mm`, `sphere: {radius: 5 mm}`."""
     match kind:
         case "sphere":
             return f"sphere: {{radius: {length(size[0])}}}"
@@ -87,18 +90,18 @@ def _shared(words: Sequence[str], unit: str) -> str:
 
 
 def mass(value: float) -> str:
-    """Format a mass [kg]: `6.9 kg`, `820 g`."""
+    """Format a mass, given in kilograms, as a quantity: `6.9 kg`, `820 g`."""
     return f"{scaled(value, 0)} kg" if value >= 1.0 else f"{scaled(value, 3)} g"
 
 
 def _degrees(value: float) -> str | None:
-    """Return an angle [rad] in degrees if it has at most four decimals, else None."""
+    """Convert an angle from radians to degrees. Return None if the angle in degrees has more than four decimals."""
     near = round(math.degrees(value), 4)
     return _format_decimal(Decimal(repr(near))) if abs(math.radians(near) - value) < _ROUND else None
 
 
 def angle(value: float) -> str:
-    """Format an angle [rad]: `90 deg`, `1.5708 rad`, or `0`."""
+    """Format an angle, given in radians, as a quantity: `90 deg`, `1.5708 rad`, or `0`."""
     if abs(value) < NOISE:
         return "0"
     degrees = _degrees(value)
@@ -106,7 +109,7 @@ def angle(value: float) -> str:
 
 
 def angles(values: Sequence[float]) -> str:
-    """Format three angles [rad] in the same unit. -180 degrees becomes 180."""
+    """Format three angles, given in radians, as one quantity with a common unit. An angle of -180 degrees becomes 180."""
     values = [0.0 if abs(value) < NOISE else math.pi if value == -math.pi else value for value in values]
     degrees = [_degrees(value) for value in values]
     if None in degrees:
@@ -115,20 +118,20 @@ def angles(values: Sequence[float]) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """Format a number with its unit. Zero has no unit."""
+    """Format a number and its unit as text. Zero is written without a unit."""
     return "0" if value == 0.0 else f"{scaled(value, 0)} {unit}".rstrip()
 
 
 def was(word: str, name: str) -> str:
-    """Return a comment with the name in the source, or an empty string if both names are equal."""
+    """Return a comment that contains the source name of an element, or an empty string if the element has the same name in the document."""
     return "" if word == name else f"  # {escape_control(repr(name))} in the source"
 
 
 def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> str:
-    """Format a pose as `xyz: 0 0 50 mm, rpy: -90 0 0 deg`, without zero vectors. A result that is not empty starts with `before`.
+    """Format a pose as keys of a YAML mapping, such as `xyz: 0 0 50 mm, rpy: -90 0 0 deg`. Zero vectors are omitted.
 
-    `rpy` [rad] are the angles of the source, if known. Otherwise, the function writes the rotation in round degrees if possible, else as
-    `quat`, which preserves all digits.
+    If the result is not empty, the text `before` precedes it. `rpy` [rad] are the angles of the source, if known. Otherwise, the function
+    writes the rotation in round degrees if possible, else as `quat`, which preserves all digits.
     """
     turned = ("rpy", angles(rpy if rpy is not None else rpy_of(pose.rotation)))
     if rpy is None and turned[1].endswith("rad"):
@@ -139,10 +142,10 @@ def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> st
 
 
 def quaternion_words(pose: Pose) -> str:
-    """Format a rotation as a quaternion, such as `[1, 0, 0, 0]`.
+    """Format a rotation as a unit quaternion in YAML, such as `[1, 0, 0, 0]`.
 
-    The function rounds the other components and then computes the largest component from them. Therefore, parsing and formatting the result
-    gives the same result.
+    The function rounds the three smaller components and then computes the largest component from them. Therefore, parsing and formatting
+    the result gives the same result.
     """
     q = pose.quaternion()
     largest = max(range(4), key=lambda k: abs(q[k]))

@@ -1,4 +1,8 @@
-"""Format the sections `raw:` (attributes and elements for the MuJoCo model only) and `names:` (names in files) of a document."""
+"""Write the sections `raw:` and `names:` of the document of an imported robot.
+
+The section `raw:` contains attributes and elements that only the MuJoCo model has. The section `names:` contains names of elements in
+generated files.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,10 @@ from thingc.tools.importing.source_model import Raw, SourceAdded, SourceJoint, S
 
 
 def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
-    """Return the attributes of the MuJoCo model by path. Set attributes that all collision shapes have in common in their class."""
+    """Return the attributes that only the MuJoCo model has, keyed by path.
+
+    Attributes that all collision shapes have in common are set once, in their class.
+    """
     robot, by_path = words.robot, dict[tuple[str, ...], str]()
 
     def lay(kind: str, name: str, raw: Raw) -> None:
@@ -55,7 +62,7 @@ def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
 
 
 def _controls(words: DocumentNaming, state: SourcePose) -> Raw:
-    """Return `ctrl` of a keyframe in source order, or nothing if it has its default value.
+    """Return the control values `ctrl` of a keyframe in source order, or nothing if all of them have their default values.
 
     The default is q for position drives, the force in the mode for adhesions, and 0 for other drives.
     """
@@ -71,18 +78,21 @@ def _controls(words: DocumentNaming, state: SourcePose) -> Raw:
 
 
 def order_of(words: DocumentNaming, kind: str) -> dict[str, str]:
-    """Return the names in the document of the actuators or sensors of the source, in source order."""
+    """Return the document names of the actuators or sensors of the source, in source order."""
     names = words.others().get(f"{kind}s", {})
     return {name: names[name] for name in words.robot.order.get(kind, ()) if name in names}
 
 
 def _says(shape: SourceShape, attribute: str) -> bool:
-    """Return whether an attribute of a shape is redundant, because thingc sets it for shapes with friction."""
+    """Return whether thingc itself writes this attribute of a shape, because the shape has friction coefficients.
+
+    The document then omits the attribute.
+    """
     return {"friction": 0, "priority": 0, "condim": 1}.get(attribute, 3) < len(shape.friction)
 
 
 def name_lines(words: DocumentNaming) -> Iterator[str]:
-    """Yield the lines of `names:`, or nothing if all names are the default names."""
+    """Yield the lines of the section `names:`. Yield nothing if all elements have their default names in models."""
     kinds = words.in_files()
     if kinds:
         yield from ("", "names:")
@@ -98,7 +108,7 @@ def quoted(name: str) -> str:
 
 
 def raw_lines(words: DocumentNaming) -> Iterator[str]:
-    """Yield the lines of `raw: {mjcf: ...}`, or nothing if there are no attributes and elements."""
+    """Yield the lines of the section `raw: {mjcf: ...}`. Yield nothing if the robot has no such attributes and elements."""
     attributes, added = raw_of(words), words.robot.added
     orders = {kind: order for kind in words.robot.order if len(order := order_of(words, kind)) > 1}
     if not attributes and not added and not orders:
@@ -127,7 +137,7 @@ def raw_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _element(words: DocumentNaming, one: SourceAdded) -> dict[str, str]:
-    """Return the attributes of an added element, with references converted to names in the document."""
+    """Return the attributes of an element that is added to the MuJoCo model. References to other elements use their document names."""
     name = words.added[one.section, one.name]
     return ({"name": name} if name else {}) | {key: _name_text(words, value) for key, value in one.attributes}
 
@@ -144,6 +154,6 @@ def _flow(value: Any) -> str:
 
 
 def _text(word: str) -> str:
-    """Format a string for YAML. Add quotes if YAML does not parse it as the same string; numbers have no quotes."""
+    """Format a string as a YAML scalar. Add quotes if YAML would parse it as another value. Do not add quotes to numbers."""
     plain = re.fullmatch(r"[A-Za-z0-9_.+-]+( [A-Za-z0-9_.+-]+)*", word) and not isinstance(core_value(word), (bool, type(None)))
     return word if plain and not word.startswith("-") or re.fullmatch(r"-[0-9.e+ -]+", word) else f'"{word}"'

@@ -1,4 +1,4 @@
-"""Read SDF 1.4 to 1.12 (http://sdformat.org/spec): links and joints of one model, in SI units.
+"""Read SDF 1.4 to 1.12 (http://sdformat.org/spec): the links and joints of one model, in SI units.
 
 A pose in SDF can be relative to any frame of the model (`relative_to`). The reader first converts all poses to the frame of the model
 (http://sdformat.org/tutorials?tut=pose_frame_semantics). It merges nested models into their parents, with link names such as `arm::hand`.
@@ -30,7 +30,7 @@ READ = ("uri", "name", "pose", "placement_frame", "static")
 
 
 class Includes:
-    """Replaces each `<include>` in a file by the included model. `roots` are the root elements of all files that were read."""
+    """Replaces each `<include>` element in an SDF file by the included model. `roots` are the root elements of all files that were read."""
 
     def __init__(self, root: SourceElement, packages: Packages, report: Report, losses: Losses) -> None:
         self.packages, self.report, self.losses, self.values = packages, report, losses, ChildValues(report)
@@ -38,7 +38,7 @@ class Includes:
         self._expand(root)
 
     def uri(self, uri: str, source: str) -> str:
-        """Convert a URI in the file `source` to a URI relative to the first file."""
+        """Convert a URI in the SDF file `source` to a URI that is relative to the main SDF file."""
         folder = self.folders[source]
         return uri if not folder or "://" in uri else f"{folder}/{uri}"
 
@@ -88,7 +88,10 @@ class Includes:
         return replace(include, tag="model", attributes={**model.attributes, **names}, children=[*own, *kept], texts=[])
 
     def _file(self, uri: str) -> str:
-        """Return the path of the file at a URI. For a folder, return the newest version that its `model.config` lists."""
+        """Return the path of the file that a URI refers to.
+
+        If the URI refers to a folder, return the newest SDF version that its `model.config` lists.
+        """
         if uri.endswith((".sdf", ".world", ".urdf")):
             return uri
         try:
@@ -141,7 +144,7 @@ AS_USUAL = {
 
 
 def read_sdf(path: str, data: bytes, packages: Packages, report: Report) -> source_model.SourceRobot | None:
-    """Read the robot from `data`, the content of the file at the absolute path `path`. Return None after reporting errors."""
+    """Read the robot in an SDF file. `data` is the content of the file at the absolute path `path`. Return None after reporting errors."""
     root = read_robot(path, data, report, "sdf", "an SDF")
     return None if root is None else _Sdf(root, packages, report).robot()
 
@@ -155,7 +158,7 @@ class _Sdf:
         self.between: list[source_model.SourceLink] = []
 
     def robot(self) -> source_model.SourceRobot | None:
-        """Convert the SDF model to an imported robot. Return None after reporting errors."""
+        """Convert the SDF model to a robot of the source model. Return None after reporting errors."""
         model = None if self.report.failed else self._model()
         if model is None:
             return None
@@ -174,7 +177,7 @@ class _Sdf:
         return None if self.report.failed else self._stood(model, name, [*links, *self.between], hangings)
 
     def _is_old(self, root: SourceElement) -> bool:
-        """Return whether joint axes are relative to the model, as in old versions. Report unsupported versions."""
+        """Return whether the SDF version is so old that joint axes are relative to the frame of the model. Report unsupported versions."""
         version = root.attributes.get("version", "").strip()
         match = _VERSION.fullmatch(version)
         if match is None or not 4 <= int(match[1]) <= 12:
@@ -263,12 +266,17 @@ class _Sdf:
         return () if mu is None else (mu,)
 
     def _coordinates(self, key: str) -> list[str]:
-        """Return the names of the joints into which a joint with several axes is split."""
+        """Return the names of the joints that replace an SDF joint with several axes."""
         kinds = KINDS.get(self.frames.named[key].element.attributes.get("type", ""), ()) if key in self.frames.named else ()
         return [f"{key}_{number}" for number in range(len(kinds))] if len(kinds) > 1 else [key]
 
     def _hangings(self, key: str, frame: NamedFrame) -> Iterator[source_model.Attachment]:
-        """Yield the attachments for a joint, from parent to child, with massless links between the axes of the joint. Report errors."""
+        """Yield the attachments that represent an SDF joint, from parent to child.
+
+        A joint with several axes has massless links between the axes.
+
+        This method also reports the errors of the joint.
+        """
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
         if kind is not None and kind not in KINDS:
@@ -304,7 +312,7 @@ class _Sdf:
             child = above
 
     def _end(self, frame: NamedFrame, side: str) -> str | None:
-        """Return the link or the world to which one side of a joint is attached, or None after reporting an error."""
+        """Return the link that one side of a joint is attached to, or the world. Return None after reporting an error."""
         name = self.values.word(frame.element, side)
         if name is None or name == WORLD:
             return WORLD if name == WORLD and side == "parent" else None
@@ -320,7 +328,10 @@ class _Sdf:
         return link
 
     def _joint(self, name: str, key: str, kind: source_model.Kind, tag: str) -> source_model.SourceJoint | None:
-        """Read a joint that moves about or along the axis in the child element `tag`."""
+        """Read one axis of an SDF joint, which rotates about or moves along this axis.
+
+        `tag` is the tag of the child element that defines the axis.
+        """
         frame = self.frames.named[key]
         element, here = frame.element, self.frames.poses[self._end(frame, "child") or ""].inverse()
         at = here @ self.frames.poses[key]
@@ -353,8 +364,9 @@ class _Sdf:
         )
 
     def _lead(self, screw: SourceElement) -> float:
-        """Return the travel per turn [m] of a screw joint, positive for a right-handed thread. `thread_pitch` [rad/m] has the opposite
-        sign.
+        """Return the lead of a screw joint, which is the travel per turn [m]. The lead of a right-handed thread is positive.
+
+        The element `thread_pitch` [rad/m] has the opposite sign.
         """
         older = self.values.written(screw, "screw_thread_pitch") is None and self.values.written(screw, "thread_pitch") is not None
         tag = "thread_pitch" if older else "screw_thread_pitch"
@@ -364,7 +376,7 @@ class _Sdf:
         return -2.0 * math.pi / pitch if older and pitch else pitch or 0.0
 
     def _direction(self, axis: SourceElement, key: str, frame: NamedFrame, here: Pose) -> Vector:
-        """Return the axis as a unit vector in the frame of the child link."""
+        """Return the axis of a joint as a unit vector in the frame of the child link."""
         xyz, direction = self.values.one(axis, "xyz"), self.values.direction(axis, "xyz", (0.0, 0.0, 1.0))
         stated = "" if xyz is None else xyz.attributes.get("expressed_in", "").strip()
         within = key
@@ -399,7 +411,7 @@ class _Sdf:
         return None if value is None or abs(value) >= ENDLESS else value
 
     def _mimic(self, axis: SourceElement, scope: str) -> source_model.SourceMimic | None:
-        """Read the coupling of a joint to a leader: q = `multiplier (q(leader) - reference) + offset`."""
+        """Read the coupling of a joint to another joint, the leader: q = `multiplier (q(leader) - reference) + offset`."""
         mimic = self.values.one(axis, "mimic")
         if mimic is None:
             return None
@@ -417,9 +429,11 @@ class _Sdf:
     def _stood(
         self, model: SourceElement, name: str, links: list[source_model.SourceLink], hangings: list[source_model.Attachment],
     ) -> source_model.SourceRobot | None:
-        """Determine the root link and the base of the robot. If a joint attaches a link to the world, the base is fixed, otherwise free.
+        """Determine the root link of the robot and the kind of its base.
 
-        If a joint of the world moves the robot, this method adds a massless root link.
+        The base is fixed if a joint attaches a link to the world, else it is free.
+
+        If a joint between the world and the robot can move, this method adds a massless root link.
         """
         sites: dict[str | None, tuple[source_model.SourceSite, ...]] = {}
         for key, frame in self.frames.all("frame"):
@@ -450,7 +464,7 @@ class _Sdf:
         )
 
     def _loop(self, one: source_model.Attachment) -> source_model.SourceLoop:
-        """Convert a joint that is not in the tree to a loop closure."""
+        """Convert a joint that is not in the kinematic tree to a constraint that closes a loop."""
         joint = next(iter(one.joints), None)
         at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
         unlimited = source_model.SourceLimits()
@@ -467,7 +481,7 @@ class _Sdf:
 
 
 def _rounded(vector: Vector) -> Vector:
-    """Remove rounding errors that result from the composition of poses."""
+    """Remove the rounding errors in a pose that was computed by composing several poses."""
     x, y, z = (round(one, 15) + 0.0 for one in vector)
     return (x, y, z)
 

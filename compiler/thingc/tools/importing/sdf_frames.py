@@ -1,4 +1,4 @@
-"""Frames of an SDF model: the pose of each frame in the model, and the link to which the frame is attached.
+"""Resolve the frames of an SDF model: compute the pose of each frame in the model, and find the link that the frame is attached to.
 
 See http://sdformat.org/tutorials?tut=pose_frame_semantics.
 """
@@ -22,9 +22,9 @@ MODEL = "__model__"
 
 
 class NamedFrame(FrozenStruct):
-    """A frame: its element (link, joint, frame or model), the key of the enclosing model, and the key of its reference frame.
+    """A named frame of an SDF model. It consists of its XML element, the key of the enclosing model, and the key of its reference frame.
 
-    The key of the outermost model is an empty string.
+    The element is a link, joint, frame or model. The key of the outermost model is an empty string.
     """
 
     element: SourceElement
@@ -33,7 +33,7 @@ class NamedFrame(FrozenStruct):
 
 
 class Frames:
-    """The frames of a model and its nested models by their full names (`arm::hand`). Errors are reported through `values`."""
+    """The frames of an SDF model and its nested models, keyed by full name, such as `arm::hand`. Errors are reported through `values`."""
 
     def __init__(self, model: SourceElement, values: ChildValues) -> None:
         self.model, self.values = model, values
@@ -47,7 +47,7 @@ class Frames:
             self._put(key)
 
     def all(self, tag: str) -> list[tuple[str, NamedFrame]]:
-        """Return the frames of elements with this tag."""
+        """Return all frames whose XML element has this tag, such as `link` or `joint`."""
         return [(key, frame) for key, frame in self.named.items() if frame.element.tag == tag]
 
     def _find(self, model: SourceElement, scope: str) -> None:
@@ -66,7 +66,7 @@ class Frames:
                 self._find(child, key)
 
     def _relative_to(self, frame: NamedFrame) -> str:
-        """Return the key of the frame that the pose of `frame` is relative to. The default is the frame to which `frame` is attached."""
+        """Return the key of the frame in which the pose of `frame` is expressed. The default is the frame to which `frame` is attached."""
         pose = self.values.one(frame.element, "pose")
         for attribute in ("relative_to", "frame"):  # before SDF 1.7, the attribute was called `frame`
             if pose is not None and pose.attributes.get(attribute, "").strip():
@@ -74,15 +74,20 @@ class Frames:
         return self._carrier(frame)
 
     def _carrier(self, frame: NamedFrame) -> str:
-        """Return the key of the frame that `frame` is attached to: the child of a joint, `attached_to` of a frame, else the enclosing
-        model.
+        """Return the key of the frame that `frame` is attached to.
+
+        A joint is attached to its child link, and a `<frame>` element to the frame in its attribute `attached_to`. By default, a frame is
+        attached to the enclosing model.
         """
         attribute = {"joint": "child", "frame": "attached_to"}.get(frame.element.tag)
         name = None if attribute is None else self.values.written(frame.element, attribute)
         return frame.scope if attribute is None or not name else self.known(frame.element, attribute, name, frame.scope)
 
     def known(self, element: SourceElement, attribute: str, name: str, scope: str) -> str:
-        """Return the key of a frame by its name in a model. If the frame does not exist, report an error and return the model's key."""
+        """Return the key of the frame that a name refers to in a model.
+
+        If the frame does not exist, report an error and return the key of the model.
+        """
         key = key_of(name.strip(), scope)
         if key and key not in self.named:
             inside = [one.removeprefix(f"{scope}::") for one, frame in self.named.items() if frame.scope == scope]
@@ -92,7 +97,7 @@ class Frames:
         return key
 
     def _put(self, key: str) -> None:
-        """Compute the pose of a frame in the robot, after the poses of all frames that this pose depends on."""
+        """Compute the pose of a frame in the robot. The method first computes the poses of all frames that this pose depends on."""
         way: dict[str, NamedFrame] = {}
         while key not in self.poses:
             if key in way:
@@ -107,7 +112,10 @@ class Frames:
             self.poses[key] = self.poses[frame.relative_to] @ self.placed(key, frame.element)
 
     def placed(self, key: str, element: SourceElement) -> Pose:
-        """Return the pose of the frame of an element. If a model has a `placement_frame`, `<pose>` is the pose of that frame."""
+        """Return the pose of the frame of an element.
+
+        If a model has the attribute `placement_frame`, its `<pose>` specifies the pose of that frame.
+        """
         name, pose, inner = element.attributes.get("placement_frame", "").strip(), self.stated(element), NO_POSE
         if element.tag == "model" and name and key not in self.offsets:
             at, way = self.known(element, "placement_frame", name, key), set[str]()
@@ -119,7 +127,7 @@ class Frames:
         return pose @ self.offsets.get(key, NO_POSE)
 
     def stated(self, element: SourceElement) -> Pose:
-        """Read the `<pose>` of an element. The default is the identity."""
+        """Read the `<pose>` element of an XML element as a pose. The default is the identity."""
         pose = self.values.one(element, "pose")
         if pose is None or not pose.text:
             return NO_POSE
@@ -135,7 +143,7 @@ class Frames:
         return placed((x, y, z), (roll, pitch, yaw))
 
     def link_of(self, key: str) -> str | None:
-        """Return the link that a frame is attached to, or None. For a model, return its canonical link or its first link."""
+        """Return the name of the link that a frame is attached to, or None. For a model, return its canonical link or its first link."""
         seen: list[str] = []
         while key not in self.links:
             self.links[key] = None  # prevents infinite recursion in cycles
@@ -157,5 +165,8 @@ class Frames:
 
 
 def key_of(name: str, scope: str) -> str:
-    """Return the full name of a frame. `hand` in the model `arm` is `arm::hand`; `__model__` is the model itself."""
+    """Return the full name of a frame, which includes the names of the nested models that contain the frame.
+
+    The frame `hand` in the model `arm` is `arm::hand`. The name `__model__` refers to the model itself.
+    """
     return "::".join(filter(None, (scope, name.removesuffix(MODEL).removesuffix("::"))))

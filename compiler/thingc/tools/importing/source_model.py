@@ -1,8 +1,8 @@
-"""The source model: an imported robot in SI units with source locations. Readers return it, and the writer converts it to a document.
+"""The source model, which represents an imported robot independently of its file format. It uses SI units and contains source locations.
 
-A link is a rigid body. An `Attachment` attaches a link to its parent by a sequence of joints. The sequence is empty if the link is fixed,
-has at most one joint in URDF, and can have several joints in MJCF. The source model contains the default values of the format explicitly.
-Names are the names in the source.
+Readers of file formats return it, and the writer converts it to a document. A link is a rigid body. An `Attachment` attaches a link to its
+parent by a sequence of joints. The sequence is empty if the link is fixed, has at most one joint in URDF, and can have several joints in
+MJCF. The source model contains the default values of the format explicitly. All names are the names in the source.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ FAR = 1000.0
 
 
 class SourceThing(FrozenStruct):
-    """A named element of an imported robot, with its location in the source."""
+    """A named element of an imported robot, and its location in the source file."""
 
     name: str
     where: Span
 
 
 class Weight(FrozenStruct):
-    """The mass properties of a link in the frame of the link, with their source location."""
+    """The mass properties of a link, in the frame of the link, and their location in the source file."""
 
     properties: MassProperties
     where: Span
@@ -74,14 +74,17 @@ class SourceShape(FrozenStruct):
 
 
 class SourceSite(SourceThing):
-    """A named frame on a link. `others` are alternative names of the frame."""
+    """A named frame on a link, such as a MuJoCo site. `others` are alternative names of the same frame in the source."""
 
     pose: Pose
     others: tuple[str, ...] = ()
 
 
 class SourceLink(OneLineRepr, SourceThing):
-    """A rigid body, massless if `weight` is None. `frames` are additional names of the link's frame in the source."""
+    """A link of an imported robot, which is a rigid body. It is massless if `weight` is None.
+
+    `frames` are additional names in the source of the frame of the link.
+    """
 
     weight: Weight | None = None
     shapes: tuple[SourceShape, ...] = ()
@@ -109,14 +112,16 @@ class SourceLimits(FrozenStruct):
     made_up: bool = False
 
     def nearest(self, value: float) -> float:
-        """Return the position clamped to the limits."""
+        """Return the joint position within the limits that is nearest to the given position."""
         return min(max(value, -math.inf if self.lower is None else self.lower), math.inf if self.upper is None else self.upper)
 
 
 class SourceMimic(FrozenStruct):
-    """The coupling of a joint to another joint: q is `multiplier * q(joint) + offset`, or the `polynomial` of q(joint).
+    """The coupling of a joint to another joint: its coordinate q is `multiplier * q(joint) + offset`, or the value of `polynomial` at
+    q(joint).
 
-    The coefficients start with the constant term. Their units are rad and m. `name` is the name of the equality in MJCF.
+    The coefficients of the polynomial start with the constant term. Their units are derived from rad and m. `name` is the name of the
+    equality in MJCF.
     """
 
     joint: str
@@ -128,7 +133,7 @@ class SourceMimic(FrozenStruct):
     name: str = ""
 
     def at(self, q: float) -> float:
-        """Return q of the coupled joint if the other joint is at `q`."""
+        """Return the coordinate q of the coupled joint when the other joint has the coordinate `q`."""
         at = 0.0
         for one in reversed(self.polynomial or (self.offset, self.multiplier)):
             at = at * q + one
@@ -136,8 +141,9 @@ class SourceMimic(FrozenStruct):
 
 
 class SourceDrive(SourceThing):
-    """The drive of a joint or tendon: gains [N m/rad or N/m, N m s/rad or N s/m], maximum effort [N m or N], maximum velocity [rad/s or
-    m/s].
+    """The drive (motor) of a joint or tendon.
+
+    It has gains [N m/rad or N/m, N m s/rad or N s/m], a maximum effort [N m or N] and a maximum velocity [rad/s or m/s].
     """
 
     kind: Literal["motor", "position", "velocity"]
@@ -149,7 +155,7 @@ class SourceDrive(SourceThing):
 
 
 class SourceMotion(OneLineRepr, SourceThing):
-    """The dynamic properties of a joint or tendon, for q of the joint or the length of the tendon.
+    """The dynamic properties of a joint or tendon. They refer to the coordinate q of the joint, or to the length of the tendon.
 
     The properties are limits, drive, `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], and the `stiffness`
     [N m/rad or N/m] of a spring that is relaxed at `rest` [rad or m].
@@ -166,10 +172,10 @@ class SourceMotion(OneLineRepr, SourceThing):
 
 
 class SourceJoint(SourceMotion):
-    """A motion of a link about or along the unit vector `axis` through `anchor` [m], both in the frame of the link at q = `start`.
+    """A joint that moves a link about or along the unit vector `axis` through the point `anchor` [m].
 
-    If `start` [rad or m] is within the limits, the robot starts at q = `start`, else at q = `begin` (None: the middle of the limits).
-    `lead` is the travel of a screw joint per turn [m].
+    The axis and the point are in the frame of the link at q = `start`. If `start` [rad or m] is within the limits, the robot starts at q =
+    `start`, else at q = `begin` (None: the middle of the limits). `lead` is the travel of a screw joint per turn [m].
     """
 
     kind: Kind
@@ -182,9 +188,10 @@ class SourceJoint(SourceMotion):
 
 
 class SourceAround(FrozenStruct):
-    """A shape that a tendon wraps around: a sphere or an infinite cylinder along z, of `radius` [m] at `pose` in `link`.
+    """A shape that a tendon wraps around: a sphere or an infinite cylinder along z.
 
-    If `side` is given, the tendon passes the shape on the side of this site, else along the shorter path. `name` is the name of the shape.
+    Its `radius` is in metres, and its `pose` is in the frame of `link`. If `side` is given, the tendon passes the shape on the side of this
+    site, else along the shorter path. `name` is the name of the shape.
     """
 
     name: str
@@ -196,7 +203,10 @@ class SourceAround(FrozenStruct):
 
 
 class SourceStep(FrozenStruct):
-    """A step of the path of a tendon: a `site`, a shape to wrap `around`, or a pulley whose `divisor` applies to the following steps."""
+    """One step of the path of a tendon: a `site`, a shape that the tendon wraps `around`, or a pulley.
+
+    The `divisor` of a pulley applies to the steps that follow it.
+    """
 
     site: str | None = None
     around: SourceAround | None = None
@@ -204,10 +214,10 @@ class SourceStep(FrozenStruct):
 
 
 class SourceTendon(SourceMotion):
-    """A tendon over joints (`moves`) or along a path (`steps`).
+    """A tendon of an imported robot. A tendon either couples joints (`moves`) or runs along a path (`steps`).
 
-    The length of a tendon over joints is the sum of each q times a factor. If `turns` is true, this length is an angle. `width` is the
-    diameter of the tendon [m].
+    The length of a tendon that couples joints is the sum of the joint coordinates q, each multiplied by a factor. If `turns` is true, this
+    length is an angle. `width` is the diameter of the tendon [m].
     """
 
     moves: tuple[tuple[str, float], ...] = ()
@@ -217,7 +227,9 @@ class SourceTendon(SourceMotion):
 
 
 class Attachment(SourceThing):
-    """The attachment of the link `child` to the link `parent`, at `pose` when all joints are at `start`. The joints act in sequence.
+    """The attachment of the link `child` to the link `parent` by a sequence of joints.
+
+    `pose` is the pose of the child when all joints are at `start`.
 
     `name` is the name in the source, and `rpy` [rad] are the angles of the pose in the source, if specified. If `floating` is true, the
     child can move freely, and the parent must be the world.
@@ -231,7 +243,10 @@ class Attachment(SourceThing):
     floating: bool = False
 
     def turned(self) -> Attachment:
-        """Return the attachment with parent and child exchanged and the same q. The attachment must have at most one joint."""
+        """Return the same attachment with parent and child exchanged.
+
+        The joint coordinate q keeps its meaning. The attachment must have at most one joint.
+        """
         joints = tuple(
             replace(
                 joint, anchor=self.pose.apply(joint.anchor),
@@ -242,9 +257,11 @@ class Attachment(SourceThing):
 
 
 class SourceLoop(SourceThing):
-    """A constraint between points, frames or z axes of two links, each given in the frame of its link.
+    """A constraint that closes a kinematic loop.
 
-    `equality` is the name in MJCF, if any.
+    It connects two points, frames or z axes on two links, each given in the frame of its link.
+
+    `equality` is the name of the equality constraint in MJCF, if any.
     """
 
     kind: Literal["ball", "fixed", "continuous", "prismatic", "screw"]
@@ -254,7 +271,7 @@ class SourceLoop(SourceThing):
 
 
 class SourceAdhesion(SourceThing):
-    """An adhesion, which pulls a link to the surface in contact with a force of at most `force` [N]."""
+    """An adhesion of a link, which pulls the link towards a surface that it touches. The maximum force is `force` [N]."""
 
     link: str
     force: float
@@ -269,7 +286,10 @@ class SourceTarget(FrozenStruct):
 
 
 class SourceAdded(SourceThing):
-    """An element to add to the MuJoCo model because documents cannot express it: its section, tag, `name` and attributes."""
+    """A MuJoCo element that is copied to the generated MuJoCo model, because documents cannot express it.
+
+    It has a section, a tag, a `name` and XML attributes.
+    """
 
     section: Literal["contact", "equality", "actuator", "sensor"]
     tag: str
@@ -277,11 +297,11 @@ class SourceAdded(SourceThing):
 
 
 class SourceSensor(SourceThing):
-    """A sensor at a `site`, of a `joint` or of a `tendon`, or a camera at `pose` in `link`.
+    """A sensor at a `site`, of a `joint` or of a `tendon`, or a camera at `pose` in the frame of `link`.
 
     `seen_from` is the reference site. `fovy` is the vertical field of view of a camera [rad]. `volume` is a shape and its size, as in
-    `SourceShape`. `noise` and `cutoff` map readings to values [SI]. `parts` are pairs of a sensor in the source and the reading that this
-    sensor provides.
+    `SourceShape`. `noise` and `cutoff` map readings to values in SI units. `parts` are pairs of a sensor in the source and the reading that
+    this sensor provides.
     """
 
     kind: SensorType
@@ -299,7 +319,9 @@ class SourceSensor(SourceThing):
 
 
 class SourcePose(SourceThing):
-    """A named state: q of joints, and controls of drives and adhesions, by name in the source.
+    """A named state of an imported robot.
+
+    It maps joints to coordinates q, and drives and adhesions to controls, by their names in the source.
 
     The unit of q is rad or m, and q of a ball joint is a unit quaternion (w, x, y, z). `at` is the pose of the base if this pose differs
     from the pose of the robot.
@@ -311,7 +333,10 @@ class SourcePose(SourceThing):
 
 
 class SourceLoss(FrozenStruct):
-    """An import loss. `what` describes the part of the source that is not imported, and `why` is the reason."""
+    """Information in the source that the import could not represent.
+
+    `what` describes the part of the source that is lost, and `why` is the reason.
+    """
 
     what: str
     why: str
@@ -319,7 +344,7 @@ class SourceLoss(FrozenStruct):
 
 
 class SourceRobot(OneLineRepr, SourceThing):
-    """An imported robot with its link `root` at `pose` in the world. `links` and `hangings` are in source order.
+    """An imported robot. Its link `root` is at `pose` in the world. `links` and the attachments `hangings` are in source order.
 
     Attributes:
         excluded: Pairs of links that never touch.

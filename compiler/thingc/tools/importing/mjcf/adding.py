@@ -1,4 +1,4 @@
-"""Add contact pairs, equalities, actuators and sensors that documents cannot express to the MuJoCo model."""
+"""Add contact pairs, equalities, actuators and sensors to the generated MuJoCo model if the document format cannot express them."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ INERTIAL, OF_AXES = 1, ("framequat", "framexaxis", "frameyaxis", "framezaxis")
 
 
 class Added:
-    """Collects elements of MuJoCo that are added to the model unchanged, in source order.
+    """Collects the MuJoCo elements that a document cannot express, and that are therefore copied unchanged to the generated MuJoCo model.
 
-    `kept` contains the numbers of imported joints, sites, geoms and actuators. `tendons` are the imported tendons. `heads` maps each body
-    to the first body of its link. References to bodies are allowed only if merging did not change their inertial frames.
+    `kept` contains the indices of imported joints, sites, geoms and actuators, and `tendons` are the imported tendons. `heads` maps each
+    body to the first body of its link. An element can refer to a body only if no other body with mass was merged into the same link,
+    because merging changes the inertial frame.
     """
 
     def __init__(self, original: CompiledSource, kept: Mapping[str, Set[int]], tendons: Tendons, heads: Mapping[int, int]) -> None:
@@ -37,14 +38,14 @@ class Added:
         self.elements: list[SourceAdded] = []
 
     def _target(self, kind: Kind, number: int) -> SourceTarget | None:
-        """Return a reference to an element, or None if the element is not imported."""
+        """Return a reference to the element with this kind and index, or None if the element is not imported."""
         return SourceTarget(kind=kind, name=self.original.names[kind][number]) if number in self.kept[kind] else None
 
     def _add(
         self, section: Literal["contact", "equality", "actuator", "sensor"], tag: str, number: int,
         attributes: Sequence[tuple[str, str | SourceTarget | None]],
     ) -> bool:
-        """Add an element if all its targets are imported. Return whether the element was added."""
+        """Add an element to the MuJoCo model if all elements that it refers to are imported. Return whether the element was added."""
         said = tuple((key, value) for key, value in attributes if value is not None)
         if len(said) < len(attributes):
             return False
@@ -57,7 +58,7 @@ class Added:
         return True
 
     def actuator(self, number: int) -> bool:
-        """Add an actuator if its targets are imported. Return whether the actuator was added."""
+        """Add the actuator with this index to the MuJoCo model if its target is imported. Return whether the actuator was added."""
         model, acts_on = self.model, self._acts_on(number)
         words = [
             names[at] if (at := int(getattr(model, f"actuator_{word}type")[number])) < len(names) else ""
@@ -79,7 +80,7 @@ class Added:
         return self._add("actuator", "general", number, (*acts_on, *differing(wanted, usual)))
 
     def _acts_on(self, number: int) -> Sequence[tuple[str, SourceTarget | None]]:
-        """Return the attributes that specify the target of an actuator, or nothing for unsupported types."""
+        """Return the XML attributes that specify the target of an actuator, or nothing if this type of actuator is not supported."""
         kind, ends = int(self.model.actuator_trntype[number]), [int(one) for one in self.model.actuator_trnid[number]]
         if kind == AT_TENDON:
             return [("tendon", self._target("tendon", ends[0]))]
@@ -89,10 +90,10 @@ class Added:
         return [(key, self._target("site", site)) for key, site in zip(keys, ends, strict=True) if site >= 0] if keys else []
 
     def equality(self, number: int) -> bool:
-        """Add an equality of tendons if possible. Return whether the equality was added.
+        """Add an equality constraint between tendons to the MuJoCo model. Return whether the equality was added.
 
-        The lengths in a MuJoCo equality are relative to the reference pose. In a document, the reference pose is q = 0. If an imported
-        joint has another reference, this method adds no equality.
+        MuJoCo measures the lengths in an equality relative to the reference pose. In a document, the reference pose is q = 0. If an
+        imported joint has another reference, this method adds no equality.
         """
         model = self.model
         ends = [at for at in (int(model.eq_obj1id[number]), int(model.eq_obj2id[number])) if at >= 0]
@@ -105,7 +106,10 @@ class Added:
         return self._add("equality", "tendon", number, (*tied, *differing(said, {"solref": SOLREF, "solimp": SOLIMP})))
 
     def pair(self, number: int) -> bool:
-        """Add a contact pair with its explicit and inherited properties if both geoms are imported. Return whether the pair was added."""
+        """Add a contact pair to the MuJoCo model if both geoms are imported.
+
+        The pair includes properties that it inherits. Return whether the pair was added.
+        """
         model, place = self.model, int(self.original.spec.pairs[number].id)
         ends = [(f"geom{k}", self._target("geom", int(getattr(model, f"pair_geom{k}")[place]))) for k in (1, 2)]
         said = [(word, floats(getattr(model, f"pair_{word}")[place])) for word in ("friction", "solref", "solreffriction", "solimp")]
@@ -114,7 +118,7 @@ class Added:
         return self._add("contact", "pair", number, (*ends, ("condim", numbers([model.pair_dim[place]])), *values))
 
     def sensor(self, number: int) -> bool:
-        """Add an unchanged sensor if all its targets are imported. Return whether the sensor was added."""
+        """Add a sensor to the MuJoCo model if all elements that it refers to are imported. Return whether the sensor was added."""
         model, element, attributes = self.model, self.original.element("sensor", number), list[tuple[str, str | SourceTarget | None]]()
         for name, value in element.attributes.items():
             if name.rstrip("12") in REFERRING:

@@ -1,4 +1,4 @@
-"""A compiled MuJoCo model with the names and source locations of its elements. Redundant sites are removed."""
+"""Compile an MJCF source with MuJoCo, and find the name and the source location of each element. Redundant sites are removed."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ OF_LOOP = re.compile(r":(parent|child|held)(_1)?")
 
 
 class CompiledSource:
-    """A MuJoCo model before (`spec`) and after compilation (`model`). Elements are identified by their index in `model`.
+    """A MuJoCo model before compilation (`spec`) and after compilation (`model`). Methods refer to an element by its index in `model`.
 
-    All elements have names. If an element has no name in the source, its name is generated. `geoms_of` and `sites_of` are the geoms and
-    sites of each body. `frames_of` contains the sites that coincide with the frame of their body. `second_names` maps the name of a site to
+    All elements have names. An element without a name in the source gets a generated name. `geoms_of` and `sites_of` map each body to its
+    geoms and sites. `frames_of` contains the sites that coincide with the frame of their body. `second_names` maps the name of a site to
     the names of its duplicates.
     """
 
@@ -59,10 +59,10 @@ class CompiledSource:
         self.speeds = dict(self._speeds())
 
     def _speeds(self) -> Iterator[tuple[str, float]]:
-        """Yield the velocity limits [rad/s or m/s] of joints by name.
+        """Yield the name and the velocity limit [rad/s or m/s] of each joint that has a velocity limit.
 
         MJCF has no velocity limits. Models that thingc wrote contain velocity limits in numeric elements `NAME:velocity`. Other numeric
-        elements are losses.
+        elements are recorded as losses.
         """
         for one in self.spec.numerics:
             joint, speed = one.name.removesuffix(":velocity"), floats(one.data)
@@ -83,7 +83,7 @@ class CompiledSource:
         self.sites_of = [[site for site in sites if site not in left_out] for sites in self.sites_of]
 
     def _names(self, kind: str, made_up: Any) -> dict[int, str]:
-        """Return the names of all elements of a kind, by index."""
+        """Return the name of each element of the given kind, keyed by the index of the element."""
         taken = {one.name for one in self.written[kind].values()}
         names = self.names[kind] = dict[int, str]()
         counts: Counter[str] = Counter()
@@ -97,26 +97,32 @@ class CompiledSource:
         return names
 
     def where(self, kind: str, number: int, attribute: str | None = None) -> Span:
-        """Return the source location of an element."""
+        """Return the location in the MJCF source of the element with this kind and index."""
         return self.flat.place(self.written[kind][number].info, attribute)
 
     def lose(self, kind: str, number: int, what: str, why: str) -> None:
-        """Record a loss at the location of an element."""
+        """Record that information about an element was lost in the import, with the source location of the element."""
         self.losses.note(what, why, self.where(kind, number))
 
     def element(self, kind: str, number: int) -> SourceElement:
-        """Return the XML element of an element of the model, or the root if the location is unknown."""
+        """Return the XML element from which MuJoCo compiled a model element. Return the root element if the source location is unknown."""
         return self.flat.element(self.written[kind][number].info)
 
     def bounds(self, name: str, number: int) -> tuple[float, float] | None:
-        """Return the range `name` of an element, such as `actuator_ctrl`, or None if the element is unlimited."""
+        """Return the lower and upper bound of the range `name` of an element, such as `actuator_ctrl`.
+
+        Return None if the element is unlimited.
+        """
         if not getattr(self.model, f"{name}limited")[number]:
             return None
         low, high = floats(getattr(self.model, f"{name}range")[number])
         return low, high
 
     def frame(self, written: Any) -> Pose:
-        """Return the pose of an element in its body as specified, including enclosing `<frame>` elements."""
+        """Return the pose of an element relative to its body, as the source specifies it.
+
+        The pose includes the poses of enclosing `<frame>` elements.
+        """
         pose, frame = self._own(written), written.frame
         while frame is not None:
             pose, frame = self._own(frame) @ pose, frame.frame
@@ -131,7 +137,7 @@ class CompiledSource:
 
 
 def _by_body(bodies: Iterable[Any], count: int) -> list[list[int]]:
-    """Group the indices of elements by body, in order."""
+    """Group the indices of elements by the body that contains the element. Each group is in ascending order."""
     by_body: list[list[int]] = [[] for _ in range(count)]
     for number, body in enumerate(bodies):
         by_body[int(body)].append(number)
@@ -150,12 +156,12 @@ def pose_of(pos: Any, quat: Any) -> Pose:
 
 
 def numbers(values: Any) -> str:
-    """Format numbers as an attribute, with the fewest digits that preserve each double."""
+    """Format numbers as the value of an XML attribute. Each number has the fewest digits that preserve its double-precision value."""
     return " ".join(repr(int(one)) if one == int(one) and abs(one) < 1e15 else repr(one) for one in floats(values))
 
 
 def differing(wanted: Sequence[tuple[str, str]], otherwise: dict[str, str]) -> Raw:
-    """Return the attributes of an element that differ from the defaults `otherwise` by more than rounding errors."""
+    """Return the attributes of an element whose values differ from the default values `otherwise` by more than rounding errors."""
     return tuple((name, value) for name, value in wanted if not _alike(value, otherwise.get(name, "")))
 
 
@@ -176,9 +182,10 @@ def _alike(one: str, other: str) -> bool:
 def _doubles(
     model: Any, names: Mapping[int, str], bodies: Mapping[int, str], poses: Mapping[int, Pose],
 ) -> tuple[dict[int, int], set[int], set[int]]:
-    """Find the redundant sites of a model, by index.
+    """Find the redundant sites of a MuJoCo model, which duplicate another site or the frame of a body.
 
-    `names` are the names of sites, `bodies` the names of bodies, and `poses` the poses of sites in their bodies.
+    `names` are the names of sites, `bodies` are the names of bodies, and `poses` are the poses of sites relative to their bodies. All keys
+    are indices in the model.
 
     Returns:
         The original site of each redundant site, the sites that coincide with the frame of their body, and the sites at the ends of loops.
@@ -203,12 +210,12 @@ def _doubles(
 
 
 def _is_second(name: str, other: str, body: str) -> bool:
-    """Return whether thingc may have written the site `name` as a duplicate of the site `other`."""
+    """Return whether thingc may have written the site named `name` as a duplicate of the site named `other`."""
     return "/" in name and ("/" not in other or name.startswith(f"{body}/")) or name.endswith(":volume")
 
 
 def _used(model: Any) -> Iterator[int]:
-    """Yield the sites used by sensors, tendons and actuators."""
+    """Yield the indices of the sites that sensors, tendons and actuators refer to."""
     for kind, thing in (("objtype", "objid"), ("reftype", "refid")):
         at = zip(getattr(model, f"sensor_{kind}"), getattr(model, f"sensor_{thing}"), strict=True)
         yield from (int(number) for of, number in at if int(of) == SITE)
@@ -223,7 +230,7 @@ def _used(model: Any) -> Iterator[int]:
 
 
 def _joined(model: Any) -> Iterator[int]:
-    """Yield the sites used by equalities."""
+    """Yield the indices of the sites that equality constraints refer to."""
     for kind, *ends in zip(model.eq_objtype, model.eq_obj1id, model.eq_obj2id, strict=True):
         if int(kind) == SITE:
             yield from map(int, ends)

@@ -1,4 +1,4 @@
-"""Import actuators of MuJoCo as drives of joints and tendons, and as adhesions of bodies."""
+"""Convert the actuators of a MuJoCo model to drives of joints, drives of tendons, and adhesions of bodies."""
 
 from __future__ import annotations
 
@@ -22,26 +22,30 @@ UNSAID = ("actlimited", "actearly", "armature", "delay")
 
 
 class _Length(FrozenStruct, kw_only=False):
-    """The limits [rad or m] of a driven coordinate or tendon, and of the total force on this element [N m or N]; None if unlimited."""
+    """The limits of a joint coordinate or tendon with actuators: its range [rad or m] and the total actuator force [N m or N].
+
+    None means unlimited.
+    """
 
     ends: tuple[float, float] | None
     most: tuple[float, float] | None
 
     def effort(self, force: tuple[float, float] | None) -> float | None:
-        """Return the maximum effort of a drive [N m or N], or None if unlimited.
+        """Return the maximum effort [N m or N] of the drive of this joint or tendon, or None if the effort is unlimited.
 
-        The force range `force` of the drive has precedence over the range of the coordinate or tendon.
+        `force` is the force range of the actuator. It has precedence over the force range of the joint or tendon.
         """
         bounds = self.most if force is None else force
         return None if bounds is None else max(map(abs, bounds))
 
 
 class Actuators:
-    """The drives and adhesions that the actuators of a model become.
+    """Converts the actuators of a MuJoCo model to drives and adhesions.
 
-    `of_joint` and `of_tendon` are drives by the index of the joint or tendon. `driven` are the targets of drives by the index of the
-    actuator. Other actuators are `adhesions`, `added` elements, or losses. `kept` contains the indices of all actuators that are not
-    losses. `joints` and `tendons` are the imported joints and tendons. `on` maps each imported body to its link and its pose in the link.
+    `of_joint` and `of_tendon` map the index of a joint or tendon to its drive. `driven` maps the index of an actuator to the target of its
+    drive. Other actuators become `adhesions`, are `added` to the MuJoCo model unchanged, or are losses. `kept` contains the indices of all
+    actuators that are not losses. `joints` and `tendons` are the imported joints and tendons. `on` maps each imported body to its link and
+    its pose in the link.
     """
 
     def __init__(
@@ -83,7 +87,10 @@ class Actuators:
         self.adhesions = tuple(adhesions)
 
     def _driving(self, number: int, what: SourceTarget, target: int, drives: dict[int, SourceDrive], length: _Length) -> str:
-        """Add an actuator to `drives` with the index of its target. Return why documents cannot express it, or an empty string."""
+        """Convert an actuator to a drive, and add the drive to `drives` under the index of its target.
+
+        Return the reason why a document cannot express the actuator, or an empty string if the drive was added.
+        """
         if target in drives:
             return f"`{what.name}` is already driven by `{drives[target].name}`, and a {what.kind} in a document has one drive"
         drive = self._drive(number, length)
@@ -100,7 +107,7 @@ class Actuators:
                 self.original.lose("actuator", number, f"`{name}` of {what}", "documents have no such property")
 
     def _drive(self, number: int, length: _Length) -> SourceDrive | None:
-        """Return the drive of an actuator, or None if documents do not support its kind."""
+        """Convert an actuator to a drive. Return None if documents do not support this kind of actuator."""
         model = self.model
         gain, *gains = floats(model.actuator_gainprm[number])
         constant, position, velocity, *others = floats(model.actuator_biasprm[number])
@@ -172,5 +179,5 @@ class Actuators:
 
 
 def _range_keys(kind: str, bounds: tuple[float, float] | None) -> dict[str, str]:
-    """Return the attributes that specify the range of `ctrl` or `force`."""
+    """Return the XML attributes that specify the control range (`ctrl`) or the force range (`force`) of an actuator."""
     return {f"{kind}limited": "false"} if bounds is None else {f"{kind}range": numbers(bounds)}

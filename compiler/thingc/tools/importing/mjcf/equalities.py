@@ -1,4 +1,4 @@
-"""Import joints and equalities of MuJoCo as joints, mimics and loops."""
+"""Convert the joints and equality constraints of a MuJoCo model to joints, mimic joints and closed loops."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
 
 
 class Equalities:
-    """The mimics and loops that the equalities of a model become.
+    """Converts the equality constraints of a MuJoCo model to mimics and closed loops.
 
-    `follows` are mimics by the index of the joint that mimics another joint, and `loops` are loops. Other equalities are `added` elements
-    or losses. `on` maps each imported body to its link and its pose in the link.
+    `follows` maps the index of a joint to its mimic, which couples the joint to another joint. `loops` are the closed loops. Other
+    equalities are `added` to the MuJoCo model unchanged, or are losses. `on` maps each imported body to its link and its pose in the link.
     """
 
     def __init__(self, original: CompiledSource, drives: Actuators, on: Mapping[int, tuple[int, Pose]], added: Added) -> None:
@@ -51,7 +51,10 @@ class Equalities:
         return differing(wanted, otherwise)
 
     def _follow(self, number: int) -> str:
-        """Add an equality of joints to `follows`. Return an empty string, or why documents cannot express the equality."""
+        """Convert an equality constraint between joints to a mimic, and add the mimic to `follows`.
+
+        Return the reason why a document cannot express the equality, or an empty string if the mimic was added.
+        """
         model, original = self.model, self.original
         one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
         a, b, *higher = floats(model.eq_data[number][:5])
@@ -87,7 +90,10 @@ class Equalities:
         )
 
     def _ends(self, number: int) -> Iterator[tuple[str, Pose]]:
-        """Yield the two imported links that an equality connects, each with the pose of the connection in the link."""
+        """Yield the two imported links that an equality constraint connects.
+
+        Each link is followed by the pose of the connection in its frame.
+        """
         model, data = self.model, floats(self.model.eq_data[number])
         kind = int(model.eq_type[number])
         for index, thing in enumerate((int(model.eq_obj1id[number]), int(model.eq_obj2id[number]))):
@@ -103,7 +109,7 @@ class Equalities:
 
 
 def _shifted(coefficients: Sequence[float], by: float) -> list[float]:
-    """Return the coefficients of a polynomial in q that equals a polynomial in q - `by`."""
+    """Convert the coefficients of a polynomial in q - `by` to the coefficients of the equal polynomial in q."""
     return [
         sum_of(one * math.comb(power, k) * (-by) ** (power - k) for power, one in enumerate(coefficients) if power >= k)
         for k in range(len(coefficients))
@@ -114,7 +120,7 @@ BALL, SLIDE, HINGE = 1, 2, 3
 
 
 def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings: Equalities) -> SourceJoint:
-    """Return a hinge, slide or ball joint of the model."""
+    """Convert a hinge, slide or ball joint of the MuJoCo model to a joint of the source model."""
     model, name, where = original.model, original.joints[joint], original.where("joint", joint)
     kind_of, dof = int(model.jnt_type[joint]), int(model.jnt_dofadr[joint])
     limited, (lower, upper) = bool(model.jnt_limited[joint]), floats(model.jnt_range[joint])
@@ -158,7 +164,7 @@ def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings:
 
 
 def free_joint(original: CompiledSource, joint: int) -> Raw:
-    """Return the attributes of a free joint that documents cannot express, such as stiffness and damping."""
+    """Return the attributes of a free joint that a document cannot express, such as stiffness and damping."""
     model, dof = original.model, int(original.model.jnt_dofadr[joint])
     wanted = [("stiffness", numbers([model.jnt_stiffness[joint]]))]
     wanted += [(name, numbers([getattr(model, f"dof_{name}")[dof]])) for name in ("damping", "frictionloss", "armature")]
@@ -166,7 +172,10 @@ def free_joint(original: CompiledSource, joint: int) -> Raw:
 
 
 def _raw(model: Any, joint: int, dof: int, effort: float | None) -> Raw:
-    """Return the attributes of a joint that documents cannot express. `effort` is the effort limit in the document [N m or N]."""
+    """Return the attributes of a joint that a document cannot express.
+
+    `effort` is the effort limit that the document contains [N m or N].
+    """
     wanted = [
         ("solreflimit", numbers(model.jnt_solref[joint])), ("solimplimit", numbers(model.jnt_solimp[joint])),
         ("solreffriction", numbers(model.dof_solref[dof])), ("solimpfriction", numbers(model.dof_solimp[dof])),

@@ -1,8 +1,8 @@
 """Flatten an MJCF file and its included files to one text with one tag per line, so that MuJoCo's line numbers can be mapped to the source.
 
-Without this module, MuJoCo opens every file that the source refers to. This module reads included files and meshes with limits, and passes
-the contents to MuJoCo in memory. It omits elements that documents do not support and elements that could use unlimited memory, and records
-these elements as losses.
+MuJoCo itself would open every file that the source refers to. This module instead reads included files and meshes with limits on their
+size, and passes their contents to MuJoCo in memory. It omits elements that documents do not support and elements that could use unlimited
+memory, and records these elements as losses.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 
 
 class FlattenedSource(FrozenStruct):
-    """A flattened MJCF file, and the source location of each line.
+    """An MJCF file that was flattened to one text, with the source location of each line of the text.
 
-    `lines` are the source elements by line of `text`. `files` are the contents of files for MuJoCo, by their names in the text, and
-    `meshes` maps these names to paths relative to the folder of the source. `models` are the texts of attached models. `included` are the
-    roots of included files.
+    `lines` are the source elements by line of `text`. `files` maps the names of files in the text to their contents for MuJoCo. `meshes`
+    maps the same names to paths relative to the folder of the source. `models` are the texts of attached models. `included` are the root
+    elements of included files.
     """
 
     root: SourceElement
@@ -59,23 +59,32 @@ class FlattenedSource(FrozenStruct):
     losses: tuple[SourceLoss, ...]
 
     def element(self, said: str) -> SourceElement:
-        """Return the element at the line number in a MuJoCo message (`line 7`), or the root if the message has no line number."""
+        """Return the element at the line number in a MuJoCo message, such as `line 7`.
+
+        Return the root element if the message has no line number.
+        """
         number = [int(one) for one in re.findall(r"line\s*=?\s*(\d{1,9})\b", said)]
         return self.lines[number[-1] - 1] if number and 1 <= number[-1] <= len(self.lines) else self.root
 
     def named(self, element: SourceElement) -> SourceElement:
-        """Return the root element that contains the model name for an element: the root of its own file if named, else the main root."""
+        """Return the root element whose `model` attribute names the model that contains an element.
+
+        The result is the root of the file that contains the element if this root has a model name, else the root of the main file.
+        """
         roots = (one for one in self.included if one.where.file == element.where.file and one.attributes.get("model", "").strip())
         return next(roots, self.root)
 
     def place(self, said: str, attribute: str | None = None) -> Span:
-        """Return the source location of the line number in a MuJoCo message."""
+        """Return the source location that corresponds to the line number in a MuJoCo message."""
         element = self.element(said)
         return element.where if attribute is None else element.place(attribute)
 
 
 class Flattening:
-    """Flattens an MJCF file and its included files. If `meshes` is False, a small solid replaces each unreadable mesh."""
+    """Flattens an MJCF file and its included files to one text for MuJoCo.
+
+    If `meshes` is False, a small solid replaces each mesh that cannot be read.
+    """
 
     def __init__(self, root: SourceElement, packages: Packages, report: Report, meshes: bool) -> None:
         self.root, self.packages, self.report, self.with_meshes = root, packages, report, meshes
@@ -94,7 +103,7 @@ class Flattening:
         self.sizes: dict[str, int] = {}
 
     def flat(self) -> FlattenedSource | None:
-        """Return the flattened file, or None after reporting a missing or invalid file."""
+        """Return the flattened MJCF file. Return None after reporting that a file is missing or invalid."""
         before = len(self.report.diagnostics)
         text = self._file(self.root)
         if len(self.report.diagnostics) > before:
@@ -105,7 +114,10 @@ class Flattening:
         )
 
     def _file(self, root: SourceElement) -> str:
-        """Return the text of a file, preceded by the texts of its attached models. Line numbers are unique across all texts."""
+        """Return the flattened text of a file, preceded by the texts of the models that it attaches.
+
+        Line numbers are unique across all texts.
+        """
         self._include(root)
         sections = [*self._children(root)]
         for model in (one for section in sections if section.tag == "asset" for one in self._children(section) if one.tag == "model"):
@@ -134,7 +146,7 @@ class Flattening:
                 yield child
 
     def _include(self, element: SourceElement) -> None:
-        """Read all files included in an element."""
+        """Read the files of all `<include>` elements in an element, recursively."""
         waiting = [element]
         while waiting:
             one = waiting.pop()
@@ -149,9 +161,10 @@ class Flattening:
             waiting += reversed(inner.children)
 
     def _read(self, element: SourceElement) -> SourceElement | None:
-        """Read an included file and return its root, or None after reporting errors.
+        """Read an included file and return its root element. Return None after reporting errors.
 
-        If the file does not exist relative to the including file, the path is relative to the main file.
+        MuJoCo resolves the path of an included file relative to the including file. If no such file exists, the path is relative to the
+        main file.
         """
         name, where = element.attributes.get("file", ""), element.place("file")
         if element.children:
@@ -174,9 +187,9 @@ class Flattening:
         return read_xml(path, data, self.report)
 
     def _write(self, element: SourceElement, copies: int) -> None:
-        """Add the lines of an element that MuJoCo copies `copies` times.
+        """Append the lines of an element to the flattened text. `copies` is the number of copies of the element that MuJoCo creates.
 
-        If the model exceeds the maximum number of elements, report it once and add nothing.
+        If the model exceeds the maximum number of elements, this method reports an error once and appends nothing.
         """
         if self.made > MOST_ELEMENTS:
             return
@@ -220,7 +233,7 @@ class Flattening:
         self._line(f"</{element.tag}>", element)
 
     def _look_at_numbers(self, element: SourceElement) -> None:
-        """Report numbers that are not finite, which MuJoCo accepts."""
+        """Report an error for each number in an element that is not finite, because MuJoCo accepts such numbers."""
         for name, value in element.attributes.items():
             wrong = next((word for word in value.split() if word.lower().lstrip("+-") in NOT_FINITE), None)
             if wrong is not None and name != "name" and value not in self.names:
@@ -233,7 +246,8 @@ class Flattening:
         self.lines.append(element)
 
     def _mesh(self, element: SourceElement) -> dict[str, str]:
-        """Return the attributes of a mesh: its name (by default the name of its file), its file name in the text, and other attributes.
+        """Return the attributes of a mesh element for MuJoCo: its name (by default the name of its file), its file name in memory, and its
+        other attributes.
 
         The file name contains a hash of the content and the attributes. Otherwise, MuJoCo could return another mesh with the same name from
         its cache.

@@ -1,4 +1,4 @@
-"""Read MJCF files: the tree of bodies, the masses and the shapes of the compiled model."""
+"""Read MJCF files: convert the bodies, masses and shapes of the compiled MuJoCo model to a robot of the source model."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _ALIKE = 1e-9
 
 
 def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> SourceRobot | None:
-    """Read the robot of a file with the root element `<mujoco>`. Return None after reporting that MuJoCo cannot read the file.
+    """Read the robot in an MJCF file, whose root element is `<mujoco>`. Return None after reporting that MuJoCo cannot read the file.
 
-    If `meshes` is false, unreadable meshes have no mass.
+    If `meshes` is false, meshes that cannot be read have no mass.
     """
     flat = Flattening(root, packages, report, meshes).flat()
     original = None if flat is None else _compiled(flat, report)
@@ -41,7 +41,7 @@ def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes
 
 
 def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
-    """Compile the model with MuJoCo, and report its errors at their lines in the source."""
+    """Compile the flattened MJCF source with MuJoCo, and report MuJoCo's errors at their source locations."""
     import mujoco
 
     try:
@@ -84,7 +84,10 @@ class _Reader:
         self.link_names = {*original.bodies.values()}
 
     def robot(self) -> SourceRobot | None:
-        """Return the robot, which is the group of bodies with the most joints (see `_kept`)."""
+        """Return the imported robot.
+
+        If the model contains several separate groups of bodies, the robot is the group with the most joints (see `_kept`).
+        """
         if len(self.parents) > MOST_LINKS:
             message = f"the robot has {len(self.parents):,} bodies, but at most {MOST_LINKS:,} are supported"
             self.report.add(Code.SOURCE_TREE, message, self.original.flat.root.where)
@@ -146,13 +149,16 @@ class _Reader:
             self._lose_indices(array, [sizes.get(int(one), 1) for one in self.model.jnt_type], order)
 
     def _joint_order(self, root: int, hangings: Sequence[Attachment]) -> list[int]:
-        """Return the indices of the joints in the order of a model generated from the document."""
+        """Return the indices of the source joints in the order in which a model generated from the document will contain these joints."""
         numbers_of = {name: number for number, name in self.original.joints.items()}
         tree = downwards(self.original.bodies[root], hangings)
         return [*self.joints[root][: root in self.free], *(numbers_of[joint.name] for one in tree for joint in one.joints)]
 
     def _lose_indices(self, array: str, sizes: Sequence[int], kept: Sequence[int]) -> None:
-        """Record array entries whose indices change in a model generated from the document. `kept` are the elements in that model."""
+        """Record a loss for each array of `MjData` whose entries have other indices in a model generated from the document.
+
+        `kept` contains the elements that the generated model contains.
+        """
         starts, runs, here = [0, *accumulate(map(int, sizes))], list[list[int]](), 0
         for there, size in ((starts[number], int(sizes[number])) for number in kept):
             if runs and runs[-1][0] + runs[-1][2] == there:
@@ -168,7 +174,10 @@ class _Reader:
     def _hangings(
         self, body: int, on: dict[int, tuple[int, Pose]], between: list[SourceLink], drives: Actuators, couplings: Equalities,
     ) -> Iterator[Attachment]:
-        """Yield the attachments of a body to its parent, one per joint. Append the massless links between these joints to `between`."""
+        """Yield the attachments that connect a body to its parent, one for each joint of the body.
+
+        The method appends the massless links between these joints to `between`.
+        """
         original, (parent, pose) = self.original, on[self.parents[body]]
         name, above, place, where = original.bodies[body], original.bodies[parent], pose @ self._pose(body), original.where("body", body)
         *inner, last = self.joints[body] or [-1]
@@ -190,10 +199,10 @@ class _Reader:
         return pose_of(self.model.body_pos[body], self.model.body_quat[body])
 
     def _kept(self) -> set[int]:
-        """Return the bodies that belong to the imported robot.
+        """Return the indices of the bodies that belong to the imported robot.
 
         All bodies attached to the world form one group, and each floating body forms another group. The group with the most joints is the
-        robot. All other bodies are losses. If the world is not part of the robot, geoms and sites of the world are losses, too.
+        robot. All other bodies are losses. If the world is not part of the robot, the geoms and sites of the world are losses, too.
         """
         tops = [body for body, parent in enumerate(self.parents) if parent == WORLD and body != WORLD]
         groups: dict[int, set[int]] = {WORLD: {WORLD}} | {body: set() for body in tops if body in self.free or body in self.mocap}
@@ -220,14 +229,17 @@ class _Reader:
         return kept
 
     def _on_world(self, *, planes: bool) -> list[tuple[str, int]]:
-        """Return the kind and index of geoms and sites of the world: only planes if `planes` is true, else everything but planes."""
+        """Return the kind and index of geoms and sites of the world body.
+
+        If `planes` is true, return only the planes. Otherwise, return all geoms and sites except the planes.
+        """
         model = self.model
         geoms = [("geom", k) for k in range(model.ngeom) if model.geom_bodyid[k] == WORLD and (model.geom_type[k] == PLANE) == planes]
         sites = [] if planes else [("site", k) for k in range(model.nsite) if model.site_bodyid[k] == WORLD]
         return geoms + sites
 
     def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
-        """Return the link of each body, and the pose of the body in the link.
+        """Return the link that represents each body, and the pose of the body in the frame of this link.
 
         A body becomes a mount of its parent if the body and all bodies below it are fixed and have no mass and no shapes.
         """
@@ -248,7 +260,7 @@ class _Reader:
         return on
 
     def _heads(self, on: dict[int, tuple[int, Pose]], root: int) -> dict[int, int]:
-        """Return for each body the first body of its group of rigidly connected bodies."""
+        """Map each body to the first body of the group of rigidly connected bodies to which it belongs."""
         heads = {root: root}
         for body in sorted(on):
             if body != root:
@@ -294,7 +306,7 @@ class _Reader:
 
 
 def _name(root: SourceElement) -> str:
-    """Return the name of the model. Remove the name of the mode that thingc appends."""
+    """Return the name of the MuJoCo model without the name of the mode, which thingc appends to the names of its models."""
     name = root.attributes.get("model", "").strip()
     ours = mode_of(root.source[: root.start]) == SOURCE_MODE
     return (name.removesuffix(f"_{SOURCE_MODE}") if ours else name) or "robot"

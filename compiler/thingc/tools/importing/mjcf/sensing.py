@@ -1,4 +1,4 @@
-"""Import sensors and cameras of MuJoCo."""
+"""Convert the sensors and cameras of a MuJoCo model to sensors of the source model."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LOOKING = turned_y(math.pi)
 
 
 class _Place(FrozenStruct):
-    """A kind of sensor and its target: a site and an optional reference site, a joint, or a tendon."""
+    """The kind of a sensor and the element that it measures: a site with an optional reference site, a joint, or a tendon."""
 
     kind: SensorType
     site: str | None = None
@@ -43,8 +43,9 @@ class _Place(FrozenStruct):
 
 
 class _Sensing:
-    """Reads the sensors of a MuJoCo model. `kept` are the imported bodies, `driven` are the targets of drives by actuator, and `root` is
-    the root body.
+    """Reads the sensors of a MuJoCo model.
+
+    `kept` are the imported bodies, `driven` maps the index of an actuator to the target of its drive, and `root` is the root body.
     """
 
     def __init__(self, original: CompiledSource, kept: set[int], added: Added, driven: Mapping[int, SourceTarget], root: int) -> None:
@@ -56,8 +57,9 @@ class _Sensing:
         self.kinds: dict[int, str] = {int(value): name.removeprefix("mjSENS_").lower() for name, value in types}
 
     def all(self) -> tuple[SourceSensor, ...]:
-        """Return the sensors that documents support. Sensors at the same place are combined. Other sensors and duplicates become added
-        elements or losses.
+        """Return the sensors that documents support. Several MuJoCo sensors of the same kind at the same element become one sensor.
+
+        Sensors that documents do not support, and duplicates, are added to the MuJoCo model unchanged or are losses.
         """
         read: list[tuple[int, _Place, ReadingName]] = []
         placed_before: set[tuple[_Place, ReadingName] | None] = {None}
@@ -112,7 +114,7 @@ class _Sensing:
         return None
 
     def _sensor(self, place: _Place, readings: list[tuple[int, ReadingName]]) -> SourceSensor:
-        """Return a sensor of a document that combines these readings."""
+        """Combine several MuJoCo sensors at the same element to one sensor of the document."""
         model, original = self.model, self.original
         numbers: dict[str, dict[str, float]] = {"noise": {}, "cutoff": {}}
         for number, reading in readings:
@@ -143,9 +145,11 @@ def sensors(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], kept: set[int], added: Added, driven: Mapping[int, SourceTarget],
     root: int,
 ) -> tuple[SourceSensor, ...]:
-    """Return the sensors that documents support, and the cameras. Other sensors become added elements or losses.
+    """Return the sensors of the MuJoCo model that documents support, and the cameras.
 
-    `driven` are the targets of drives by the index of the actuator, and `root` is the root body.
+    Other sensors are added to the model unchanged or are losses.
+
+    `driven` maps the index of an actuator to the target of its drive, and `root` is the root body.
     """
     return (*_Sensing(original, kept, added, driven, root).all(), *_cameras(original, on))
 

@@ -1,4 +1,4 @@
-"""Import the options, the contact exclusions and the keyframes of a MuJoCo model."""
+"""Import the simulation options, the contact exclusions and the keyframes of a MuJoCo model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ _OPEN = 1e-4
 
 
 def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
-    """Return the options that documents support (`timestep` [s], `integrator`, `cone`, `impratio`) and that differ from MuJoCo's defaults.
+    """Return the simulation options that differ from MuJoCo's defaults and that documents support.
+
+    The possible keys are `timestep` [s], `integrator`, `cone` and `impratio`.
     """
     option = original.model.opt
     said: list[tuple[str, float | str]] = [
@@ -41,7 +43,10 @@ def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
 
 
 def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]:
-    """Return the options that only MuJoCo models have and that are not defaults, by path: `("option", "flag", "contact")`."""
+    """Return the MuJoCo options that differ from MuJoCo's defaults and that documents do not support as simulation options.
+
+    The result contains the path and the value of each option. An example of a path is `("option", "flag", "contact")`.
+    """
     import mujoco
 
     ours, usual = original.model.opt, mujoco.MjSpec().option
@@ -68,7 +73,7 @@ def _format_setting(name: str, value: Any) -> str:
 def touching(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int], still: int | None, added: Added,
 ) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of links whose contacts are excluded, except pairs connected by a joint.
+    """Return the pairs of links between which the MuJoCo model excludes contacts. Pairs of links that a joint connects are omitted.
 
     In a document, contacts between links connected by a joint are always excluded. In MuJoCo, an option controls these contacts, and
     children of the static body `still` can touch the static body. If the shapes could touch, these differences are losses.
@@ -92,7 +97,7 @@ def touching(
     masks = {body: _masks(original, body) for body in heads}
 
     def meet(head: int, other: int) -> bool:
-        """Return whether two links have shapes that can touch, without considering excluded pairs of bodies."""
+        """Return whether two links have shapes that can touch. Excluded pairs of bodies are ignored."""
         pairs = ((one, two) for one in members[head] for two in members[other] if _pair(one, two) not in written)
         return any(_meet(masks[one], masks[two]) for one, two in pairs)
 
@@ -113,7 +118,7 @@ def touching(
 
 
 def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> Iterator[tuple[int, int]]:
-    """Yield the excluded pairs of bodies. Pairs with a body that is not imported are losses."""
+    """Yield the pairs of bodies between which the model excludes contacts. A pair that includes a body that is not imported is a loss."""
     numbers_of = {name: number for number, name in original.bodies.items()}
     for one in original.spec.excludes:
         first, second = (numbers_of[name] for name in (one.bodyname1, one.bodyname2))
@@ -128,9 +133,9 @@ def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> I
 
 
 def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touch: Set[int]) -> None:
-    """For links that consist of several bodies, record losses of effects that MuJoCo computes per body.
+    """Record the losses of effects that MuJoCo computes for each body, in links that consist of several bodies.
 
-    `touch` are the moving links with collision shapes.
+    `touch` are the moving links that have collision shapes.
     """
     model = original.model
     fluid = bool(model.opt.density or model.opt.viscosity)
@@ -155,7 +160,7 @@ def _pair(one: int, other: int) -> tuple[int, int]:
 
 
 def _masks(original: CompiledSource, body: int) -> tuple[int, int]:
-    """Return the union of the bits of `contype` and of `conaffinity` over the geoms of a body, except planes of the world."""
+    """Combine the contact masks `contype` and `conaffinity` of the geoms of a body by bitwise OR. Planes of the world are ignored."""
     model, kinds, affinities = original.model, 0, 0
     for geom in original.geoms_of[body]:
         if body or model.geom_type[geom]:
@@ -170,7 +175,7 @@ def _meet(ours: tuple[int, int], theirs: tuple[int, int]) -> bool:
 def poses(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], root: int, base: SourceBase, joints: Mapping[str, SourceJoint],
 ) -> tuple[SourcePose, ...]:
-    """Convert keyframes to poses, clamped to the joint limits. Velocities and activations are losses."""
+    """Convert the keyframes of a MuJoCo model to poses within the joint limits. Velocities and activations in keyframes are losses."""
     model, poses = original.model, []
     places = [one.where for one in original.flat.lines if one.tag == "key"][::2]
     following = {joint.name: joint.follows for joint in joints.values() if joint.follows is not None}
@@ -209,7 +214,7 @@ def poses(
 
 
 def _open_loops(original: CompiledSource, key: int) -> Iterator[tuple[str, float]]:
-    """Yield the name and distance [m] of each equality between bodies that a keyframe violates by more than `_OPEN`."""
+    """Yield the name of each equality constraint between bodies that a keyframe violates by more than `_OPEN`, and the distance [m]."""
     import mujoco
 
     model, data = original.model, mujoco.MjData(original.model)

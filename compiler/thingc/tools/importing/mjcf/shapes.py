@@ -1,4 +1,4 @@
-"""Convert geoms to visual and collision shapes."""
+"""Convert the geoms of a MuJoCo model to visual and collision shapes of the source model."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ GREY = (0.5, 0.5, 0.5, 1.0)
 
 
 class Geoms:
-    """The visual and collision shapes of the bodies of a MuJoCo model.
+    """Converts the geoms of a MuJoCo model to visual and collision shapes.
 
-    `files` are the meshes written from the model, by name. `shown` contains the indices of imported geoms.
+    `files` maps the names of mesh files that are written from the MuJoCo model to their contents. `shown` contains the indices of imported
+    geoms.
     """
 
     def __init__(self, original: CompiledSource) -> None:
@@ -40,7 +41,7 @@ class Geoms:
         self.wrapped = {int(geom) for kind, geom in wraps if int(kind) in (SPHERE, CYLINDER)}
 
     def of(self, body: int) -> tuple[SourceShape, ...]:
-        """Return the shapes of a body in source order, without planes of the world."""
+        """Return the visual and collision shapes of a body in source order. Planes of the world are omitted."""
         shapes: list[SourceShape] = []
         for geom in self.original.geoms_of[body]:
             if body or self.model.geom_type[geom]:
@@ -48,7 +49,7 @@ class Geoms:
         return tuple(shapes)
 
     def _shapes(self, geom: int) -> list[SourceShape]:
-        """Return the visual shape of a visible geom, and the collision shape of a geom that can collide."""
+        """Convert a geom to a visual shape if the geom is visible, and to a collision shape if the geom can collide."""
         model, where = self.model, self.original.where("geom", geom)
         kind = KINDS.get(int(model.geom_type[geom]))
         if kind is None:
@@ -67,7 +68,7 @@ class Geoms:
         return [one for one, there in ((visual, drawn), (touching, touches)) if there]
 
     def _color(self, geom: int) -> tuple[float, float, float, float] | None:
-        """Return the colour of a geom or of its material, or None for MuJoCo's default."""
+        """Return the RGBA colour of a geom or of its material. Return None if the colour is MuJoCo's default."""
         material = int(self.model.geom_matid[geom])
         r, g, b, a = floats(self.model.geom_rgba[geom])
         if (r, g, b, a) == GREY and material >= 0:
@@ -75,7 +76,7 @@ class Geoms:
         return None if (r, g, b, a) == GREY else (r, g, b, a)
 
     def _mesh(self, geom: int, centred: Pose) -> tuple[Vector, Pose, str]:
-        """Return the scale, pose and URI of a mesh.
+        """Return the scale, the pose and the URI of the mesh of a geom.
 
         MuJoCo transforms the vertices of a mesh to its principal axes. In the source, the vertices v of the file are transformed to `scale
         R^T (v - p)` with the reference pose.
@@ -93,7 +94,10 @@ class Geoms:
         return (x, y, z), self.original.frame(written) @ at, uri
 
     def _anew(self, mesh: int, name: str, geom: int) -> str:
-        """Write MuJoCo's version of a mesh to a new file and return its URI. Use this for unsupported file formats."""
+        """Write the mesh that MuJoCo compiled to a new file, and return the URI of this file.
+
+        Use this method for mesh formats that thingc cannot read.
+        """
         file = f"mujoco://{name}.obj"
         if file not in self.files:
             model = self.model
@@ -114,8 +118,9 @@ class Geoms:
         return () if said == (FRICTION[0],) or dimensions == 1 else said
 
     def _raw(self, geom: int, friction: tuple[float, ...]) -> Raw:
-        """Return the contact attributes of a geom other than friction. thingc sets a priority for geoms with friction, so that their
-        friction applies on any floor.
+        """Return the attributes of a geom, other than friction, that affect contacts.
+
+        thingc sets a priority for geoms with friction, so that their friction applies on any floor.
         """
         model = self.model
         wanted = [(name, numbers(values if getattr(values, "shape", ()) else [values])) for name in USUAL
@@ -130,7 +135,7 @@ class Geoms:
 
 
 def sizes_of(kind: ShapeKind, sizes: Any) -> Sizes:
-    """Convert MuJoCo's three size parameters to the size of a `SourceShape`."""
+    """Convert the three size parameters of a MuJoCo geom to the attribute `size` of a `SourceShape`."""
     a, b, c = floats(sizes)
     match kind:
         case "sphere":

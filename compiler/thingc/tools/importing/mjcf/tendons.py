@@ -1,4 +1,4 @@
-"""Import tendons of MuJoCo that couple joints or run along paths."""
+"""Convert the tendons of a MuJoCo model that couple joints or run along paths of sites and shapes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ USUAL = {
 
 
 class Tendons:
-    """The tendons that documents support, by index (`of`). Other tendons are losses.
+    """Converts the tendons of a MuJoCo model.
+
+    `of` maps the index of each tendon that documents support to the tendon. Other tendons are losses.
 
     `joints` and `sites` are the indices of imported elements. `on` maps each imported body to its link and its pose in the link. `heads`
     maps each body to the first body of its rigidly connected group.
@@ -44,11 +46,11 @@ class Tendons:
                 self.of[number] = self._tendon(number, wraps)
 
     def driven(self, drives: Mapping[int, SourceDrive]) -> tuple[SourceTendon, ...]:
-        """Return all tendons with their drives. `drives` are the drives by the index of the tendon."""
+        """Return all imported tendons, including their drives. `drives` maps the index of a tendon to its drive."""
         return tuple(replace(one, drive=drives.get(number)) for number, one in self.of.items())
 
     def _unsaid(self, wrap: int) -> str:
-        """Return the reason why a document cannot express a step of a tendon's path, or an empty string."""
+        """Return the reason why a document cannot express one step of the path of a tendon, or an empty string if it can."""
         model = self.model
         kind, thing, side = (int(one[wrap]) for one in (model.wrap_type, model.wrap_objid, model.wrap_prm))
         gone = "it uses elements that are not imported"
@@ -73,7 +75,7 @@ class Tendons:
         return "it wraps inside a shape, but tendons of a document wrap around the outside" if inside else ""
 
     def _fixed(self, body: int) -> Pose:
-        """Return the pose of a body in the first body of its rigidly connected group."""
+        """Return the pose of a body in the frame of the first body of its rigidly connected group."""
         pose = pose_of(self.model.body_pos[body], self.model.body_quat[body])
         return pose if self.heads[body] == body else self._fixed(int(self.model.body_parentid[body])) @ pose
 
@@ -123,7 +125,7 @@ class Tendons:
         ))
 
     def _raw(self, number: int, made: SourceTendon) -> Raw:
-        """Return the attributes that documents cannot express, and attributes whose default in documents differs."""
+        """Return the attributes of a tendon that a document cannot express, or whose default value in documents differs from MuJoCo's."""
         model = self.model
         plain = ("stiffness", "damping", "frictionloss", "armature", "margin", "group", *(() if made.moves else ("width",)))
         wanted = [(word, numbers([getattr(model, f"tendon_{word}")[number]])) for word in plain]
