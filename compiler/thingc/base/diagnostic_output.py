@@ -60,8 +60,9 @@ def as_text(diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bo
 
 
 def summary(diagnostics: Sequence[Diagnostic]) -> str:
-    """Return the number of errors and warnings, such as `2 errors, 1 warning`. Return an empty string if there are no errors and no
-    warnings.
+    """Return the number of errors and warnings, such as `2 errors, 1 warning`.
+
+    Return an empty string if there are no errors and no warnings.
     """
     parts: list[str] = []
     for severity in (Severity.ERROR, Severity.WARNING):

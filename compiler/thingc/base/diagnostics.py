@@ -38,12 +38,11 @@ class Stage(str, Enum):
 
 
 class DiagnosticCode(Enum):
-    """A diagnostic code, such as `TC407`, with its title and a general hint on how to fix the problem. Codes are never reused or
-    renumbered.
+    """A diagnostic code, such as `TC407`, with its title and a general hint on how to fix the problem.
 
-    The value of a member is `(code, title, fix)`. For a code that can be a warning about an assembly document, the fourth value is the
-    command that reports the warning. Documents can suppress these warnings, and export losses, by an entry such as
-    `allow: {TC407: reason}`.
+    Codes are never reused or renumbered. The value of a member is `(code, title, fix)`. For a code that can be a warning about an assembly
+    document, the fourth value is the command that reports the warning. Documents can suppress these warnings, and export losses, by an
+    entry such as `allow: {TC407: reason}`.
     """
 
     def __init__(self, code: str, title: str, cure: str, warned_by: Stage | None = None) -> None:
@@ -329,8 +328,8 @@ class Allowance(FrozenStruct, eq=False):
     nodes: tuple[tuple[Span, Node], ...]
 
     def covers(self, code: DiagnosticCode, places: Collection[Span]) -> bool:
-        """Return whether this entry suppresses a warning of `code` that has at least one of its locations `places` in the mapping of the
-        entry.
+        """Return whether this entry suppresses a warning of `code`. At least one of the locations `places` of the warning must be in its
+        mapping.
         """
         return code is self.code and any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
 
@@ -444,8 +443,7 @@ class Report:
 
 
 def _of_option(diagnostic: Diagnostic) -> Diagnostic:
-    """Replace the locations of values that the option `--set` specifies by the text of the option, because these values are not in a file.
-    """
+    """Replace the location of a value that the option `--set` specifies by the text of the option. Such a value is not in a file."""
     notes = tuple(
         Note(message=f"{note.message}: `{note.span.option}`") if note.span is not None and note.span.option is not None else note
         for note in diagnostic.notes

@@ -21,7 +21,9 @@ class NotARegularFile(OSError):
 
 
 class BadPath(OSError, ValueError):
-    """Raised if a path that was read from a file is unsafe, for example because it leads out of a folder. The message contains the reason.
+    """Raised if a path that was read from a file is unsafe, for example because it leads out of a folder.
+
+    The message contains the reason.
     """
 
 
@@ -82,11 +84,10 @@ def check_tree(paths: Iterable[str]) -> None:
 
 
 def write_tree(root: str, files: Mapping[str, bytes], links: Mapping[str, str]) -> None:
-    """Write new files and symbolic links into the folder `root`. `files` maps relative paths to contents, and `links` maps paths to
-    targets.
+    """Write new files and symbolic links into the folder `root`.
 
-    Symbolic links in the folder are not followed, and existing files are not replaced. Raises `OSError`, and `BadPath` as `check_tree`
-    does.
+    `files` maps relative paths to contents, and `links` maps paths to targets. Symbolic links in the folder are not followed, and existing
+    files are not replaced. Raises `OSError`, and `BadPath` as `check_tree` does.
     """
     check_tree((*files, *links))
     for path in (*files, *links):

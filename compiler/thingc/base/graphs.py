@@ -48,7 +48,9 @@ class DisjointSets:
         self._above = list(range(count))
 
     def join(self, one: int, other: int) -> bool:
-        """Merge the set that contains `one` with the set that contains `other`. Return False if both numbers were already in the same set.
+        """Merge the set that contains `one` with the set that contains `other`.
+
+        Return False if both numbers were already in the same set.
         """
         one, other = self.representative(one), self.representative(other)
         self._above[max(one, other)] = min(one, other)

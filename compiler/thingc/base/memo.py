@@ -27,7 +27,9 @@ class Memo:
         self._kept: dict[Hashable, tuple[tuple[Any, ...], Any]] = {}
 
     def __call__(self, place: Hashable, function: Callable[..., Answer], *inputs: Any) -> Answer:
-        """Return `function(*inputs)`. If the most recent call for the key `place` had equal inputs, return the cached result of this call.
+        """Return `function(*inputs)`.
+
+        If the most recent call for the key `place` had equal inputs, return the cached result of this call.
         """
         known = self._kept.get(place)
         if known is not None and known[0] == inputs:

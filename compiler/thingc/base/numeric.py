@@ -18,8 +18,7 @@ FORMATTERS: dict[str, Formatter] = {}
 
 
 class Recorded:
-    """Base class of numbers that record the computations in which they are used, so that the computations can be repeated for other values.
-    """
+    """Base class of numbers that record how they are used in computations, so that the computations can be repeated for other values."""
 
     __slots__ = ()
 

@@ -158,8 +158,9 @@ would be another rotation.
 
 @one_operation
 def quarter_exact(angle: float) -> tuple[float, float]:
-    """Return the cosine and the sine of an angle [rad]. Both are exact at multiples of 90 degrees, where `math.cos` gives values such as
-    6e-17.
+    """Return the cosine and the sine of an angle [rad].
+
+    Both are exact at multiples of 90 degrees, where `math.cos` gives values such as 6e-17.
     """
     quarters = angle / (math.pi / 2.0)
     nearest = round(quarters)
@@ -275,16 +276,18 @@ class Mirror:
         return (a, b, c)
 
     def mount(self, pose: Pose) -> Pose:
-        """Return the pose of the mirror image of a mount. The origin and the x and z axes are mirrored; y is chosen for a right-handed
-        frame.
+        """Return the pose of the mirror image of a mount.
+
+        The origin and the x and z axes are mirrored; y is chosen for a right-handed frame.
         """
         x, y, z = (self.vector(column) for column in zip(*pose.rotation, strict=True))
         a, b, c = ((x[k], -y[k] + 0.0, z[k]) for k in range(3))
         return Pose(rotation=(a, b, c), translation=self.vector(pose.translation))
 
     def frame(self, pose: Pose) -> Pose:
-        """Return the mirror image `S X S` of the pose X of a frame. Geometry in this frame must be mirrored along the same axis of the
-        frame.
+        """Return the mirror image `S X S` of the pose X of a frame.
+
+        Geometry in this frame must be mirrored along the same axis of the frame.
         """
         return Pose(rotation=self.matrix(pose.rotation), translation=self.vector(pose.translation))
 

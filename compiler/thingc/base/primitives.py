@@ -46,7 +46,9 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
     @property
     def area(self) -> float:
-        """The surface area of the primitive [m^2]. Raises `ValueError` for an ellipsoid, because there is no closed formula for its area.
+        """The surface area of the primitive [m^2].
+
+        Raises `ValueError` for an ellipsoid, because there is no closed formula for its area.
         """
         if self.shape == "ellipsoid":
             raise ValueError("the area of an ellipsoid is an elliptic integral")
@@ -90,10 +92,9 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
         return MassProperties(mass=volume, inertia=inertia).seen_from(self.pose)
 
     def lowest(self, down: Vector) -> float:
-        """Return the minimum of the dot product of `down` and all points of the primitive [m]. `down` is a unit vector in the frame of the
-        part.
+        """Return the minimum of the dot product of `down` and all points of the primitive [m].
 
-        This minimum is the negative support function of the opposite direction.
+        `down` is a unit vector in the frame of the part. This minimum is the negative support function of the opposite direction.
         """
         x, y, z = (dot(down, column) for column in transpose(self.pose.rotation))
         middle, size = dot(down, self.pose.translation), self.size

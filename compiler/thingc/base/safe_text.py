@@ -25,8 +25,7 @@ _UNSEEN = re.compile("[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u3164\ufe00-\
 
 
 def escape_control(text: str, *, most: int = LONGEST) -> str:
-    """Return `text` in a single line, with control characters and invisible characters replaced by Python escapes such as `\\x1b` and
-    `\\n`.
+    """Return `text` in one line. Control characters and invisible characters are replaced by Python escapes such as `\\x1b` or `\\n`.
 
     Lone surrogates (`\\ud800`), such as undecodable bytes of file names, are also escaped. Printable characters of any script are
     unchanged. Strings with more than `most` characters are abbreviated in the middle.
@@ -36,7 +35,9 @@ def escape_control(text: str, *, most: int = LONGEST) -> str:
 
 
 def shown_line(line: str) -> str:
-    """Escape the control characters and invisible characters of a source line for display. Tabs remain, and long lines are not abbreviated.
+    """Escape the control characters and invisible characters of a source line for display.
+
+    Tabs remain, and long lines are not abbreviated.
     """
     return "\t".join(escape_control(piece, most=len(piece)) for piece in line.split("\t"))
 

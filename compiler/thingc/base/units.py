@@ -258,7 +258,9 @@ def converted(number: str, unit: Unit) -> float:
 
 
 def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
-    """Return the signed number that begins at the index `at` of a text, and the index after the number. Return None if there is no number.
+    """Return the signed number that begins at the index `at` of a text, and the index after the number.
+
+    Return None if there is no number.
     """
     match = NUMBER_TEXT.match(text, at)
     return (match.group(), match.end()) if match else None
@@ -323,7 +325,9 @@ def _unit_after(text: str, operator: re.Match[str]) -> bool:
 
 
 def _continues(text: str, at: int) -> bool:
-    """Return whether an identifier continues at the index `at` of a text. For example, `m_2` and `s(` do not contain the units `m` and `s`.
+    """Return whether an identifier continues at the index `at` of a text.
+
+    For example, `m_2` and `s(` do not contain the units `m` and `s`.
     """
     return at < len(text) and (text[at] in "_(." or text[at].isdigit())
 

@@ -162,7 +162,9 @@ class AxisParser:
         return tuple(written if written is not None else spaced_si(first, last, count))
 
     def range(self, name: str, raw: list[Any]) -> Axis | None:
-        """Return the axis of a parameter whose values are sampled from a range. If the range is invalid, report an error and return None.
+        """Return the axis of a parameter whose values are sampled from a range.
+
+        If the range is invalid, report an error and return None.
         """
         path: Path = ("sample", "ranges", name)
         low, high = (self.value(name, one, (*path, index)) for index, one in enumerate(raw))
@@ -186,8 +188,9 @@ class AxisParser:
         return Axis(key=name, range=(low, high), whole=whole)
 
     def count(self, raw: Any, path: Path, *, least: int, most: int = MOST_VALUES) -> int | None:
-        """Check an integer in the document, such as `count`, and return it. If it is not between `least` and `most`, report an error and
-        return None.
+        """Check an integer in the document, such as `count`, and return it.
+
+        If it is not between `least` and `most`, report an error and return None.
         """
         if isinstance(raw, Expression):
             self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be a number, not an expression", path, help="write the number")

@@ -82,15 +82,22 @@ def run(
     """Build the variants of a `variants/1` document into `<output>/<name>/`. The default `output` is the workspace's build folder.
 
     Args:
-        executor: An engine, such as the result of `thingc.batch.cluster.connection.connect`; None: processes on this machine. The engine
-        calls `thingc.batch.engine.evaluate`. Its workers must find the documents and the folder at the same paths, unless `ship` is set.
-        jobs: Number of processes (0: one per core). With an `executor`, number of chunks at a time. emit: Targets that replace the targets
-        of the document. limit: Build only this many variants, in order. resume: Continue an interrupted batch. timeout: Time limit [s] for
-        one variant. verify: MuJoCo compiles one out of this many models that differ only in numbers (1: each, 0: none). options: Options of
-        the compiler, such as the store. pictures: Maximum number of pictures on the page (`pictures.ALL`: all; None: 48, or none for more
-        than 200 variants). ship: Copy the workspace to the workers, and built variants back. The cluster must support it (dask). retry:
-        With `resume`, also retry variants that failed, and variants that were refused because a part crashed or hung. layout: `folders` or
-        `packed`, which replaces the layout of the document (default: `packed` for more than 2000 variants).
+        executor: An executor, such as the result of `thingc.batch.cluster.connection.connect`, which calls `thingc.batch.engine.evaluate`.
+            Its workers must find the documents and the folder at the same paths, unless `ship` is set. None: runner processes on this
+            machine.
+        jobs: Number of runner processes (0: one per core). With an `executor`, number of chunks that run at the same time.
+        emit: Targets that replace the targets of the document.
+        limit: Build only this many variants, in order.
+        resume: Continue an interrupted batch.
+        timeout: Time limit [s] for one variant.
+        verify: MuJoCo compiles one out of this many models that differ only in numbers (1: each, 0: none).
+        options: Options of the compiler, such as the store.
+        on_progress: Callback for the progress of the batch.
+        pictures: Maximum number of pictures on the page (`pictures.ALL`: all; None: 48, or none for more than 200 variants).
+        on_picture: Callback for each rendered picture.
+        ship: Copy the workspace to the workers, and built variants back. The cluster must support it (dask).
+        retry: With `resume`, also retry variants that failed, and variants that were refused because a part crashed or hung.
+        layout: `folders` or `packed`, which replaces the layout of the document (default: `packed` for more than 2000 variants).
 
     Raises `PlanError` for a document with errors, `BatchFault` if the batch cannot start or continue, and `Interrupted` after SIGINT or
     SIGTERM. Use `resume` to continue an interrupted batch.
@@ -133,7 +140,9 @@ class _Stopped(Exception):
 
 
 class _Batch:
-    """A single run of a batch, which submits variants and records their results. It uses one thread in addition to those of the executor.
+    """A single run of a batch, which submits variants and records their results.
+
+    It uses one thread in addition to those of the executor.
     """
 
     def __init__(
@@ -206,7 +215,9 @@ class _Batch:
     # --- the run --------------------------------------------------------------------------------------------------
 
     def run(self, executor: Executor | None, journal: Journal | PackedWriter) -> Summary:
-        """Build all variants that are not finished yet. Raises `BatchFault` if the batch cannot continue, and `Interrupted` after a signal.
+        """Build all variants that are not finished yet.
+
+        Raises `BatchFault` if the batch cannot continue, and `Interrupted` after a signal.
         """
         own = LocalExecutor(min(self.asked.jobs, max(1, self.count))) if executor is None else None
         engine: Executor = own if own is not None else executor  # type: ignore[assignment]

@@ -236,8 +236,9 @@ def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | N
 
 
 def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
-    """Return the journal line of the variant with this id or name in `folder`. Return None if the folder contains a batch of another
-    document.
+    """Return the journal line of the variant with this id or name in `folder`.
+
+    Return None if the folder contains a batch of another document.
     """
     described = read_batch(folder)
     if described is None or described.get("document") != plan.relative:

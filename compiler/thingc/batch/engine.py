@@ -64,7 +64,9 @@ class Runners:
         self._closed = False
 
     def take(self, job: str) -> RunnerProcess:
-        """Return an idle runner process for the job, or start a new one. Raises `RunnersBroken`, and `Cancelled` after a call of `cancel`.
+        """Return an idle runner process for the job, or start a new one.
+
+        Raises `RunnersBroken`, and `Cancelled` after a call of `cancel`.
         """
         with self._lock:
             if self._closed:

@@ -83,10 +83,9 @@ def read_batch(folder: str) -> dict[str, Any] | None:
 
 
 def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
-    """Return the content of `batch.json` in the folder of a batch. Raises `BatchFault` if the folder does not contain a batch of
-    `document`.
+    """Return the content of `batch.json` in the folder of a batch.
 
-    `hint` is the help text of the error.
+    Raises `BatchFault` if the folder does not contain a batch of `document`. `hint` is the help text of the error.
     """
     before = read_batch(folder)
     if before is None or before.get("document") != document:
@@ -185,8 +184,9 @@ def begin(folder: str, document: str, assembly: str) -> None:
 
 
 def lay_out(folder: str, layout: str) -> None:
-    """Create the subfolders of a batch with this layout. The file `batch.json` must already exist, so that an interrupted run can be
-    resumed.
+    """Create the subfolders of a batch with this layout.
+
+    The file `batch.json` must already exist, so that an interrupted run can be resumed.
     """
     for inner in (folder_layout.CHUNKS if layout == PACKED else folder_layout.VARIANTS, folder_layout.ASSETS):
         os.makedirs(os.path.join(folder, inner), exist_ok=True)

@@ -1,5 +1,4 @@
-"""Describe a batch for other processes: the file `batch.json`, the files that workers must be able to read, and the job for runner
-processes.
+"""Describe a batch for other processes: `batch.json`, the files that workers must be able to read, and the job for runner processes.
 
 A job and its variants are encoded as JSON, so that any executor can send them to another process.
 """

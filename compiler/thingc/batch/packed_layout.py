@@ -332,8 +332,9 @@ class Chunk:
         return {path: data for path in self.paths if (data := self.cell(index, path)) is not None}
 
     def cell(self, index: int, column: str) -> Any:
-        """Return the value of a variant in one column, or None if the cell is empty. If the column is a file, the value is its content as
-        bytes.
+        """Return the value of a variant in one column, or None if the cell is empty.
+
+        If the column is a file, the value is its content as bytes.
         """
         if index in self._begins:
             return _cell_of(self._noted(index), column)

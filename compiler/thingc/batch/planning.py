@@ -76,8 +76,9 @@ OUTSIDE = "outside:"
 
 
 class PlanError(Exception):
-    """Raised if a variants document has errors. `diagnostics` contains all errors and warnings. `str()` formats them as on the command
-    line.
+    """Raised if a variants document has errors. `diagnostics` contains all errors and warnings.
+
+    `str()` formats them as on the command line.
     """
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
@@ -226,7 +227,9 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return {name: dimension.symbol for name, dimension in self.dimensions.items()}
 
     def folder_in(self, output: str | None) -> str:
-        """Return the absolute path of the folder of the batch inside `output`. By default, `output` is the build folder of the workspace.
+        """Return the absolute path of the folder of the batch inside `output`.
+
+        By default, `output` is the build folder of the workspace.
         """
         return os.path.join(os.path.abspath(output or os.path.join(self.workspace.root, self.workspace.build)), self.name)
 
@@ -285,8 +288,9 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def _stated(self) -> dict[str, Value]:
-        """The values that the assembly document specifies without an expression. Settings that equal these values are omitted from
-        variants.
+        """The values that the assembly document specifies without an expression.
+
+        Settings that equal these values are omitted from variants.
         """
         own = {**self.own, **self.paths.own}
         return {name: plain(own[name]) for name, expression in self._order if expression is None and name in own}
@@ -351,8 +355,9 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
 
 def _holds(rule: Rule, values: Mapping[str, ExpressionValue]) -> bool:
-    """Return whether a variant satisfies a rule on parameters. Also return True if the rule cannot be evaluated, because the build reports
-    this.
+    """Return whether a variant satisfies a rule on parameters.
+
+    Also return True if the rule cannot be evaluated, because the build reports this.
     """
     try:
         return rule.holds(values, {})

@@ -48,7 +48,9 @@ _WITHIN, _INCLUDE = re.compile("<mujoco[^>]*>(.*)</mujoco>", re.DOTALL), re.comp
 
 
 class FamilyError(ValueError):
-    """Raised if a batch or a family of robots cannot be used as requested. The message contains the `reason` and, if known, a `help` text.
+    """Raised if a batch or a family of robots cannot be used as requested.
+
+    The message contains the `reason` and, if known, a `help` text.
     """
 
     def __init__(self, reason: str, help: Hint = "") -> None:
@@ -149,8 +151,9 @@ class BuiltVariant(OneLineRepr):
         return (self._read(f"scene_{mode}.xml"), {**files, robot: text}) if scene else (text, files)
 
     def sizes(self, mode: str | None = None) -> Sizes:
-        """Return the sizes of the MuJoCo model in a mode. They are read from the XML without compiling it. Raises the same errors as
-        `model`.
+        """Return the sizes of the MuJoCo model in a mode. They are read from the XML without compiling it.
+
+        Raises the same errors as `model`.
         """
         root = ElementTree.fromstring(self._read(f"{self.family.robot}_{self.family.chosen(mode)}.xml"))
         free = sum(1 for _ in root.iter("freejoint"))
@@ -286,8 +289,9 @@ class BatchResults(Sequence[BuiltVariant]):
         return tuple(dict.fromkeys(name for row in self.rows for name in row))
 
     def column(self, name: str) -> list[Any]:
-        """Return the cells of a column for all variants of this object. An empty cell is None. Raises `UnknownVariant` for an unknown
-        column.
+        """Return the cells of a column for all variants of this object. An empty cell is None.
+
+        Raises `UnknownVariant` for an unknown column.
         """
         cells = [variant.results.get(name) for variant in self]
         if all(cell is None for cell in cells) and name not in self.columns:

@@ -192,7 +192,7 @@ def _raised(task: Variant, fault: BaseException) -> Row:
 
 
 def main() -> None:
-    """Run the loop of the runner process: for each line of standard input, write the answers to standard output, until the input ends."""
+    """Run the loop of the runner process: for each line of standard input, write the answers to standard output."""
     answer = connect_to_parent()
     lines: queue.SimpleQueue[str] = queue.SimpleQueue()
     job = Job.decode(sys.stdin.readline())

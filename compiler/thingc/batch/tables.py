@@ -47,8 +47,9 @@ class Column(FrozenStruct):
 
 
 def setting(name: str) -> str:
-    """Return the name of the table column for a parameter or a path. The name of a parameter gets the prefix `parameters.`; a path is
-    returned unchanged.
+    """Return the name of the table column for a parameter or a path.
+
+    The name of a parameter gets the prefix `parameters.`; a path is returned unchanged.
     """
     return name if "." in name else PARAMETERS + name
 

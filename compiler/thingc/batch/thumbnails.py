@@ -31,8 +31,7 @@ def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
 
 
 def main() -> None:
-    """Run the loop of the rendering process: for each line of standard input, write the answers to standard output, until the input ends.
-    """
+    """Run the loop of the rendering process: for each line of standard input, write the answers to standard output."""
     answer = connect_to_parent()
     os.environ.setdefault("MUJOCO_GL", "egl")
     asked = json.loads(sys.stdin.readline() or "null")

@@ -75,7 +75,9 @@ def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
 
 
 def spaced_si(first: Quantity, last: Quantity, count: int) -> list[Quantity]:
-    """Return `count` evenly spaced quantities between two quantities of the same dimension, computed from the decimals of their SI values.
+    """Return `count` evenly spaced quantities between two quantities of the same dimension.
+
+    They are computed from the decimals of the SI values.
     """
     a, b = Fraction(Decimal(repr(first.value))), Fraction(Decimal(repr(last.value)))
     return [Quantity(float(a + (b - a) * Fraction(k, count - 1)) + 0.0, first.dimension) for k in range(count)]

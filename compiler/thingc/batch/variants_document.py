@@ -132,10 +132,9 @@ def plan(document: str, *, options: Options | None = None) -> Plan:
 
 
 def read_plan(path: str, options: Options, report: Report, lend: Lend | None = None) -> Plan | None:
-    """Read the `variants/1` document at `path`, and return the plan of its variants. If it has errors, add them to `report` and return
-    None.
+    """Read the `variants/1` document at `path`, and return the plan of its variants.
 
-    `lend` returns the source of parts, as for `Environment`.
+    If it has errors, add them to `report` and return None. `lend` returns the source of parts, as for `Environment`.
     """
     workspace = Workspace.find(path, report, options.texts)
     documents = load(path, workspace, report, kinds=("variants",), texts=options.texts) if workspace is not None else None
@@ -224,8 +223,9 @@ class _Planner:
         return axes, fixed
 
     def units(self, names: Iterable[str]) -> Iterator[tuple[str, str]]:
-        """Yield the name and the unit of each parameter or path. The unit is taken from the variants document, or else from the assembly
-        document.
+        """Yield the name and the unit of each parameter or path.
+
+        The unit is taken from the variants document, or else from the assembly document.
         """
         root = self.sources.documents.root
         for name in names:
@@ -312,8 +312,9 @@ class _Planner:
         return not wrong
 
     def texts(self, places: Mapping[str, Path]) -> dict[str, str]:
-        """Return the source texts of scalars in the variants document. `places` maps names to key paths. Values that are not scalars are
-        omitted.
+        """Return the source texts of scalars in the variants document. `places` maps names to key paths.
+
+        Values that are not scalars are omitted.
         """
         nodes = ((name, node_at(self.document.tree, place)) for name, place in places.items())
         return {name: node.text for name, node in nodes if isinstance(node, ScalarNode)}

@@ -109,7 +109,9 @@ class Compiled(OneLineRepr):
 
     @property
     def links(self) -> Any:
-        """The links of the robot and the joints between them as a `networkx.MultiDiGraph`. The graph does not depend on the root of a mode.
+        """The links of the robot and the joints between them as a `networkx.MultiDiGraph`.
+
+        The graph does not depend on the root of a mode.
         """
         from thingc.targets.networkx_export import link_graph
 

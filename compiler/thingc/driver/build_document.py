@@ -116,9 +116,7 @@ def _model_again(environment: Environment, compilation: Compilation) -> int:
 
 
 def _deny(losses: Sequence[Loss], document: Origin, report: Report) -> None:
-    """Report each export loss as an error, unless an `allow` entry suppresses it at its place in the document or at the top of the
-    document.
-    """
+    """Report each export loss as an error, unless an `allow` entry at its place, or at the top of the document, suppresses it."""
     for loss in losses:
         if not report.allows(Code.LOSS_DENIED, (*loss.origin, *document)):
             mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""

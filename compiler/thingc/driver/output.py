@@ -292,11 +292,10 @@ def _beside(folder: str, what: str) -> str:
 
 @contextlib.contextmanager
 def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
-    """Lock a build folder until the context ends, so that only one build at a time writes it. `on_wait` is called before waiting for the
-    lock.
+    """Lock a build folder until the context ends, so that only one build at a time writes it.
 
-    The lock file is deleted when the lock is released. After waiting, the function therefore checks whether the path still refers to the
-    same file.
+    `on_wait` is called before waiting for the lock. The lock file is deleted when the lock is released. After waiting, the function
+    therefore checks whether the path still refers to the same file.
     """
     path = _beside(folder, "lock")
     said = False
@@ -344,8 +343,9 @@ def _mend(folder: str) -> None:
 
 
 def _refuse_unexpected(folder: str, document: str, also: Collection[str], known: Digests, *, force: bool) -> UnexpectedFiles:
-    """Return the unexpected files in a build folder that the option `force` allows to overwrite. Raises `UnexpectedFilesError` for all
-    others.
+    """Return the unexpected files in a build folder that the option `force` allows to overwrite.
+
+    Raises `UnexpectedFilesError` for all others.
     """
     if not os.path.lexists(folder):
         return UnexpectedFiles(None, ())
@@ -479,7 +479,9 @@ def _is_plain(path: str) -> bool:
 
 
 def _listing(folder: str) -> list[str]:
-    """Return the paths of all files in a folder and its subfolders, relative to the folder, with `/` as separator. Links are not followed.
+    """Return the paths of all files in a folder and its subfolders, relative to the folder, with `/` as separator.
+
+    Links are not followed.
     """
     files: list[str] = []
     waiting = [""]

@@ -209,7 +209,9 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
 
 
 def _may_name_parts(environment: Environment) -> bool:
-    """Return whether the document probably needs the CAD kernel: code of parts may run, and the beginning of the document mentions parts.
+    """Return whether the document probably needs the CAD kernel.
+
+    This is the case if code of parts may run, and if the beginning of the document mentions parts.
     """
     if not environment.options.code:
         return False
@@ -395,7 +397,9 @@ def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
 
 
 def _assembly(compilation: Compilation) -> Assembly:
-    """Return the assembly of a compilation. Raises `RuntimeError` if the compilation has failed, so the caller must check its report first.
+    """Return the assembly of a compilation.
+
+    Raises `RuntimeError` if the compilation has failed, so the caller must check its report first.
     """
     if compilation.assembly is None:
         raise RuntimeError("the compilation failed")

@@ -44,11 +44,10 @@ class Session:
         return self.environment.report
 
     def compile(self, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
-        """Compile the document with the given settings, up to the pass `root`. `modes` are the names of the modes to compile (default:
-        all).
+        """Compile the document with the given settings, up to the pass `root`.
 
-        Errors are in the `report` of the compilation. A failed compilation is cached, unless parts were built, because building them may
-        succeed next time. Raises `UnknownChoice` for an unknown mode.
+        `modes` are the names of the modes to compile (default: all). Errors are in the `report` of the compilation. A failed compilation is
+        cached, unless parts were built, because building them may succeed next time. Raises `UnknownChoice` for an unknown mode.
         """
         own = self.environment.options
         settings = Settings(parameters={**own.parameters, **settings.parameters}, choices={**own.choices, **settings.choices})

@@ -118,7 +118,9 @@ class SettingsReader:
         return did_you_mean(word, [key for key, _ in inside])
 
     def read(self, settings: Mapping[str, Any]) -> ParsedSettings:
-        """Parse settings. They override the settings that are fixed for this reader. Unknown names and values of a wrong type are reported.
+        """Parse settings. They override the settings that are fixed for this reader.
+
+        Unknown names and values of a wrong type are reported.
         """
         numbers: dict[str, float] = {}
         texts: dict[str, str] = {}

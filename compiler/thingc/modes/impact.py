@@ -44,8 +44,7 @@ def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> t
 
 
 def stop(mode: Mode, state: State, inertias: Inertias, xp: Any, **newton: int) -> tuple[State, Array, list[Array]]:
-    """Compute the state after a perfectly inelastic impact, the impulse (6,) on the root link, and the impulses (6,) on the other held
-    links.
+    """Compute the state after a perfectly inelastic impact, and the impulses (6,) on the root link and on the other held links.
 
     The velocity of the robot is u = (twist of the base, joint velocities v), and C u = 0 are the constraints of the mode. A root link that
     is not free and all held links are at rest. The velocity of a mimic joint is determined by its leader, and loops stay closed.

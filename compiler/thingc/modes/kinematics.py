@@ -94,10 +94,9 @@ class Kinematics:
         return frames
 
     def axes(self, frames: Array) -> tuple[Array, Array]:
-        """Return the angular velocity (m, 3), and the linear velocity (m, 3) at the origin of the root link, per unit of each coordinate
-        velocity.
+        """Return the angular velocity (m, 3) and the linear velocity (m, 3) that each coordinate causes per unit of its velocity.
 
-        Both are in world axes.
+        The linear velocity is at the origin of the root link. Both are in world axes.
         """
         carrier = frames[self._carrier]
         both = self._axes @ carrier[:, :3, :3].swapaxes(1, 2)
@@ -105,10 +104,10 @@ class Kinematics:
         return spin, both[:, 1] + cross(carrier[:, :3, 3] - frames[0, :3, 3], spin)
 
     def twists(self, frames: Array, u: Array, xp: Any) -> Array:
-        """Return the twists (n, 6) of all links. The velocity `u` (6 + m,) is the twist of the base, followed by the velocities of the
-        coordinates.
+        """Return the twists (n, 6) of all links.
 
-        A twist is the velocity of the origin of the link in world axes, followed by the angular velocity in the axes of the link.
+        The velocity `u` (6 + m,) is the twist of the base, followed by the velocities of the coordinates. A twist is the velocity of the
+        origin of the link in world axes, followed by the angular velocity in the axes of the link.
         """
         X, spins = frames[self.of_link], self.axes(frames)
         root, path = frames[0], self._mask[:, 6:]

@@ -150,8 +150,9 @@ def _link_above(model: Any, body: int, links: Collection[int]) -> int:
 
 
 def read_state(mode: Mode, found: ModelMap, data: Any) -> State:
-    """Read the state of a robot in the given mode from a `mujoco.MjData`. Raises `ModesError` if the state contains NaN or infinite
-    numbers.
+    """Read the state of a robot in the given mode from a `mujoco.MjData`.
+
+    Raises `ModesError` if the state contains NaN or infinite numbers.
     """
     twist: Array = np.zeros(6)
     qpos, qvel = data.qpos, data.qvel
@@ -186,8 +187,7 @@ def write_state(mode: Mode, state: State, found: ModelMap, data: Any) -> None:
 
 
 def carry(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any, target: Any) -> tuple[str, ...]:
-    """Copy the time, the controls and the actuator activations from the `MjData` `source` of one mode to the `MjData` `target` of another
-    mode.
+    """Copy the time, the controls and the actuator activations from the `MjData` of one mode to the `MjData` of another mode.
 
     Return the names of the actuators that only the new mode has; their controls do not change. Joint accelerations are also copied, for the
     warm start of MuJoCo's solver.
@@ -287,7 +287,9 @@ def _bodies(mode: Mode, model: Any) -> dict[str, int]:
 
 
 def _activation(model: Any, actuator: int) -> tuple[int, int]:
-    """Return the address and the size of the activation of an actuator in `MjData.act`. The size is 0 for an actuator without activation.
+    """Return the address and the size of the activation of an actuator in `MjData.act`.
+
+    The size is 0 for an actuator without activation.
     """
     first, count = int(model.actuator_actadr[actuator]), int(model.actuator_actnum[actuator])
     return (first, count) if first >= 0 else (0, 0)

@@ -54,8 +54,7 @@ def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
 
 
 def _coordinates(described: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the names of all joint coordinates of a mode: first the coordinates of joints in the tree, then those of loop-closing joints.
-    """
+    """Return the names of all joint coordinates of a mode: first those of joints in the tree, then those of loop-closing joints."""
     joints = [*described.get("joints", ()), *described.get("cuts", ())]
     return tuple(str(one["name"]) for joint in joints for one in joint["coordinates"])
 

@@ -19,8 +19,9 @@ from thingc.modes.frames import Array, cross, inverse, pose, quaternion_of, rota
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PartBase(OneLineRepr):
-    """A planar or ball base of a mode (see `kind`). The pose `X_WA` (4, 4) of frame A and the pose `X0_WR` (4, 4) are defined in the module
-    docstring.
+    """A planar or ball base of a mode (see `kind`).
+
+    The pose `X_WA` (4, 4) of frame A and the pose `X0_WR` (4, 4) are defined in the module docstring.
     """
 
     kind: Literal["planar", "ball"]
@@ -78,8 +79,7 @@ class PartBase(OneLineRepr):
         return motions
 
     def _planar(self, X: Array, xp: Any) -> Array:
-        """Return the translation [m] in x and y and the rotation angle [rad] of a planar base (3,) for a root link with the pose X (4, 4).
-        """
+        """Return the coordinates (3,) of a planar base for the pose X (4, 4) of the root link: x and y [m], and the angle [rad]."""
         M = inverse(self.X_WA) @ X @ inverse(self.X0_WR) @ self.X_WA
         moved: Array = xp.asarray([M[0, 3], M[1, 3], xp.arctan2(M[1, 0] - M[0, 1], M[0, 0] + M[1, 1])])
         return moved

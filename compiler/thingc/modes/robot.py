@@ -87,11 +87,10 @@ class Modes(Mapping[str, Mode]):
         return own.robot_state(mjdata.read_state(own, mjdata.map_model(own, data.model), data))
 
     def write(self, state: RobotState, data: Any) -> None:
-        """Write a state of the robot to a `mujoco.MjData` of the same mode. Only `qpos`, `qvel` and the mocap pose of the robot are
-        changed.
+        """Write a state of the robot to a `mujoco.MjData` of the same mode.
 
-        If the base is fixed, only the joints are written, because the model defines the pose of the base. Raises `WrongData` if `data`
-        belongs to another model.
+        Only `qpos`, `qvel` and the mocap pose of the robot are changed. If the base is fixed, only the joints are written, because the
+        model defines the pose of the base. Raises `WrongData` if `data` belongs to another model.
         """
         mode = self[state.mode]
         mjdata.write_state(mode, mode.arrays(state), mjdata.map_model(mode, data.model), data)
@@ -168,8 +167,9 @@ def _placed(state: State, mode: Mode, data: Any, tolerance: float) -> State:
 def _stopped(
     state: State, mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias],
 ) -> tuple[State, Array, SwitchResult]:
-    """Return the state after the links that `mode` holds have stopped, the poses of all links if the mode holds other links, and the switch
-    result.
+    """Stop all links that `mode` holds. Return the new state, the poses of all links, and the result of the switch.
+
+    The poses are empty if the mode holds only its root link. Raises `BaseMoves` if a held link moves and `on_motion` is `"raise"`.
     """
     removed, poses = [state.twist - kept(mode, state.base, state.twist, np)], np.zeros((0, 4, 4))
     if mode.holds:
@@ -195,8 +195,7 @@ def _stopped(
 
 
 def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inertias:
-    """Return the inertias `given` by the caller, or else the inertias in the first `MjData` that is not None, or else those of the build.
-    """
+    """Return the inertias `given` by the caller, else the inertias in the first `MjData` that is not None, else those of the build."""
     if given is not None:
         return given
     data = next((data for data in sources if data is not None), None)

@@ -56,11 +56,10 @@ def _across(mode: Mode, cut: Cut, poses: Array, twists: Array, xp: Any, newton: 
 
 
 def put_base(state: State, mode: Mode, place: Array | None, xp: Any) -> tuple[State, list[tuple[int, Array, Array]]]:
-    """Return the state with the root link moved to a pose that the mode allows. `place` is the pose of a fixed base (None: as in the
-    build).
+    """Return the state with the root link moved to a pose that the mode allows.
 
-    Also return a list of links that should already have been near an allowed pose. Each entry contains the index of the link, its pose, and
-    the pose that the mode requires.
+    `place` is the pose of a fixed base (None: as in the build). Also return a list of links that should already have been near an allowed
+    pose. Each entry contains the index of the link, its pose, and the pose that the mode requires.
     """
     if mode.base in ("free", "held"):
         return state, []

@@ -43,8 +43,7 @@ class Ball(OneLineRepr):
         return qvel
 
     def read(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-        """Convert the quaternion (4,) in MuJoCo's `qpos` and the angular velocity (3,) in `qvel` to the coordinates q (3,) and velocities v
-        (3,).
+        """Convert the values of this joint in MuJoCo's `qpos` (4,) and `qvel` (3,) to coordinates q (3,) and velocities v (3,).
 
         The norm of q is at most pi.
         """
@@ -140,12 +139,11 @@ class Joint(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Hold(OneLineRepr):
-    """A mount that a mode holds in the world, in addition to its root mount. `path` is the path of the mount, and `link` the index of its
-    link.
+    """A mount that a mode holds in the world, in addition to its root mount.
 
-    `X_LM` (4, 4) is the pose of the mount in the link. `X_WM` (4, 4) is the pose of the mount in the world that the document specifies.
-    `anchor` is the mocap body of the MuJoCo model that holds the mount. If `turns` is true, the hold transmits only force: it holds the
-    origin of the mount, and the link can rotate about this point.
+    `path` is the path of the mount, and `link` the index of its link. `X_LM` (4, 4) is the pose of the mount in the link. `X_WM` (4, 4) is
+    the pose of the mount in the world that the document specifies. `anchor` is the mocap body of the MuJoCo model that holds the mount. If
+    `turns` is true, the hold transmits only force: it holds the origin of the mount, and the link can rotate about this point.
     """
 
     path: str
@@ -264,7 +262,9 @@ class Mode(OneLineRepr):
         return dict(zip(kin.number, kin.twists(frames, u, np), strict=True))
 
     def velocity(self, state: RobotState) -> Array:
-        """Return the generalized velocity (6 + m,) of the robot, as if its base were free: `base_twist`, then v in the order of `joints`.
+        """Return the generalized velocity (6 + m,) of the robot, as if its base were free.
+
+        It consists of `base_twist`, followed by the joint velocities in the order of `joints`.
         """
         return self._moving(state)[2]
 
@@ -278,21 +278,26 @@ class Mode(OneLineRepr):
         return tuple(kin.jacobians(frames, np))
 
     def mass_matrix(self, state: RobotState, inertias: Inertias | None = None) -> Array:
-        """Return the mass matrix (6 + m, 6 + m) of the robot, as if its base were free. It corresponds to the generalized velocity of
-        `velocity`.
+        """Return the mass matrix (6 + m, 6 + m) of the robot, as if its base were free.
 
-        `inertias` must be in the order of this mode's tree. By default, these are the inertias at the time of the build.
+        It corresponds to the generalized velocity of `velocity`. `inertias` must be in the order of this mode's tree. By default, these are
+        the inertias at the time of the build.
         """
         kin, frames, _ = self._moving(state)
         return kin.mass_matrix(frames, kin.jacobians(frames, np), self.inertias if inertias is None else inertias, np)
 
     def qpos(self, state: RobotState) -> Array:
-        """Return a state as `MjData.qpos` of this mode's MuJoCo model: the coordinates of a free, planar or ball base, then of the joints.
+        """Return a state as `MjData.qpos` of this mode's MuJoCo model.
+
+        It consists of the coordinates of a free, planar or ball base, followed by the joint coordinates.
         """
         return self._values(state)[0]
 
     def qvel(self, state: RobotState) -> Array:
-        """Return a state as `MjData.qvel` of this mode's MuJoCo model: the velocity of a free, planar or ball base, then of the joints."""
+        """Return a state as `MjData.qvel` of this mode's MuJoCo model.
+
+        It consists of the velocity of a free, planar or ball base, followed by the joint velocities.
+        """
         return self._values(state)[1]
 
     def arrays(self, state: RobotState) -> State:

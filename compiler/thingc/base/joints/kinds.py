@@ -46,8 +46,7 @@ class JointKind(FrozenStruct):
 
     @property
     def axial(self) -> bool:
-        """Whether all motions of the joint are rotations about z or translations along z, so that a document can replace z by another axis.
-        """
+        """Whether a document can replace z by another axis, because the joint only rotates about z or moves along z."""
         return self.moves and all(one.axis == Z for one in self.twists)
 
     def about(self, axis: Vector, lead: float = 0.0) -> tuple[Twist, ...]:
@@ -107,7 +106,9 @@ KINDS: Mapping[str, JointKind] = {kind.name: kind for kind in (
 
 
 def coordinates_of(kind: JointType) -> range:
-    """Return the indices of the coordinates of a joint kind that has several coordinates. Return an empty range for all other joint kinds.
+    """Return the indices of the coordinates of a joint kind that has several coordinates.
+
+    Return an empty range for all other joint kinds.
     """
     count = len(KINDS[kind].twists)
     return range(count if count > 1 else 0)

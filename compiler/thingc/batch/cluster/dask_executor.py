@@ -141,7 +141,9 @@ class DaskCluster(FileTransferExecutor):
         return None
 
     def ship(self, name: str, transfer: WorkspaceArchive) -> None:
-        """Send a workspace to all workers, including workers that connect later. Workspaces of batches that have ended are removed first.
+        """Send a workspace to all workers, including workers that connect later.
+
+        Workspaces of batches that have ended are removed first.
         """
         from thingc.batch.cluster.dask_plugin import UnpackedWorkspace
 

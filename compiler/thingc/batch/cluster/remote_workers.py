@@ -128,9 +128,7 @@ class BuiltFile(FrozenStruct):
 
 
 class Answer(FrozenStruct):
-    """The results that a worker returns for a chunk: one row per variant, and the list of files of each built variant by the id of the
-    variant.
-    """
+    """The results that a worker returns for a chunk: a row for each variant, and the files of each built variant by its id."""
 
     place: WorkerFolder
     rows: list[Row]
@@ -168,7 +166,9 @@ def _settled(job: str, place: WorkerFolder) -> str:
 
 
 def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
-    """Return the files of a built variant that the driver must fetch. Files whose contents are in the row of a packed variant are omitted.
+    """Return the files of a built variant that the driver must fetch.
+
+    Files whose contents are in the row of a packed variant are omitted.
     """
     folder = folder_layout.variant_folder(os.path.join(place.folder, OUT), row["id"])
     assets = os.path.join(place.folder, OUT, folder_layout.ASSETS)
@@ -391,8 +391,7 @@ class _Blobs:
         return bool(self._ahead) and self._ahead[0][0].id == id
 
     def _wanted(self) -> Iterator[BuiltFile]:
-        """Yield the files that must be fetched from the worker: files of single variants, and shared files that this machine does not have.
-        """
+        """Yield the files to fetch from the worker: files of single variants, and shared files that this machine does not have."""
         known: set[str] = set()
         for row in self.answer.rows:
             for one in self.answer.files.get(row["id"], ()):

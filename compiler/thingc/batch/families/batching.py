@@ -36,10 +36,10 @@ class Batched(OneLineRepr, FrozenStruct, eq=False):
 
 
 class Batches(OneLineRepr, FrozenStruct):
-    """The result for a list of settings. `groups` contains groups of settings that share a model, and `refused` the refused settings by
-    index.
+    """The result for a list of settings.
 
-    The groups are ordered by the index of their first settings.
+    `groups` contains groups of settings that share a model, and `refused` the refused settings by index. The groups are ordered by the
+    index of their first settings.
     """
 
     groups: tuple[Batched, ...]

@@ -95,8 +95,9 @@ class Evaluation:
                     yield self._judged(settings, read, plan.made.of(outputs), plan.made.problems)
 
     def confirms(self, plan: NumericPlan[ResultsShape], outputs: Sequence[float], read: ParsedSettings) -> bool:
-        """Compile settings, and return whether the compilation gives the same results as the plan. If not, stop using plans for such
-        settings.
+        """Compile settings, and return whether the compilation gives the same results as the plan.
+
+        If not, stop using plans for such settings.
         """
         if self._measured(read) == (plan.made.of(outputs), plan.made.problems):
             return True
@@ -146,8 +147,9 @@ class Evaluation:
         return outputs, applies, plan.made.problems
 
     def plan_at(self, read: ParsedSettings) -> tuple[NumericPlan[ResultsShape] | None, str]:
-        """Return the plan that applies to the given settings. It is created if necessary. If this is impossible, return None and the
-        reason.
+        """Return the plan that applies to the given settings. It is created if necessary.
+
+        If this is impossible, return None and the reason.
         """
         form = self.forms.of(read)
         known = form.plan_for(read)
@@ -238,9 +240,7 @@ class Evaluation:
         return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
 
     def _broken(self, read: ParsedSettings, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
-        """Return the first rule of the variants document that the results violate, or None, and the errors of rules that cannot be
-        evaluated.
-        """
+        """Return the first rule that the results violate, or None. Also return the errors of rules that cannot be evaluated."""
         has_texts = any(name in self.reader.parameters for name, _ in read.texts)  # not only numbers: flags, texts or expressions
         given: Mapping[str, ExpressionValue] = self.reader.values(read) if has_texts else self.reader.quantities(read)
         undecided: list[Diagnostic] = []

@@ -177,8 +177,7 @@ class RobotFamily:
     def batched(
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, union: bool = True, floor: bool = False,
     ) -> Batches:
-        """Convert many settings to a few MuJoCo models without visual geometry, and to arrays that contain the differences between
-        settings.
+        """Convert many settings to a few MuJoCo models without visual geometry, and to arrays with the differences between settings.
 
         With `union`, settings with different geometry can share a model, which then contains the meshes of all these settings. With
         `floor`, models include the floor of their scenes. Raises `UnknownChoice` for an unknown mode.
@@ -407,8 +406,9 @@ class RobotFamily:
         return self._evaluations[key]
 
     def _check_tests(self, names: Sequence[str], *, alone: bool) -> None:
-        """Raise `FamilyError` if a name refers to a test whose result is not differentiable. Unless `alone` is True, also raise it for any
-        test.
+        """Raise `FamilyError` if a name refers to a test whose result is not differentiable.
+
+        Unless `alone` is True, also raise it for any test.
         """
         for name in names:
             if name not in self._spec.tests:

@@ -80,7 +80,9 @@ class RestrictedPlan:
 
     @cached_property
     def derivatives(self) -> DerivativeFunction:
-        """A function that computes the outputs and their derivatives by the names in `traced`. Its arguments are all variables of the plan.
+        """A function that computes the outputs and their derivatives by the names in `traced`.
+
+        Its arguments are all variables of the plan.
         """
         return derivative_function(self.restricted.program, list(self.traced.values()))
 
@@ -135,10 +137,10 @@ class FamilyFunction:
         return f"FamilyFunction({', '.join(self.names)} -> {', '.join(self.outputs)})"
 
     def value(self, x: npt.ArrayLike) -> FamilyValues:
-        """Compute the outputs for given values of the numbers. An array with shape `(n,)` gives `(m,)`, and an array `(k, n)` gives
-        `(k, m)`.
+        """Compute the outputs for given values of the numbers.
 
-        The results equal the results of `RobotFamily.evaluate` bit by bit. Raises `FamilyError` for an array of another shape.
+        An array with shape `(n,)` gives `(m,)`, and an array `(k, n)` gives `(k, m)`. The results equal the results of
+        `RobotFamily.evaluate` bit by bit. Raises `FamilyError` for an array of another shape.
         """
         rows, single = self._rows(x)
         made, ok = np.full((len(rows), len(self.outputs)), np.nan), np.zeros(len(rows), dtype=np.bool_)
@@ -190,12 +192,11 @@ class FamilyFunction:
         return jacobian
 
     def jax(self, *, dtype: str = "float64") -> JaxFunction:
-        """Return a pure JAX function that maps values `(n,)` of the numbers to `(outputs (m,), ok)`. It can be used with `jit`, `vmap` and
-        `grad`.
+        """Return a pure JAX function that maps values `(n,)` of the numbers to `(outputs (m,), ok)`.
 
         The JAX function makes the same decisions as the compiler makes for `start`. For settings that are refused, or that require other
-        decisions, `ok` is False and the outputs are undefined. Raises `FamilyError` if JAX does not support an operation, if a part or a
-        decision depends on one of the numbers, and, with `dtype="float64"`, if JAX does not use 64-bit numbers.
+        decisions, `ok` is False and the outputs are undefined. Raises `FamilyError` if JAX does not support an operation, or if a part or a
+        decision depends on one of the numbers. With `dtype="float64"`, also raises `FamilyError` if JAX does not use 64-bit numbers.
         """
         from thingc.batch.families.jax_function import jax_function
 
@@ -235,10 +236,9 @@ class FamilyFunction:
         return self._plans[id(plan)].restricted
 
     def _derivatives_at(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
-        """Return the indices of the numbers whose derivatives a plan computes exactly, and these derivatives. A plan is created if
-        necessary.
+        """Return the indices of the numbers whose derivatives a plan computes exactly, and these derivatives.
 
-        Return None if no plan applies to the settings.
+        A plan is created if necessary. Return None if no plan applies to the settings.
         """
         found = self._exact(read)
         if found is None and read.report is None:
@@ -249,8 +249,9 @@ class FamilyFunction:
         return found
 
     def _exact(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
-        """Return the indices of the numbers whose derivatives an existing plan computes exactly, and these derivatives. Return None without
-        a plan.
+        """Return the indices of the numbers whose derivatives an existing plan computes exactly, and these derivatives.
+
+        Return None without a plan.
         """
         for one, given in self._known(read):
             try:
@@ -273,8 +274,7 @@ class FamilyFunction:
                 yield one, given
 
     def _beside(self, x: Floats, place: int, own: Floats) -> tuple[Floats, Floats]:
-        """Return the derivatives of all outputs by one number, and their errors, if the compiler compares two numbers that are equal at
-        `x`.
+        """Return the derivatives of all outputs by one number, and their errors, if the compiler compares equal numbers at `x`.
 
         The results may be computed by other operations for greater and for smaller values. The derivatives on both sides of `x` must
         therefore agree with each other, and with the change of the results. If only one side is valid, as at a bound, the derivative `own`
@@ -308,8 +308,9 @@ class FamilyFunction:
         return np.mean([slope for slope, _ in sides], axis=0), error
 
     def _estimated(self, x: Floats, place: int) -> tuple[Floats, Floats]:
-        """Estimate the derivatives of all outputs by one number from the results at five nearby settings. Return the derivatives and their
-        errors.
+        """Estimate the derivatives of all outputs by one number from the results at five nearby settings.
+
+        Return the derivatives and their errors.
         """
         low, high = self.bounds[place]
         width = high - low if np.isfinite(low) and np.isfinite(high) else np.inf
@@ -327,9 +328,7 @@ class FamilyFunction:
         return best, error
 
     def _stencil(self, x: Floats, place: int, step: float) -> tuple[Floats, Floats]:
-        """Return five settings within the bounds, one of which is `x`, and the weights `(4, 5)` by which their results are combined to
-        derivatives.
-        """
+        """Return five settings within the bounds, one of which is `x`, and the weights `(4, 5)` of their results in derivatives."""
         low, high = self.bounds[place]
         nodes = min(max(x[place], low + 2.0 * step), high - 2.0 * step) + step * np.arange(-2.0, 3.0)
         nodes[np.argmin(np.abs(nodes - x[place]))] = x[place]
@@ -370,8 +369,9 @@ class FamilyFunction:
         return None
 
     def _sound(self, points: Floats, place: int) -> Floats:
-        """Return the results at several settings near each other. Raises `NotDifferentiable` if one of these settings does not have
-        results.
+        """Return the results at several settings near each other.
+
+        Raises `NotDifferentiable` if one of these settings does not have results.
         """
         values = self.value(points)
         if not np.all(values.ok):

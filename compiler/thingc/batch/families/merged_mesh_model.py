@@ -27,7 +27,9 @@ class ModelSource(FrozenStruct, eq=False):
 
 
 def likeness(model: mujoco.MjModel) -> bytes:
-    """Return a digest of all values that must be equal in models to be merged. These are all values except meshes and changeable numbers.
+    """Return a digest of all values that must be equal in models to be merged.
+
+    These are all values except meshes and changeable numbers.
     """
     digest = hashlib.sha256()
     for name in names(model):
@@ -39,10 +41,10 @@ def likeness(model: mujoco.MjModel) -> bytes:
 
 
 def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> tuple[mujoco.MjModel, list[list[int]]] | None:
-    """Merge several MuJoCo models without visual geometry into one. Return the model, and the mesh number of every geom in each of the
-    sources.
+    """Merge several MuJoCo models without visual geometry into one.
 
-    The mesh number of a geom without a mesh is -1. Return None if the geoms of the merged model do not match the geoms of the sources.
+    Return the model, and the mesh number of every geom in each of the sources. The mesh number of a geom without a mesh is -1. Return None
+    if the geoms of the merged model do not match the geoms of the sources.
     """
     root = ElementTree.fromstring(sources[0].text)
     for body in root.iter("body"):

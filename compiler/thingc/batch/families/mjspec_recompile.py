@@ -77,8 +77,9 @@ class RecompiledSpec:
         self._geoms = [(geom, order[geom.meshname]) for geom in self._spec.geoms if geom.meshname in order]
 
     def _entries(self, kind: str, name: str, attribute: str, stated: Sequence[str], gaps: Sequence[int | None]) -> list[int | float]:
-        """Return the elements of an attribute. For a slot, the element is the index of its value (an `int`), otherwise a number (a
-        `float`).
+        """Return the elements of an attribute.
+
+        For a slot, the element is the index of its value (an `int`), otherwise a number (a `float`).
         """
         one = getattr(self._spec, kind)(name)
         value: Any = getattr(one, attribute, None) if one is not None else None

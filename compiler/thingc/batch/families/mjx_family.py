@@ -184,8 +184,9 @@ class FamilyMjx:
         return base.tree_replace({name: jnp.asarray(getattr(self.mj_model, name)) for name in FRICTION if name in self._writes})
 
     def _raw(self, name: str) -> Any:
-        """Return a field of `base`. For geoms with meshes, return the poses in the XML instead, to which MuJoCo's compiler adds the poses
-        of the meshes.
+        """Return a field of `base`.
+
+        For geoms with meshes, return the poses in the XML instead, to which MuJoCo's compiler adds the poses of the meshes.
         """
         value = attrgetter(name)(self.base)
         if name not in ("geom_pos", "geom_quat") or not len(self._meshes):
@@ -234,8 +235,9 @@ class FamilyMjx:
             fields["geom_quat"] = own["geom_quat"].at[self._meshes].set(jax.vmap(math.quat_mul)(turned, turns))
 
     def _wraps_alike(self, model: mjx.Model) -> Any:
-        """Return whether every tendon wraps around its geoms on the same side as in `base`. MJX determines this side only when it converts
-        a model.
+        """Return whether every tendon wraps around its geoms on the same side as in `base`.
+
+        MJX determines this side only when it converts a model.
         """
         wraps = np.flatnonzero(np.isin(self.mj_model.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER)))
         geoms, sides = self.mj_model.wrap_objid[wraps], np.round(self.mj_model.wrap_prm[wraps]).astype(int)

@@ -90,10 +90,10 @@ class ModelsOfMode:
         return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
     def template_at(self, read: ParsedSettings) -> tuple[NumericPlan[ModelTemplate] | None, str]:
-        """Return a plan that computes the XML of the model for these settings, and the reasons why some numbers must not change in this
-        plan.
+        """Return a plan that computes the XML of the model for these settings.
 
-        If this is impossible, for example because a built part depends on the settings, return None and the reason.
+        Also return the reasons why some numbers must not change in this plan. If there is no plan, for example because a built part depends
+        on the settings, return None and the reason.
         """
         form: PlanCache[Arrays | ModelTemplate] = PlanCache()
         plan = self.plan(read, form, text=True)

@@ -38,8 +38,9 @@ class Evaluated(OneLineRepr, FrozenStruct):
         return self.sound and self.broken is None and all(one.passed for one in self.tests)
 
     def __getitem__(self, name: str) -> float | None:
-        """Return a result by its name. If the result does not exist, raises `UnknownVariant` (a `KeyError`), whose message contains the
-        reason.
+        """Return a result by its name.
+
+        If the result does not exist, raises `UnknownVariant` (a `KeyError`), whose message contains the reason.
         """
         if name in self.results:
             return self.results[name]

@@ -42,10 +42,10 @@ class Sensitivity(OneLineRepr, FrozenStruct):
 
 
 def results_by_function(patterns: Iterable[str], kinds: Mapping[str, str]) -> list[list[str]]:
-    """Group names of results, so that one function can compute each group. All results except tests form one group; each test is a separate
-    group.
+    """Group names of results, so that one function can compute each group.
 
-    `kinds` contains the kind of each test by name. A pattern such as `tests.*` matches all tests whose measured value is a smooth number.
+    All results except tests form one group; each test is a separate group. `kinds` contains the kind of each test by name. A pattern such
+    as `tests.*` matches all tests whose measured value is a smooth number.
     """
     results, tests = list[str](), dict[str, list[str]]()
     for text in patterns:

@@ -157,7 +157,9 @@ class EnvRules(FrozenStruct):
 
 
 def env_rules(options: EnvOptions) -> EnvRules:
-    """Check the options of an environment and add default values. Raises `TypeError` for an unknown option, as Python does for arguments.
+    """Check the options of an environment and add default values.
+
+    Raises `TypeError` for an unknown option, as Python does for arguments.
     """
     for name in options:
         if name not in EnvRules.__struct_fields__:

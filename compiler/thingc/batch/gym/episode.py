@@ -182,8 +182,7 @@ class Episode:
             mujoco.mj_forward(model, data)
 
     def judge(self) -> tuple[float, bool, bool, Mapping[str, Any]]:
-        """Return the reward of the last action, whether the episode is terminated, whether it is truncated, and a dict of further
-        information.
+        """Return the reward of the last action, whether the episode is terminated, whether it is truncated, and further information.
 
         The episode is terminated if `terminated` returns true or if the simulation is unstable (reward 0). Raises `FamilyError` for an
         invalid reward.
@@ -243,8 +242,9 @@ def _unstable(data: mujoco.MjData) -> bool:
 
 
 def spans_of(model: mujoco.MjModel) -> tuple[Array, Array]:
-    """Return the lower and the upper bounds of all controls of a model, each with shape (nu,). A control without limits has the bounds -1
-    and 1.
+    """Return the lower and the upper bounds of all controls of a model, each with shape (nu,).
+
+    A control without limits has the bounds -1 and 1.
     """
     limited = model.actuator_ctrllimited.astype(bool)
     return np.where(limited, model.actuator_ctrlrange[:, 0], -1.0), np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)

@@ -1,5 +1,4 @@
-"""Gymnasium vector environments in one process, in which each world simulates a different robot of a family
-(`pip install thingc[learning]`).
+"""Gymnasium vector environments in which each world simulates a different robot of a family (`pip install thingc[learning]`).
 
     from thingc.batch.gym.family_env import make_vec_env
 
@@ -183,8 +182,9 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
 
     @property
     def data(self) -> tuple[mujoco.MjData, ...]:
-        """The MuJoCo data of each world, for reading or rendering with the model of this world. The attribute `model` of the data can be
-        another model.
+        """The MuJoCo data of each world, for reading or rendering with the model of this world.
+
+        The attribute `model` of the data can be another model.
         """
         return tuple(self._world(k)[2].data for k in range(self.num_envs))
 
@@ -250,8 +250,9 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         return renderer.render()
 
     def _simulate(self, episodes: Sequence[Episode]) -> None:
-        """Simulate the given episodes. If there are many, they run in several threads, because MuJoCo releases the GIL during a simulation
-        step.
+        """Simulate the given episodes.
+
+        If there are many, they run in several threads, because MuJoCo releases the GIL during a simulation step.
         """
         if self._pool is None or len(episodes) < 2 * self._threads:
             _run(episodes)

@@ -1,5 +1,4 @@
-"""Environments for reinforcement learning in MJX: pure JAX functions over many robots, in which actions can switch modes
-(`pip install thingc[jax]`).
+"""Environments in MJX for robots of a family: pure JAX functions in which actions can switch modes (`pip install thingc[jax]`).
 
     from thingc.batch.gym.mjx_env import MjxEnv
 
@@ -194,7 +193,9 @@ class MjxEnv:
     # --- implementation -------------------------------------------------------------------------------------------------
 
     def _switched(self, models: Sequence[mjx.Model], state: MjxState, wanted: Any) -> tuple[list[mjx.Data], Any, Any]:
-        """Switch to the mode `wanted`. Return the MJX data of all modes, the index of the current mode, and whether the switch was refused.
+        """Switch to the mode `wanted`.
+
+        Return the MJX data of all modes, the index of the current mode, and whether the switch was refused.
         """
         if len(self.modes) == 1:
             return list(state.data), state.mode, jnp.zeros((), dtype=bool)
@@ -218,8 +219,9 @@ class MjxEnv:
     def _stepped(
         self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, before: jax.Array,
     ) -> tuple[mjx.Data, tuple[jax.Array, jax.Array, jax.Array]]:
-        """Simulate one action in one mode. Return the MJX data, and a tuple of the observation, the reward and whether the episode is
-        terminated.
+        """Simulate one action in one mode.
+
+        Return the MJX data, and a tuple of the observation, the reward and whether the episode is terminated.
         """
         world = self._worlds[number]
         low, high = world.spans
@@ -307,8 +309,9 @@ class _World:
         return inertias_in(model, self._inertias, jnp)
 
     def accelerations(self, values: jax.Array, new: _World) -> jax.Array:
-        """Convert the joint accelerations with which MuJoCo's solver starts from this mode to another mode. The accelerations of the base
-        are 0.
+        """Convert the joint accelerations with which MuJoCo's solver starts from this mode to another mode.
+
+        The accelerations of the base are 0.
         """
         pairs = [(own[1], new.map.joints[name][1]) for name, own in self.map.joints.items() if name in new.map.joints]
         here, there = np.array(pairs, dtype=int).reshape(-1, 2).T

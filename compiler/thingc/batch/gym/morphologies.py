@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 
 class MorphologyDistribution(FrozenStruct):
-    """The probability distribution of the settings of robots: uniform over `many` settings, or drawn by the function `draw` with a random
-    generator.
+    """The probability distribution of the settings of robots: uniform over `many` settings, or the function `draw`.
 
-    `ids` contains the values of `infos["variant"]`, which are indices if `ids` is empty. `names` contains the names of the settings.
+    The argument of `draw` is a random generator. `ids` contains the values of `infos["variant"]`, which are indices if `ids` is empty.
+    `names` contains the names of the settings.
     """
 
     many: Sequence[Settings] = ()
@@ -90,8 +90,9 @@ class Morphologies:
         ))
 
     def drawn(self, source: np.random.Generator, wanted: Any) -> tuple[Any, Settings]:
-        """Draw the settings of a robot, or return the settings of the variant `wanted`. The first value is the key of the settings in the
-        cache.
+        """Draw the settings of a robot, or return the settings of the variant `wanted`.
+
+        The first value is the key of the settings in the cache.
         """
         if self.choices.draw is not None:
             if wanted is not None:
@@ -146,7 +147,9 @@ class Morphologies:
         return made
 
     def episode(self, morphology: Morphology, before: tuple[Any, Morphology, Episode] | None) -> Episode:
-        """Create an episode of a robot. The `MjData` of the episode `before` are reused if the models of both robots have the same layout.
+        """Create an episode of a robot.
+
+        The `MjData` of the episode `before` are reused if the models of both robots have the same layout.
         """
         import mujoco
 
@@ -190,8 +193,9 @@ def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None
 
 
 def settings_key(settings: Settings) -> tuple[tuple[str, Any], ...]:
-    """Return the key of settings in the cache of robots. Raises `FamilyError` if the settings are not a mapping from names to numbers or
-    strings.
+    """Return the key of settings in the cache of robots.
+
+    Raises `FamilyError` if the settings are not a mapping from names to numbers or strings.
     """
     try:
         key = tuple(sorted(settings.items()))

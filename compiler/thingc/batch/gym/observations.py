@@ -54,11 +54,10 @@ TERMS: Mapping[str, Term] = {
 
 
 class Observer:
-    """Computes observations with the given terms and adds random noise. `noise` is the maximum change, or a mapping from terms to such
-    changes.
+    """Computes observations with the given terms and adds random noise.
 
-    `example` is an episode whose sizes are the same as in all other episodes. Raises `UnknownVariant` for an unknown term, and
-    `FamilyError` for invalid noise.
+    `noise` is the maximum change, or a mapping from terms to such changes. `example` is an episode whose sizes are the same as in all other
+    episodes. Raises `UnknownVariant` for an unknown term, and `FamilyError` for invalid noise.
     """
 
     def __init__(self, terms: Sequence[str] | str | None, noise: float | Mapping[str, float], example: Episode) -> None:
@@ -76,8 +75,9 @@ class Observer:
         self._noise: Any = np.repeat([float(given.get(name, 0.0)) for name in names], lengths)
 
     def __call__(self, episode: Episode, source: np.random.Generator, row: Array) -> None:
-        """Write the observation of an episode into the array `row`. Raises `FamilyError` if its size differs from the size of other
-        observations.
+        """Write the observation of an episode into the array `row`.
+
+        Raises `FamilyError` if its size differs from the size of other observations.
         """
         seen = np.concatenate([TERMS[name](episode) for name in self._names])
         if len(seen) != self.length:

@@ -69,10 +69,10 @@ TASKS: Mapping[str, Reward] = {"forward": forward, "hold": hold}
 
 
 class Descriptor:
-    """Computes numbers that describe a robot, from its settings. They are appended to observations. Each number is scaled from its bounds
-    to [-1, 1].
+    """Computes numbers that describe a robot, from its settings. They are appended to observations.
 
-    Raises `UnknownVariant` for an unknown name, and `FamilyError` for a name without bounds.
+    Each number is scaled from its bounds to [-1, 1]. Raises `UnknownVariant` for an unknown name, and `FamilyError` for a name without
+    bounds.
     """
 
     def __init__(self, family: RobotFamily, names: Sequence[str]) -> None:

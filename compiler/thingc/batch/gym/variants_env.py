@@ -66,8 +66,9 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         self.variant: BuiltVariant | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start an episode with a random variant. With `options["variant"]`, start it with this variant, which is given by its id, name or
-        index.
+        """Start an episode with a random variant.
+
+        With `options["variant"]`, start it with this variant, which is given by its id, name or index.
         """
         if seed is None:
             seed, self._seed = self._seed, None

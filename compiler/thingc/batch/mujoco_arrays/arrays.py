@@ -26,8 +26,9 @@ _PLANE = 0.1
 
 
 class Statistics:
-    """Computes the field `stat` of a MuJoCo model for many variants that differ only in numbers. `stated` contains the values that the XML
-    specifies.
+    """Computes the field `stat` of a MuJoCo model for many variants that differ only in numbers.
+
+    `stated` contains the values that the XML specifies.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, stated: Collection[str] = ()) -> None:
@@ -189,7 +190,9 @@ class Arrays:
         self._is_lent = False
 
     def _take(self, field: str, entries: list[tuple[int, Entry]]) -> None:
-        """Record which elements of a field depend on numbers. The field is an array or an option. Each number is identified by its column.
+        """Record which elements of a field depend on numbers. The field is an array or an option.
+
+        Each number is identified by its column.
         """
         import numpy as np
 

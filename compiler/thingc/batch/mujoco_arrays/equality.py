@@ -13,10 +13,9 @@ GROUPS = ("opt", "stat", "vis", "vis.global_", "vis.quality", "vis.headlight", "
 
 
 def different_fields(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]:
-    """Compare two MuJoCo models, and return the names of all fields that differ: arrays, sizes, names, options, statistics and visual
-    settings.
+    """Compare two MuJoCo models, and return the names of all fields that differ.
 
-    `signature` is not compared, because it depends on the file.
+    Arrays, sizes, names, options, statistics and visual settings are compared. `signature` is not compared, because it depends on the file.
     """
     return [name for name in names(first) if content(first, name) != content(second, name)]
 
@@ -46,7 +45,9 @@ def names(model: mujoco.MjModel) -> Iterator[str]:
 
 
 def owner_of(model: Any, name: str) -> tuple[Any, str]:
-    """Return the object that has a field as its attribute, and the name of the attribute: `model.vis.map` and `znear` for `vis.map.znear`.
+    """Return the object that has a field as its attribute, and the name of the attribute.
+
+    For the field `vis.map.znear`, these are `model.vis.map` and `znear`.
     """
     if "." not in name:  # the most common case
         return model, name

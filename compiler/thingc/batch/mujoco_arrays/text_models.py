@@ -90,7 +90,9 @@ class TextModels:
 
 
 class _Kind:
-    """The models that differ from the model `first` only in numbers. `pieces` contains the parts of the XML text between quotation marks.
+    """The models that differ from the model `first` only in numbers.
+
+    `pieces` contains the parts of the XML text between quotation marks.
     """
 
     def __init__(self, first: ModelText, pieces: Sequence[str]) -> None:

@@ -86,8 +86,9 @@ class Builds:
         self._forms: PlanCaches[_Template] = PlanCaches(patience or PATIENCE, self._refusals.applies)
 
     def planned(self, settings: Settings) -> Build | None:
-        """Create the build for the given settings with a plan. Return None if no plan applies to the settings, which can be valid or
-        invalid.
+        """Create the build for the given settings with a plan.
+
+        Return None if no plan applies to the settings, which can be valid or invalid.
         """
         read = self._reader.read({**settings.parameters, **settings.choices})
         given = {*settings.parameters, *settings.choices}
@@ -106,7 +107,9 @@ class Builds:
         return made
 
     def refused(self, settings: Settings) -> tuple[tuple[Diagnostic, ...], int] | None:
-        """Return the diagnostics and the number of part definitions if a plan shows that the settings are refused. Otherwise, return None.
+        """Return the diagnostics and the number of part definitions if a plan shows that the settings are refused.
+
+        Otherwise, return None.
         """
         read = self._refusable(settings)
         problems = None if read is None else self._refusals.problems(read)
@@ -119,7 +122,9 @@ class Builds:
             self._refusals.learn(read, problems)
 
     def _refusable(self, settings: Settings) -> ParsedSettings | None:
-        """Parse settings for `refused`. Return None if the diagnostics of a plan could differ from those of a compilation in text or order.
+        """Parse settings for `refused`.
+
+        Return None if the diagnostics of a plan could differ from those of a compilation in text or order.
         """
         read = self._reader.read({**settings.parameters, **settings.choices})
         own = self._reader.settings(read)
@@ -209,8 +214,9 @@ class Builds:
 
 
 class _Kernel:
-    """The geometry service during a traced compilation. If the STEP file of the robot depends on a traced number, the plan is restricted to
-    its value.
+    """The geometry service during a traced compilation.
+
+    If the STEP file of the robot depends on a traced number, the plan is restricted to its value.
     """
 
     def __init__(self, service: Any) -> None:

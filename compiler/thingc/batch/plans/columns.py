@@ -78,11 +78,11 @@ def _guards_only(program: Program) -> set[int]:
 def _execute(
     statement: Operation | Guard, columns: dict[int, Any], ok: Booleans, near: set[int], functions: Mapping[str, Callable[..., Any]],
 ) -> None:
-    """Execute one statement of a program for all settings. `ok` contains a flag for each setting, which is cleared if the program does not
-    apply.
+    """Execute one statement of a program for all settings.
 
-    The program does not apply if a guard has another outcome or if an operation fails. It also does not apply if a guard compares values in
-    `near`, which are not exact, and the comparison is too close to decide.
+    `ok` contains a flag for each setting, which is cleared if the program does not apply. The program does not apply if a guard has another
+    outcome or if an operation fails. It also does not apply if a guard compares values in `near`, which are not exact, and the comparison
+    is too close to decide.
     """
     arguments = [value_in(one, columns) for one in statement.arguments]
     if isinstance(statement, Operation):

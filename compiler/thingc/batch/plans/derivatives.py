@@ -121,8 +121,9 @@ class Step:
 
     @property
     def kink(self) -> str:
-        """The condition, as a Python expression, under which the operation has no derivative. It is empty for an operation that always has
-        one.
+        """The condition, as a Python expression, under which the operation has no derivative.
+
+        It is empty for an operation that always has one.
         """
         if self.operation in EXTREMES:
             words = ", ".join(map(word, self.arguments))
@@ -149,8 +150,7 @@ LONGEST = 50_000
 
 
 def derivative_function(program: Program, by: Sequence[int] | None = None) -> DerivativeFunction:
-    """Create a function that computes the outputs of a program and their derivatives by the variables with the indices `by` (None: all
-    variables).
+    """Create a function that computes the outputs of a program and their derivatives by the variables with the indices `by` (None: all).
 
     The argument of the created function contains the values of all variables. It returns None, or raises `ArithmeticError` or `ValueError`,
     for values to which the program does not apply. It raises `NotSmooth` if a derivative does not exist.
@@ -265,8 +265,7 @@ def _generated(program: Program, steps: Sequence[Step], decisions: Sequence[Deci
 
 
 def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
-    """Generate code for forward differentiation, which computes the derivatives of each value by the variables on which the value depends.
-    """
+    """Generate code for forward differentiation: the derivatives of each value by the variables on which the value depends."""
     known: dict[int, dict[int, str]] = {index: {place: "1.0"} for place, index in enumerate(varying)}
     statements: list[str] = []
     for step in steps:
@@ -281,8 +280,7 @@ def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) ->
 
 
 def _backward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
-    """Generate code for reverse differentiation, which computes the derivatives of each output by the values on which the output depends.
-    """
+    """Generate code for reverse differentiation: the derivatives of each output by the values on which the output depends."""
     statements: list[str] = []
     partials = [dict(_partials(step, statements)) for step in steps]
     entries: list[str] = []

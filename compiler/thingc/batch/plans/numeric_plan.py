@@ -1,5 +1,6 @@
-"""Compute models or results for other numbers with a plan instead of a compilation. A new plan is compared with compilations before it is
-used.
+"""Compute models or results for other numbers with a plan instead of a compilation.
+
+A new plan is compared with compilations before it is used.
 """
 
 from __future__ import annotations
@@ -75,8 +76,9 @@ class NumericPlan(Generic[Made]):
                 self.exchange.prepare([values[at] for at in self.free] for values in many)
 
     def given(self, values: Sequence[float]) -> tuple[float, ...] | None:
-        """Return the values of the variables of `program`, given the values of all settings. Return None if the plan does not apply to
-        these values.
+        """Return the values of the variables of `program`, given the values of all settings.
+
+        Return None if the plan does not apply to these values.
         """
         if any(values[at] != value for at, value in self.fixed):
             return None
@@ -101,8 +103,9 @@ class NumericPlan(Generic[Made]):
         return column_function(self.program)
 
     def exchanged(self, values: Sequence[float]) -> Exchanged | None:
-        """Return the numbers and meshes of the parts for these values of settings, or None if no parts depend on them. The plan must apply
-        to the values.
+        """Return the numbers and meshes of the parts for these values of settings, or None if no parts depend on them.
+
+        The plan must apply to the values.
         """
         return None if self.exchange is None else self.exchange.of([values[at] for at in self.free])
 
@@ -118,12 +121,11 @@ class NumericPlan(Generic[Made]):
 
 
 class PlanCache(Generic[Made]):
-    """Caches plans for settings that differ only in numbers. All other values of these settings, and the names of the numbers, are the
-    same.
+    """Caches plans for settings that differ only in numbers.
 
-    `why` contains the reason for each number that cannot be traced. `modelled` contains the part that depends on each traced number.
-    `refused` is the reason why no plan can be created at all. A plan is created for the `patience`-th settings without a plan (a power of
-    two).
+    All other values of these settings, and the names of the numbers, are the same. `why` contains the reason for each number that cannot be
+    traced. `modelled` contains the part that depends on each traced number. `refused` is the reason why no plan can be created at all. A
+    plan is created for the `patience`-th settings without a plan (a power of two).
     """
 
     def __init__(self, patience: int = 2) -> None:
@@ -313,8 +315,7 @@ class Tracing(FrozenStruct):
         return plan
 
     def samples(self, read: ParsedSettings, form: PlanCache[Any]) -> list[ParsedSettings]:
-        """Return the settings for which a plan is compared with a compilation: the given settings, and nearby settings with the same parts.
-        """
+        """Return the settings for which a plan is compared with a compilation: the given and nearby settings with the same parts."""
         settings = [read]
         for side in SIDES:
             source = random.Random(0)
@@ -327,7 +328,9 @@ class Tracing(FrozenStruct):
         return list(dict.fromkeys(settings))
 
     def _rehearse(self, read: ParsedSettings, form: PlanCache[Any], *, nearby: bool) -> TraceResult | None:
-        """Trace a compilation with all numbers that can be traced. Return None if another attempt is necessary, because `form` has changed.
+        """Trace a compilation with all numbers that can be traced.
+
+        Return None if another attempt is necessary, because `form` has changed.
         """
         quantities = self.reader.quantities(read)
         free = {name: quantities[name] for name in read.names if name not in form.why}

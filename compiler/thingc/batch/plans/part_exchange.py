@@ -130,8 +130,9 @@ class TracedParts:
 
 
 class PartDependsOnNumber(Exception):
-    """Raised if a part depends on a traced number and this is not supported. `number` is the traced number (default: the first in the
-    definition).
+    """Raised if a part depends on a traced number and this is not supported.
+
+    `number` is the traced number (default: the first in the definition).
     """
 
     def __init__(self, definition: PartDefinition, number: Traced | None = None) -> None:
@@ -172,10 +173,9 @@ class Exchange:
         self._kept: OrderedDict[tuple[float, ...], Exchanged | None] = OrderedDict()
 
     def of(self, values: Sequence[float]) -> Exchanged | None:
-        """Return the numbers and meshes of the parts for these values of the variables. Return None if the plan does not apply to the
-        values.
+        """Return the numbers and meshes of the parts for these values of the variables.
 
-        Parts that are not in the store are built.
+        Return None if the plan does not apply to the values. Parts that are not in the store are built.
         """
         given = self._run(*values)
         if given is None:
@@ -198,8 +198,9 @@ class Exchange:
         return {one.text: one for one, rehearsed in zip(definitions, self._definitions, strict=True) if numbers_of(rehearsed)}
 
     def _pattern_of(self, definitions: Sequence[PartDefinition]) -> list[int]:
-        """Return for each part definition the index of the first definition with the same text. Definitions that other parts expect are
-        included.
+        """Return for each part definition the index of the first definition with the same text.
+
+        Definitions that other parts expect are included.
         """
         first: dict[str, int] = {}
         return [first.setdefault(text, place) for place, text in enumerate((*(one.text for one in definitions), *self._expected))]

@@ -85,8 +85,9 @@ class Program:
 
 
 def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
-    """Create the program that computes the numbers `outputs`. It contains all guards of the tape. Numbers that are not traced are
-    constants.
+    """Create the program that computes the numbers `outputs`. It contains all guards of the tape.
+
+    Numbers that are not traced are constants.
     """
     guards = list(dict.fromkeys((Guard(operation, arguments, outcome), at) for at, operation, arguments, outcome in tape.guards))
     results = tuple(Ref(one.line) if isinstance(one, Traced) else Const(one) for one in outputs)
@@ -103,8 +104,9 @@ def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
 
 
 def function(name: str, lines: Sequence[str], operations: Mapping[str, Callable[..., Any]] = {}) -> Any:
-    """Compile generated Python source code, and return the function `name` that it defines. The code can use the names that `names`
-    returns.
+    """Compile generated Python source code, and return the function `name` that it defines.
+
+    The code can use the names that `names` returns.
     """
     known = names(operations)
     exec("\n".join(lines), known)

@@ -99,7 +99,9 @@ class Refusals:
     def _plan(
         self, read: ParsedSettings, problems: Diagnostics, form: PlanCache[DiagnosticsTemplate],
     ) -> NumericPlan[DiagnosticsTemplate] | None:
-        """Create a plan that gives the same diagnostics as compilations. If this is impossible, store the reason in `form` and return None.
+        """Create a plan that gives the same diagnostics as compilations.
+
+        If this is impossible, store the reason in `form` and return None.
         """
         if self._compiled(read) != problems:  # refused later, by MuJoCo or when it was written
             form.refused = "it is not refused by a compilation"

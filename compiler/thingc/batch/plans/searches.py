@@ -41,7 +41,9 @@ class SearchMemo(Memo):
         self._tape = tape
 
     def __call__(self, place: Any, function: Callable[..., Any], *inputs: Any) -> Any:
-        """Return the result of a function, from the cache if possible, as `Memo` does. A call of a search function is recorded on the tape.
+        """Return the result of a function, from the cache if possible, as `Memo` does.
+
+        A call of a search function is recorded on the tape.
         """
         known = getattr(function, "__name__", "") in SEARCHES
         return super().__call__(place, partial(self._search, function) if known else function, *inputs)
@@ -76,10 +78,10 @@ class SearchMemo(Memo):
 
 
 def _builder(value: Any, numbers: list[Traced]) -> Callable[[Numbers], Any] | None:
-    """Return a function that creates a copy of `value` with other numbers in place of its traced numbers. Return None if it has no traced
-    numbers.
+    """Return a function that creates a copy of `value` with other numbers in place of its traced numbers.
 
-    The traced numbers are appended to `numbers`. The argument of the returned function contains a value for each of them.
+    Return None if it has no traced numbers. The traced numbers are appended to `numbers`. The argument of the returned function contains a
+    value for each of them.
     """
     if isinstance(value, Traced):
         place = next((place for place, one in enumerate(numbers) if one.line == value.line), len(numbers))

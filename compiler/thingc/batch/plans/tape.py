@@ -1,5 +1,4 @@
-"""A tape, which records the computations of compiler passes with some numbers, so that they can be repeated for other values of these
-numbers.
+"""A tape, which records the computations of compiler passes with some numbers, so that they can be repeated for other numbers.
 
 A `Traced` object replaces a number in the compiler passes. Operators and the functions of `base/numeric.py` return another `Traced`, and
 add a line to the tape, which contains the operation and its arguments. A decision such as `if mass > 0` is recorded as a *guard*: the tape
@@ -60,7 +59,9 @@ class Tape:
         return made
 
     def apply(self, operation: str, arguments: Sequence[Number], value: Any) -> Traced:
-        """Record an operation with the result `value`, and return the result as a traced number. An equal line of the tape is used again.
+        """Record an operation with the result `value`, and return the result as a traced number.
+
+        An equal line of the tape is used again.
         """
         return self._line(operation, tuple(map(_argument, arguments)), value)
 
@@ -70,9 +71,7 @@ class Tape:
         return outcome
 
     def pin(self, number: Traced) -> Any:
-        """Return the value of a traced number, and record that the tape applies only to this value, because a compiler pass uses it
-        directly.
-        """
+        """Return the value of a traced number for direct use in a compiler pass, and record that the tape applies only to this value."""
         self.pinned.append(number)
         self.guards.append((len(self.lines), "==", (Ref(number.line), Const(number.value)), True))
         return number.value
@@ -125,7 +124,9 @@ def value_of(number: Number) -> Any:
 
 
 class Traced(Recorded):
-    """A number whose computations are recorded on a tape. It is compared and hashed by identity, so that caches distinguish traced numbers.
+    """A number whose computations are recorded on a tape.
+
+    It is compared and hashed by identity, so that caches distinguish traced numbers.
     """
 
     __slots__ = ("line", "tape", "value")
@@ -201,8 +202,9 @@ class Traced(Recorded):
         return self.slot(f":{form}") if self.tape.writing or self.tape.reporting else format(self.value, form)
 
     def operate(self, name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """Record a function call as a single line of the tape. Operations inside the function are not recorded. A boolean result becomes a
-        guard.
+        """Record a function call as a single line of the tape. Operations inside the function are not recorded.
+
+        A boolean result becomes a guard.
         """
         result = function(*map(value_of, arguments))
         if isinstance(result, bool):

@@ -46,8 +46,9 @@ class NumpyTree:
         return np.array([q[path] for path in self.paths], dtype=np.float64)
 
     def q(self, x: Array) -> dict[str, float]:
-        """Return the positions [rad or m] of all joints by path, including mimic joints. `x` (n,) contains the independent joint
-        coordinates.
+        """Return the positions [rad or m] of all joints by path, including mimic joints.
+
+        `x` (n,) contains the independent joint coordinates.
         """
         free = {path: float(value) for path, value in zip(self.paths, x, strict=True)}
         return coordinates(self._joints.values(), free | in_cones(self._balls, free))

@@ -99,7 +99,9 @@ class TestCase(FrozenStruct):
     missing: int = 0
 
     def components(self, references: Collection[Reference]) -> list[int]:
-        """Return the sorted indices of the components that the references name. Without references, return the indices of all components.
+        """Return the sorted indices of the components that the references name.
+
+        Without references, return the indices of all components.
         """
         if not references:
             return list(range(len(self.robot.assembly.occurrences)))

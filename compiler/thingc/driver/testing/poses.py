@@ -16,7 +16,9 @@ from thingc.model.robot.types import Keyframe, Robot
 
 
 def posed(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose]) -> Robot | None:
-    """Return the robot in a mode with a keyframe for each pose in which its loops close. Return None if its loops do not close in any pose.
+    """Return the robot in a mode with a keyframe for each pose in which its loops close.
+
+    Return None if its loops do not close in any pose.
     """
     wanted = {pose.name: pose for pose in poses}
     others = tuple(pose for pose in assembly.poses if pose.name not in wanted)

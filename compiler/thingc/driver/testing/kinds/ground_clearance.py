@@ -75,8 +75,9 @@ def _has_end(surface: Surface) -> bool:
 
 
 def _low(case: TestCase, occurrence: Occurrence, number: int, pose: Pose) -> float:
-    """Return the height [m] of the lowest point of a solid in the world. `number` is the index of the solid, and `pose` the pose of its
-    part.
+    """Return the height [m] of the lowest point of a solid in the world.
+
+    `number` is the index of the solid, and `pose` the pose of its part.
     """
     surface = occurrence.solids[number]
     if isinstance(surface.solid, Primitive):
