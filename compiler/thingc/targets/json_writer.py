@@ -31,7 +31,7 @@ def fragment(value: object, depth: int) -> JsonFragment:
 
 @formatter("json")
 def number(value: float) -> str:
-    """Format a finite number as in the JSON files of builds."""
+    """Format a finite number in the same way as `encode`."""
     return repr(value + 0.0)  # replaces the -0.0 in rotations by 0.0
 
 

@@ -122,7 +122,7 @@ def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[JsonFragment]
 
 
 def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> list[JsonFragment]:
-    """Return the entries of the joints in the order of the model. `names` are the names of the bodies."""
+    """Return the JSON entries of the joints of a mode, in the order of the MJCF model. `names` contains the names of the bodies."""
     joints: list[JsonFragment] = []
     placed = in_link(robot.assembly)
     qpos, dof = FREE if robot.base == "free" else sizes(robot.moves)

@@ -1,4 +1,7 @@
-"""Convert paths to names in formats other than MJCF, with `_` in place of `/` and `::` (the separator of Gazebo). Each name must be unique.
+"""Convert paths in documents to names for formats other than MJCF. The character `_` replaces `/` and also `::`, which is the separator of
+Gazebo.
+
+Each name must be unique.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from thingc.model.robot.types import Robot, Site
 
 
 def safe(path: str) -> str:
-    """Return the name for a path: `hand_tip` for `hand/tip`."""
+    """Convert a path to a name for an output file, such as `hand/tip` to `hand_tip`."""
     return path.replace("/", "_").replace("::", "_")
 
 
@@ -22,7 +25,7 @@ def package_name(robot: str) -> str:
 
 
 def frames(robot: Robot) -> dict[int, list[Site]]:
-    """Return the frames that are written as extra links or frames, by the index of their body.
+    """Return the frames that are written as extra links or frames, by the index of the body to which they belong.
 
     If several paths have the same name and frame, only the first path is included.
     """
@@ -40,7 +43,7 @@ def frames(robot: Robot) -> dict[int, list[Site]]:
 class MangledNames:
     """The names in one namespace of a file of the format `target` (such as `URDF`). A duplicate name is reported at its second use.
 
-    `both` is the verb for the conflict in the message: `be the link` or `have the name`.
+    `both` is a phrase for the error message about a duplicate name: `be the link` or `have the name`.
     """
 
     def __init__(self, both: str, target: str, report: Report) -> None:
@@ -50,9 +53,9 @@ class MangledNames:
         self._owners: dict[str, tuple[str, Origin]] = {}
 
     def take(self, path: str, origin: Origin, made: str | None = None) -> str:
-        """Return the name for a path, and report a duplicate.
+        """Reserve the name for a path, and return it. If the name is already in use, report an error.
 
-        `made` describes an item that has no path in the document. A name that every file contains has an empty origin.
+        `made` describes an element that has no path in the document. The origin is empty for a name that every file contains.
         """
         self.free(path, origin, made)
         return safe(path)

@@ -82,7 +82,7 @@ ROUGHNESS = 0.6
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return a GLB file for each chosen mode. For a robot without visual shapes, return a loss instead.
+    """Write a GLB file for each chosen mode. For a robot without visual shapes, return an export loss instead.
 
     A file contains each mesh once per colour; the colours share the vertex coordinates.
     """
@@ -110,7 +110,7 @@ class _Node(FrozenStruct):
 
 
 def _nodes(robot: Robot) -> Iterator[_Node]:
-    """Yield all nodes of a mode in its start pose, parents first."""
+    """Yield the nodes of the glTF scene for a robot in the start pose of its mode. Parents come before their children."""
     assembly = robot.assembly
     frame = robot.start
     q = coordinates(joints_of(assembly), frame.q if frame is not None else {})
@@ -137,7 +137,7 @@ def _nodes(robot: Robot) -> Iterator[_Node]:
 
 
 def _called(surface: Surface) -> str:
-    """Return a name for the mesh of a listed shape. The name depends on the content of the mesh."""
+    """Return a name for the mesh of a visual shape that a document lists. The name depends on the content of the mesh."""
     solid = surface.solid
     if isinstance(solid, Primitive):
         return f"{solid.shape} {' '.join(f'{number:.9g}' for number in solid.size)}"
@@ -171,7 +171,9 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
 
 
 def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
-    """Return a frame whose z axis lies on the axis of a twist. For a ball, return a frame at its centre with unchanged axes."""
+    """Return a frame whose z axis lies on the axis of rotation, or along the direction of motion, of a twist. For a ball, return a frame
+    at its centre with unchanged axes.
+    """
     return shifted(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
 
 
@@ -183,7 +185,7 @@ class _Drawn:
         self._known: dict[str, Any] = {}
 
     def __call__(self, mesh: Mesh | Primitive) -> Any:
-        """Return a mesh of the store (OBJ, metres) as a trimesh object. A primitive is approximated by a mesh."""
+        """Load a mesh of the store (OBJ, in metres) as a trimesh object. A primitive is approximated by a mesh."""
         if isinstance(mesh, Primitive):
             return _tessellated(mesh)
         if mesh.sha256 not in self._known:
@@ -247,7 +249,10 @@ def _glb_bytes(robot: Robot, drawn: _Drawn) -> bytes:
 
 
 def _material(surface: Surface) -> dict[str, object]:
-    """Return the material of a surface, named as in MJCF. The default colour is light grey. Open surfaces are double-sided."""
+    """Return the glTF material of a surface, with the same name as in the MJCF model.
+
+    The default colour is light grey. Open surfaces are double-sided.
+    """
     red, green, blue, alpha = channels(surface.color or "#bfbfbf")
     name = material_name(surface.material, surface.color) or "color"
     open_ = not surface.solid.closed if isinstance(surface.solid, Mesh) else surface.solid.shape == "plane"

@@ -27,14 +27,14 @@ MOST = 32767
 
 
 class PackedMeshes:
-    """Meshes from a store, numbered in the order of their first request."""
+    """Collects the meshes of a web page and numbers them in the order of their first request."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._numbers: dict[str, int] = {}
 
     def number(self, mesh: Mesh) -> int:
-        """Return the number of a mesh in the file."""
+        """Return the number of a mesh in the glTF file."""
         return self._numbers.setdefault(mesh.sha256, len(self._numbers))
 
     def glb(self) -> bytes:
@@ -50,7 +50,7 @@ class PackedMeshes:
 
 
 def _add(sha256: str, obj: bytes, tree: dict[str, list[dict[str, object]]], data: bytearray) -> None:
-    """Append a mesh to the file. The mesh is an OBJ file with all vertices before all triangles."""
+    """Append a mesh to a glTF file. The mesh is an OBJ file with all vertices before all triangles."""
     points, mark, corners = obj.partition(b"f")
     numbers = [float(word) for word in points.replace(b"v", b" ").split()]
     indices = [int(word) - 1 for word in (mark + corners).replace(b"f", b" ").split()]
@@ -81,7 +81,7 @@ def _add(sha256: str, obj: bytes, tree: dict[str, list[dict[str, object]]], data
 
 
 def _little(numbers: array[int]) -> bytes:
-    """Return the bytes of numbers in little-endian order, on any machine."""
+    """Convert numbers to bytes in little-endian order, on any machine."""
     if struct.pack("=H", 1) != struct.pack("<H", 1):
         numbers.byteswap()
     return numbers.tobytes()

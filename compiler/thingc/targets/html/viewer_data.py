@@ -40,7 +40,7 @@ Data = dict[str, object]
 
 
 def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, packed: PackedMeshes) -> Data:
-    """Return all data for the page. The data refers to meshes by their numbers in `packed`."""
+    """Collect all data for the web page of a robot. The data refers to meshes by their numbers in `packed`."""
     within = in_link(assembly)
     places = _Places(workspace)
     definitions = {one.definition.text: one for one in assembly.occurrences}
@@ -106,7 +106,7 @@ class _Places:
 
 
 def _definition(occurrence: Occurrence, places: _Places) -> Data:
-    """Return the data of a definition, which all its occurrences share."""
+    """Return the page data of a part definition, which all its occurrences share."""
     definition, made, record = occurrence.definition, occurrence.component.definition, occurrence.record
     where: Data = {"file": None, "line": None}
     if record is not None and record.code is not None and os.path.isabs(record.code[0]):
@@ -151,7 +151,10 @@ def _mass(own: MassProperties) -> Data:
 
 
 def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) -> Data:
-    """Return the data of a coordinate, which is the same in all modes. `parent` and `child` are the indices of links in the document."""
+    """Return the page data of a joint coordinate, which is the same in all modes.
+
+    `parent` and `child` are the indices of links in the document.
+    """
     drive = joint.actuator
     return {
         "path": joint.path, "joint": mate.name, "kind": joint.kind.name, "turns": joint.twist.turns,

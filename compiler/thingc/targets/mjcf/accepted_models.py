@@ -55,7 +55,9 @@ _BOX_SIDES = (
 
 
 class AcceptedModels:
-    """A cache in the store: the models with these `meshes` that one version of MuJoCo has accepted."""
+    """A cache in the store of the models that MuJoCo has accepted. The cached results are valid for these `meshes` and for one version of
+    MuJoCo.
+    """
 
     def __init__(self, store: Store, version: str, meshes: Sequence[MeshAsset]) -> None:
         self.store = store
@@ -70,7 +72,7 @@ class AcceptedModels:
         return {file: key for file, key in keys.items() if self.store.get_json(MESH, key) is None}
 
     def model(self, texts: Sequence[str], *, started: bool) -> bool:
-        """Return whether MuJoCo has accepted exactly this combination of files.
+        """Return whether MuJoCo has accepted a model with exactly these XML files and meshes.
 
         With `started`, the initial state must also have been checked.
         """
@@ -93,15 +95,15 @@ class AcceptedModels:
             self.store.note_json(MESH, key, True)
 
     def unread(self, true: Collection[str]) -> list[MeshAsset]:
-        """Return the meshes that MuJoCo must read: unknown meshes, and the meshes whose names are in `true`."""
+        """Return the meshes that MuJoCo must read: meshes that it has not accepted yet, and the meshes whose names are in `true`."""
         return [mesh for mesh in self._meshes if mesh.name in true or mesh.file in self._new]
 
     def start(self, key: str) -> bool:
-        """Return whether an initial state was accepted."""
+        """Return whether the initial state with the digest `key` was accepted."""
         return self.store.get_json(START, self._key((key,))) is not None
 
     def accept_start(self, key: str) -> None:
-        """Record that an initial state was accepted."""
+        """Record that the initial state with the digest `key` was accepted."""
         self.store.note_json(START, self._key((key,)), True)
 
     def data(
@@ -172,7 +174,9 @@ def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Se
 
 
 def taken(assembly: Assembly, report: Report, memo: Memo) -> tuple[Geometry, tuple[Loss, ...]]:
-    """Return the geometry of every occurrence and the losses of MJCF. Report geometry that MuJoCo does not accept."""
+    """Return the visual and collision shapes of every occurrence, and the export losses of MJCF. Report shapes that MuJoCo does not
+    accept.
+    """
     shapes, losses, said = memo("geometry", lambda _: _collected(assembly), inputs_of(assembly))
     for diagnostic in said.diagnostics:
         report.say(diagnostic)
@@ -196,7 +200,7 @@ class _Limits:
         self.losses: list[Loss] = []
 
     def takes(self, occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
-        """Return whether MuJoCo supports contacts of a shape. If not, record a loss."""
+        """Return whether MuJoCo supports contacts of a shape. If not, record an export loss."""
         choice = occurrence.overrides.collision
         if has_inside(piece):
             return True

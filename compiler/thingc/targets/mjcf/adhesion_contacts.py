@@ -29,14 +29,18 @@ OPTION = {"cone": "elliptic", "impratio": "100"}
 
 
 def contact(assembly: Assembly) -> dict[str, str]:
-    """Return the attributes of the default class for geoms with adhesion, except those that raw attributes set for all (collision) geoms.
+    """Return the attributes of the default class for geoms with adhesion. Attributes that raw attributes set for all geoms or all
+    collision geoms are omitted.
     """
     stated = {path[3] for path in _raw(assembly) if len(path) == 4 and path[0] == "default" and path[1] != "visual" and path[2] == "geom"}
     return {name: value for name, value in CONTACT.items() if name not in stated}
 
 
 def option(robot: Robot, stated: Mapping[str, object]) -> dict[str, str]:
-    """Return the options of a mode with adhesion, except options that the document specifies (`stated`) or sets by raw attributes."""
+    """Return the attributes of the element `option` that a mode with adhesion needs.
+
+    Options that the document specifies (`stated`) or sets by raw attributes are omitted.
+    """
     if not adhering(robot):
         return {}
     options = {path[1] for path in _raw(robot.assembly) if len(path) == 2 and path[0] == "option"} | stated.keys()
@@ -44,7 +48,7 @@ def option(robot: Robot, stated: Mapping[str, object]) -> dict[str, str]:
 
 
 def adhering(robot: Robot) -> frozenset[int]:
-    """Return the links with adhesion, or none in a mode without active adhesion.
+    """Return the indices of the links with active adhesion. The result is empty for a mode without active adhesion.
 
     Feet without adhesion rest better on soft contacts.
     """

@@ -37,7 +37,9 @@ that mimics a light hinge lags by seconds instead of 20 ms.
 
 
 def model(robot: Robot, geometry: Geometry, memo: Memo | None = None) -> Element:
-    """Return the `<mujoco>` element of a mode, before raw attributes are applied. Unchanged elements are reused from `memo`."""
+    """Create the `<mujoco>` element for the robot in one mode, before raw attributes are applied. Unchanged elements are reused from
+    `memo`.
+    """
     return _Builder(robot, geometry, memo or Memo()).build()
 
 
@@ -202,7 +204,11 @@ class _Builder:
             )
 
     def equality(self) -> None:
-        """Add mimic joints, then loops. The q of a mimic joint is a polynomial in q(other); both are relative to their values at qpos0."""
+        """Add equality constraints for mimic joints, then for loops.
+
+        The position of a mimic joint is a polynomial in the position of the other joint. Both positions are relative to their values at
+        qpos0.
+        """
         section = self.root.add("equality")
         for joint in self.joints.values():
             for slide in lowered(joint)[1:]:
@@ -217,7 +223,7 @@ class _Builder:
         closures.equalities(self.robot, section, [link.name for link in self.links])
 
     def actuator(self) -> None:
-        """Add drives in joint order, then drives of tendons, then magnets."""
+        """Add the actuators: first the drives of joints, then the drives of tendons, then the adhesion of magnets."""
         section = self.root.add("actuator")
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
@@ -243,7 +249,10 @@ class _Builder:
             section.add("adhesion", {**names, "ctrlrange": bounds, "gain": "1"}, self.assembly.occurrences[magnet.occurrence].origin)
 
     def keyframe(self) -> None:
-        """Add the poses of the mode (q and controls). The pose of the base comes from the mode or, for a free base, from the holds."""
+        """Add a keyframe for each pose of the mode, with joint positions and controls.
+
+        The pose of the base comes from the mode or, for a free base, from the holds.
+        """
         section = self.root.add("keyframe")
         for frame in self.robot.keyframes:
             base = frame.base or self.robot.bodies[0].X_PL
@@ -261,7 +270,7 @@ class _Builder:
             self.grow(section, ("key", self.robot.mode.name, frame.name), elements.key, tuple(values), frame.origin)
 
     def name_of(self, joint: TreeJoint) -> str:
-        """Return the name of the joint to which a coordinate belongs."""
+        """Return the name of the MuJoCo joint to which a joint coordinate belongs."""
         return FREE_JOINT if joint.mate < 0 else self.assembly.mates[joint.mate].name or joint.path
 
     def position(self, path: str, q: Mapping[str, float]) -> float:

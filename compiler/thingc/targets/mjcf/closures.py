@@ -1,5 +1,5 @@
-"""Write loops and holds as equalities of MJCF. A held mount is welded to an anchor or connected to the anchor at a point. A joint outside
-the tree becomes an equality.
+"""Write loops and holds as equality constraints of MJCF. A held mount is welded to an anchor or connected to the anchor at a point. A
+joint outside the tree becomes an equality.
 
 An anchor is a mocap body. Its pose is part of `MjData`. A change of mode can therefore move the anchor without changing the model, and
 `mj_resetDataKeyframe` resets the anchor.
@@ -32,7 +32,7 @@ TIMESTEP = 0.002
 
 
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
-    """Add the equalities that close the loops and holds of a mode, as stiff as the time step allows.
+    """Add the equality constraints that close the loops and holds of a mode. The constraints are as stiff as the time step allows.
 
     A clamp or rigid loop has a `weld`, a point or ball has a `connect`, a hinge has two `connect`, and a universal joint has a `connect`
     and a `tendon`.
@@ -81,7 +81,7 @@ def tendons(robot: Robot, section: Element) -> None:
 
 
 def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "connect and tendon"] | None:
-    """Return the type of equality that closes a loop or a hold, or None if the loop or hold stays open."""
+    """Return the type of equality constraint that closes a loop or a hold. Return None if the loop or hold stays open."""
     form = written(CAPABILITIES["loops"]["hold" if closure.hold else closure.kind])
     if form == "weld or connect":
         return "connect" if closure.turns else "weld"
@@ -89,7 +89,7 @@ def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "co
 
 
 def equality_name(closure: Closure) -> str:
-    """Return the name of an equality: its custom name, or a name such as `rear_foot/sole:hold` or `rod:loop`."""
+    """Return the name of an equality constraint: its custom name, or a name such as `rear_foot/sole:hold` or `rod:loop`."""
     return closure.name or f"{closure.path}:{'hold' if closure.hold else 'loop'}"
 
 
@@ -113,12 +113,14 @@ def anchors(robot: Robot) -> dict[str, Pose]:
 
 
 def _ends(closure: Closure) -> tuple[str, str]:
-    """Return the two sites that a `connect` joins: a held mount and its anchor, or the two sides of a cut ball."""
+    """Return the names of the two sites that a `connect` constraint joins: a held mount and its anchor, or the two sides of a cut ball
+    joint.
+    """
     return (anchor_name(closure), closure.path) if closure.hold else (f"{closure.path}:parent", f"{closure.path}:child")
 
 
 def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
-    """Add the anchors of held mounts, and the sites that join the halves of a ball, a hinge or a universal."""
+    """Add the anchors of held mounts to the model. Also add the sites that join the two halves of a ball, hinge or universal joint."""
     placed = anchors(robot)
     for closure in robot.closures:
         form = equality(closure)
@@ -176,7 +178,7 @@ def _lever(robot: Robot, closure: Closure) -> float:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield losses for poses that do not close the loops, for poses that were changed, and for properties of cut joints."""
+    """Yield export losses for poses in which the loops are not closed, for poses that were changed, and for properties of cut joints."""
     mode = robot.mode.name
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
@@ -207,8 +209,9 @@ def losses(robot: Robot) -> Iterator[Loss]:
 
 
 def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
-    """Format the movement of joints: `` `knee` and 2 more changed by at most 12 deg``. The text names the joint that moved most; a radian
-    counts as a metre.
+    """Describe how far joints moved, such as `` `knee` and 2 more changed by at most 12 deg``.
+
+    The text names the joint that moved most; a radian counts as a metre.
     """
     path = max(moved, key=lambda joint: abs(moved[joint]))
     others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""

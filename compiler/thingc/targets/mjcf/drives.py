@@ -16,17 +16,17 @@ NOTHING = 1e-12
 
 
 def joint_range(limit: Limit) -> tuple[float, float] | None:
-    """Return the lower and upper limit [rad or m], or None if there are no limits."""
+    """Return the range of a joint as its lower and upper limit [rad or m], or None if the joint has no limits."""
     if limit.lower is None and limit.upper is None:
         return None
     return (-UNBOUNDED if limit.lower is None else limit.lower, UNBOUNDED if limit.upper is None else limit.upper)
 
 
 def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> dict[str, XmlValue]:
-    """Return the gains and the range of a drive.
+    """Return the gains and the range of a drive as attributes of an MJCF actuator.
 
-    The range is the range of the joint for a position drive, the velocity limit for a velocity drive, and the effort limit for a motor. The
-    joint's effort limit takes precedence over the drive's.
+    The range of a position drive is the range of its joint. The range of a velocity drive is the velocity limit, and the range of a
+    motor is the effort limit. The effort limit of the joint takes precedence over the effort limit of the drive.
     """
     effort = joint.limit.effort if joint.limit.effort is not None else drive.effort
     velocity = joint.limit.velocity if joint.limit.velocity is not None else drive.velocity

@@ -29,7 +29,7 @@ GRID = 0.1
 
 
 def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
-    """Return the elements that `make(*inputs)` creates, by the names that raw attributes use for them."""
+    """Call `make(*inputs)`, and return the created elements with the names that raw attributes use for them."""
     elements = make(*inputs)
     return elements, frozenset(element.get("name").replace(".", "/") for element in elements)
 
@@ -56,7 +56,7 @@ def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
 
 
 def inertial_of(properties: MassProperties, origin: Origin) -> tuple[Element, ...]:
-    """Return the `inertial` of a link."""
+    """Return the `inertial` element for the mass properties of a link."""
     return (Element(tag="inertial", attributes=inertial(properties), origin=origin),)
 
 
@@ -66,7 +66,7 @@ def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
 
 
 def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
-    """Return a hinge, a slide, or both for a screw.
+    """Return the `joint` elements of a joint: a hinge, a slide, or both for a screw.
 
     The actuator of a `driven` joint has the effort limit; for other joints, the joint itself has it.
     """
@@ -94,7 +94,7 @@ def ball(name: str, joint: TreeJoint) -> tuple[Element, ...]:
 
 
 def dynamics_attributes(dynamics: Dynamics) -> dict[str, XmlValue]:
-    """Return the passive properties of a joint or a tendon."""
+    """Return the passive properties of a joint or a tendon, such as damping and friction, as MJCF attributes."""
     return {
         name: value for name, value in (
             ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
@@ -104,7 +104,7 @@ def dynamics_attributes(dynamics: Dynamics) -> dict[str, XmlValue]:
 
 
 def _axis(one: MujocoJoint, twist: Twist) -> dict[str, XmlValue]:
-    """Return the attributes that are common to all types of joints."""
+    """Return the attributes that every MuJoCo joint has: its type, axis and position."""
     pos = {"pos": twist.anchor} if any(twist.anchor) else {}
     return {"name": one.name, "type": one.type, **pos, "axis": one.axis}
 
@@ -136,7 +136,7 @@ def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, ta
 
 
 def drive(joint: TreeJoint, drive: ActuatorModel) -> tuple[Element, ...]:
-    """Return the actuator of a joint."""
+    """Return the actuator element for the drive of a joint."""
     attributes = {"name": drive.name or joint.path, "joint": joint.path, **drive_attributes(joint, drive)}
     return (Element(tag=drive.kind, attributes=attributes, origin=drive.origin),)
 

@@ -85,7 +85,7 @@ def models(request: EmitRequest) -> Models:
 
 
 def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, StoredArtifact]]:
-    """Return the XML of each model by mode, and the meshes by file name. MuJoCo does not check the models.
+    """Return the XML text of the MJCF model of each mode, and the mesh files by name. MuJoCo does not check the models.
 
     With `floor`, a model contains the floor of its scene.
     """

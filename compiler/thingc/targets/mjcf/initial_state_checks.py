@@ -42,7 +42,9 @@ def key(text: str, robot: Robot) -> str:
 
 
 def apart(text: str) -> tuple[str, ...]:
-    """Return the parts of a model's XML that the digest `key` does not include."""
+    """Return the parts of a model's XML that have no effect on the initial state. The function `key` does not include these parts in its
+    digest.
+    """
     head, _, rest = text.partition("<mujoco ")
     return (head, rest.partition(">")[0], *_INDIFFERENT.findall(rest))
 
@@ -142,7 +144,8 @@ class InitialState(FrozenStruct):
 
 
 def look(model: Any, robot: Robot) -> InitialState:
-    """Check the initial state of a compiled scene (an `mujoco.MjModel`): contacts in the start pose, gains in all keyframes.
+    """Check the initial state of a compiled scene (an `mujoco.MjModel`). The contacts are checked in the start pose, and the gains in all
+    keyframes.
 
     The check ends early if the model needs more memory for a step than MuJoCo has allocated.
     """
@@ -247,7 +250,7 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
 
 
 def _path(name: str) -> str:
-    """Return the path at the beginning of an element's name, with `/` as separator."""
+    """Return the path of a component from the beginning of an element's name, with `/` as separator."""
     return name.partition(":")[0].replace(SEPARATOR, "/")
 
 
@@ -255,7 +258,10 @@ def _path(name: str) -> str:
 
 
 def say(starts: Sequence[InitialState], report: Report) -> None:
-    """Warn about overlaps in each mode, and about each oscillating drive in its worst mode. Equal overlaps share a warning."""
+    """Report warnings about overlapping parts in each mode, and about each oscillating drive in its worst mode.
+
+    One warning covers all modes with the same overlap.
+    """
     alike: dict[tuple[tuple[str, str, float], ...], list[InitialState]] = {}
     for start in starts:
         if start.inside and not report.allows(Code.START_CONTACT, start.robot.mode.origin):
@@ -326,7 +332,8 @@ def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[st
 
 
 def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
-    """Return the fault of a velocity gain that is too large, a remedy, and the armature [kg m^2 or kg] that would remove the fault."""
+    """Describe a velocity gain that is too large. Return the fault, a remedy, and the armature [kg m^2 or kg] that would remove the fault.
+    """
     rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
     does = "makes the joint oscillate with growing amplitude" if gains.too_stiff else "reverses the velocity of the joint in one step"
     cure = f"use at most {_down(gains.calmest / 2.0)} {rate}"
@@ -337,7 +344,9 @@ def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
 
 
 def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
-    """Return the fault, the remedy and the armature for a position gain, or for the spring of a joint without a position gain."""
+    """Describe a position gain, or the spring of a joint without a position gain, that is too stiff. Return the fault, a remedy, and the
+    armature.
+    """
     turn, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
     kp = gains.stiffness - spring
     key, value, beside = ("kp", kp, spring) if kp > 0.0 else ("stiffness", spring, 0.0)

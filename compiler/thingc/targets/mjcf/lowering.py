@@ -25,7 +25,7 @@ class MujocoJoint(FrozenStruct, kw_only=False):
 
 
 def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
-    """Return the MuJoCo joints of a coordinate. The first joint has the name and the values of the coordinate.
+    """Return the MuJoCo joints for a joint coordinate. The first joint has the name and the values of the coordinate.
 
     The result is empty for the coordinates of a ball, because a ball is a single joint.
     """
@@ -43,12 +43,12 @@ def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
 
 
 def is_ball(joints: Sequence[TreeJoint]) -> bool:
-    """Return whether these coordinates belong to a ball joint."""
+    """Return whether the joint coordinates of a body belong to a ball joint."""
     return bool(joints) and CAPABILITIES["joints"][joint_cell(joints[0].kind)].by == "ball"
 
 
 def positions(body: Body, q: Mapping[str, float]) -> tuple[float, ...]:
-    """Return the `qpos` of the joints of a body. `q` contains values [rad or m] by joint path."""
+    """Convert joint values [rad or m] to the `qpos` entries of the joints of a body. `q` contains the values by joint path."""
     if is_ball(body.joints):
         return quaternion_of(rotation_vector(body.twists, tuple(q[joint.path] for joint in body.joints)))
     return tuple(one.ratio * q[joint.path] for joint in body.joints for one in lowered(joint))

@@ -37,7 +37,7 @@ def joins(robot: Robot, index: int) -> bool:
 
 
 def sites(robot: Robot) -> Mapping[str, Site]:
-    """Return the frames on bodies of the model by path."""
+    """Return the frames of the robot by path, attached to the bodies that the MJCF model contains."""
     return {site.path: site for site in robot.sites if not joins(robot, site.body)}
 
 

@@ -106,7 +106,7 @@ def _shape_fault(attribute: RawAttribute) -> tuple[str, Hint] | None:
 
 
 def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element | None:
-    """Return the element of a model to which a raw attribute belongs, or None."""
+    """Return the element of an MJCF model that a raw attribute changes, or None if the model does not contain it."""
     path = attribute.path
     kind = path[0]
     if kind in NAMED:
@@ -125,12 +125,12 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
 
 
 def _slashed(name: str) -> str:
-    """Return a name with `/` as separator, as in linked raw attributes. A document may write `hand.cap` for `hand/cap`."""
+    """Return the name of an element with `/` as separator, as in linked raw attributes. A document may write `hand.cap` for `hand/cap`."""
     return name.replace(".", "/")
 
 
 def _names(attribute: RawAttribute) -> tuple[str, ...]:
-    """Return the elements that the name in a raw attribute can mean.
+    """Return the possible names in the model for the name that a raw attribute uses.
 
     Names in a nested document are prefixed with its path. Assets, classes and sections do not belong to an occurrence, so names without the
     prefix are also possible.
@@ -143,7 +143,7 @@ def _names(attribute: RawAttribute) -> tuple[str, ...]:
 
 
 def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
-    """Return the child element with a tag. A missing child is added before the children with the tag `before`."""
+    """Return the child of an element with the given tag. If there is none, add a child before the children with the tag `before`."""
     child = owner.find(tag)
     if child is None:
         child = Element(tag=tag)
@@ -172,7 +172,7 @@ def _elements_of_kind(kind: str, model: Element) -> Iterable[Element]:
 
 
 def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
-    """Return whether another mode may have an element that is missing in all these models."""
+    """Return whether a mode that is not built may contain the element of a raw attribute that these models do not contain."""
     kind, name = attribute.path[0], attribute.path[1]
     owner, _, mount = _slashed(name).rpartition("/")
     magnet = kind == "actuator" and any(one.path == owner and mount in one.mounts for one in assembly.occurrences)

@@ -27,7 +27,10 @@ SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor", "ke
 
 
 def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> list[Loss]:
-    """Add the documents' elements to the model of each mode, and return the omitted elements. Report elements that no mode can contain."""
+    """Add the raw elements of the documents to the model of each mode. Return an export loss for each omitted element.
+
+    Report an error for each element that no mode can contain.
+    """
     lost: list[Loss] = []
     if assembly.added and models:
         targets = [_Target(robot, model) for robot, model in zip(robots, models, strict=True)]
@@ -55,7 +58,9 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
 
 def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
-    """Yield invalid elements and attributes. MuJoCo must not read them, because they could change other elements."""
+    """Yield a message for each element or attribute that documents must not add. MuJoCo must not read them, because they could change
+    other elements.
+    """
     for name, value in ((element.tag, ""), *element.attributes.items()):
         why = unwritable(name, value)
         if why is not None:
@@ -108,7 +113,9 @@ class _Target:
         return None
 
     def made(self, wanted: RawElement) -> Element | tuple[str, str]:
-        """Return the element for this model, or the kind and name of a missing reference."""
+        """Create the MJCF element for a raw element of a document. If it refers to a missing element, return the kind and the name of the
+        missing element.
+        """
         made = Element(tag=wanted.tag, attributes=dict(wanted.attributes), origin=wanted.origin)
         for name, value in wanted.attributes.items():
             kind = named_kind(wanted.attributes, name)
@@ -125,7 +132,10 @@ class _Target:
         return made
 
     def found(self, kind: str, path: str) -> str | None:
-        """Return the name in the model for a kind and path, or None. Add a site for a mount without a site."""
+        """Return the name in this model of the element with the given kind and document path, or None if there is no such element.
+
+        If the path is a mount without a site, add the site.
+        """
         plain = kind != "joint" or path in self.names.get(kind, ())
         name = path if plain else CoordinateName(path.replace("/", ".")).path
         if name in self.names.get(kind, ()) or kind not in KINDS:
@@ -152,7 +162,7 @@ class _Target:
         return None
 
     def command(self) -> None:
-        """Add controls of 0 to the keyframes for added drives."""
+        """Set the controls of added drives to 0 in all keyframes."""
         section = self.model.find("keyframe")
         for place, key in enumerate(section.children if section is not None and self.drives else ()):
             assert section is not None

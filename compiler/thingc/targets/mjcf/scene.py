@@ -34,7 +34,7 @@ def floored(robot: Robot, model: XmlText, separator: str) -> str:
 
 
 def _held(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
-    """Return the name of each held body with the origin of its hold."""
+    """Return the names of all bodies that a hold keeps in place, each with the origin of its hold in the documents."""
     holds = {closure.child: closure.origin for closure in reversed(robot.closures) if closure.hold}
     return tuple((robot.assembly.links[robot.bodies[body].link].name.replace("/", separator), at) for body, at in holds.items())
 

@@ -49,7 +49,10 @@ ELEMENTS: Mapping[SensorType, Mapping[ReadingName, str]] = {
 
 
 def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
-    """Add a `camera` at each mount with a camera. `fovy` is the vertical field of view, always in degrees."""
+    """Add a `camera` element to the MJCF model for each mount with a camera sensor.
+
+    The attribute `fovy` is the vertical field of view, always in degrees.
+    """
     sites = merged_joints.sites(robot)
     for sensor in robot.assembly.sensors:
         if written(CAPABILITIES["sensors"][sensor.kind]) == "camera" and (sensor.site or "") in sites and sensor.fovy is not None:
@@ -75,7 +78,7 @@ def _volume(sensor: LinkedSensor) -> str:
 
 
 def sensors(robot: Robot, section: Element) -> None:
-    """Add the elements of the section `sensor`, in the order of the documents."""
+    """Add the sensors of the robot to the section `sensor` of the MJCF model, in the order of the documents."""
     for sensor in robot.assembly.sensors:
         form = written(CAPABILITIES["sensors"][sensor.kind])
         match form:
@@ -128,7 +131,7 @@ def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[s
 
 
 def _missing(robot: Robot, sensor: LinkedSensor) -> str:
-    """Return the reason why a mode does not support a sensor, as a text for the loss, or "" if the mode supports the sensor."""
+    """Return the reason why a mode does not support a sensor, as a text for the export loss. Return "" if the mode supports the sensor."""
     sites = merged_joints.sites(robot)
     if any(mount.path not in sites for mount in sensor.mounts):
         return "MuJoCo has no frame between two joints of a body for it"

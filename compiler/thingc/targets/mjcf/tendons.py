@@ -19,19 +19,23 @@ from thingc.targets.xml_writer import Element, XmlValue
 
 
 def present(robot: Robot) -> tuple[LinkedTendon, ...]:
-    """Return those tendons whose joints are all in the tree of the mode and whose mounts are on bodies of the mode."""
+    """Return the tendons that a mode contains: all their joints are in the tree of the mode, and all their mounts are on bodies of the
+    mode.
+    """
     there = {joint.path for body in robot.bodies for joint in body.joints}
     sites = merged_joints.sites(robot)
     return tuple(one for one in robot.assembly.tendons if there.issuperset(one.moves) and all(mount.path in sites for mount in one.mounts))
 
 
 def pulled(robot: Robot) -> tuple[LinkedTendon, ...]:
-    """Return the tendons with a drive in a mode."""
+    """Return the tendons of a mode that have a drive."""
     return tuple(one for one in present(robot) if one.actuator is not None and one.path in robot.pulled)
 
 
 def tendons(robot: Robot, section: Element) -> None:
-    """Add a `fixed` tendon for each tendon over joints, and a `spatial` tendon for each tendon along a path."""
+    """Add the tendons of the robot to the MJCF model. A tendon over joints becomes a `fixed` tendon, and a tendon along a path becomes a
+    `spatial` tendon.
+    """
     for one in present(robot):
         attributes: dict[str, XmlValue] = {"name": one.path}
         bounds = joint_range(one.limit)
@@ -86,7 +90,9 @@ def drives(robot: Robot, section: Element) -> None:
 
 
 def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
-    """Yield the controls that hold the drives of tendons at `q` [rad or m]: a length for position drives, otherwise 0."""
+    """Yield the control value of each tendon drive for joint positions `q` [rad or m]. The value is the tendon length for a position
+    drive, otherwise 0.
+    """
     for one in pulled(robot):
         if one.actuator is None or one.actuator.kind != "position":
             yield 0.0

@@ -29,7 +29,9 @@ MANY = 20_000_000
 
 
 class Candidate(FrozenStruct):
-    """The files of a mode: `model` is the XML of `root` with `heading`; the scene includes the model as `file`."""
+    """The MJCF files of a mode. `model` is the XML text of the element `root` with the comment `heading`. The scene includes the model
+    under the file name `file`.
+    """
 
     mode: str
     file: str
@@ -129,7 +131,10 @@ def _verdicts(
 
 
 def _will_do(verdict: CompileResult, robot: Robot, *, boxes: bool) -> bool:
-    """Return whether a scene with replaced meshes compiles without messages and, if boxes replace the meshes, has no overlaps."""
+    """Return whether a scene compiles without messages after its meshes were replaced.
+
+    If bounding boxes replace the meshes, the parts must not overlap.
+    """
     return verdict.error is None and not verdict.warnings and not (boxes and initial_state_checks.look(verdict.model, robot).inside)
 
 
@@ -201,7 +206,7 @@ def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candida
 
 
 def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
-    """Record in the store that MuJoCo accepted these models without errors and warnings."""
+    """Record in the store that MuJoCo accepted the models of these modes without errors and warnings."""
     for candidate in candidates if share > 1 else ():
         place = _kind(candidate)
         if memo.last(place, ()) is None:
@@ -209,7 +214,7 @@ def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
 
 
 def _kind(candidate: Candidate) -> tuple[str, str, str]:
-    """Return a key that is equal for models that differ only in numbers: the XML without its numbers."""
+    """Return a key of a model: its XML text without numbers. Models that differ only in numbers have the same key."""
     return ("mujoco takes", candidate.mode, hashlib.sha256(_NUMBERS.sub("", candidate.model.text).encode()).hexdigest())
 
 
@@ -258,7 +263,7 @@ def _scene(candidate: Candidate) -> tuple[tuple[str, str], tuple[str]]:
 
 
 def in_memory(data: Mapping[str, bytes]) -> Any:
-    """Return an `mujoco.MjVfs` with these files."""
+    """Return an `mujoco.MjVfs` that contains the given files by name."""
     import mujoco
 
     files = mujoco.MjVfs()
@@ -268,7 +273,9 @@ def in_memory(data: Mapping[str, bytes]) -> Any:
 
 
 def _without_threads(text: str) -> str:
-    """Return the XML of a model that MuJoCo compiles without threads, which is faster for cached meshes and for tetrahedra."""
+    """Change the XML text of a model so that MuJoCo compiles the model without threads. This is faster for cached meshes and for
+    tetrahedra.
+    """
     return text if " usethread=" in text else text.replace("<compiler ", '<compiler usethread="false" ', 1)
 
 
@@ -278,7 +285,10 @@ def _unpainted(scene: str) -> str:
 
 
 def attempt(text: str, files: Any) -> CompileResult:
-    """Compile a model file with MuJoCo. `files` contains all files to which the model refers (see `in_memory`)."""
+    """Compile an MJCF file with MuJoCo, and return the errors, the warnings and the model.
+
+    `files` contains all files to which the model refers (see `in_memory`).
+    """
     import mujoco
 
     with heard() as warnings:
@@ -291,7 +301,10 @@ def attempt(text: str, files: Any) -> CompileResult:
 
 @contextmanager
 def heard() -> Iterator[list[str]]:
-    """Collect the warnings of MuJoCo. By default, MuJoCo prints warnings and writes them to `MUJOCO_LOG.TXT` in the working folder."""
+    """Return a context manager that collects the warnings of MuJoCo in a list.
+
+    By default, MuJoCo prints warnings and writes them to `MUJOCO_LOG.TXT` in the working folder.
+    """
     import mujoco
 
     heard: list[str] = []
@@ -383,7 +396,7 @@ def _element_at(text: str, written: XmlText) -> Element | None:
 
 
 def _words(text: str) -> str:
-    """Return a MuJoCo message without parts that only make sense together with the XML file."""
+    """Return a message of MuJoCo without the parts that only make sense to a reader of the XML file."""
     parser = re.search(r"Error=(XML_\w+)", text)
     if parser is not None:
         deep = " (it supports 500 levels: a chain of links is too long)" if parser[1] == "XML_ELEMENT_DEPTH_EXCEEDED" else ""

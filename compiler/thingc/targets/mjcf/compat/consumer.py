@@ -38,12 +38,12 @@ class Consumer(FrozenStruct):
 
 
 def nothing_lost(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Yield no losses. This function is the `suit` of a consumer that does not require changes of the model."""
+    """Yield nothing. Use this function as the `suit` of a consumer that does not require changes of the model."""
     yield from ()
 
 
 def nothing_refused(robot: Robot, root: Element) -> Iterator[Refusal]:
-    """Yield no refusals. This is the `refuses` of a consumer that reads everything that thingc writes."""
+    """Yield nothing. Use this function as the `refuses` of a consumer that reads everything that thingc writes."""
     yield from ()
 
 

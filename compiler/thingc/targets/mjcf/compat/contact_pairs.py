@@ -69,7 +69,7 @@ def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
 
 
 def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
-    """Return the attributes for a tag by default class, including the attributes of outer classes."""
+    """Return the default attributes of elements with a tag, by the name of the default class. Attributes of outer classes are included."""
     by_class: dict[str, dict[str, str]] = {}
     waiting = [(child, dict[str, str]()) for child in root.children if child.tag == "default"]
     while waiting:
@@ -82,7 +82,7 @@ def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
 
 
 def _bodies(root: Element) -> Iterator[tuple[Element, int | None]]:
-    """Yield every body with the index of its parent, parents first."""
+    """Yield every body of a model with the index of its parent body. Parents come before their children."""
     world = root.find("worldbody")
     waiting: list[tuple[Element, int | None]] = [(child, None) for child in world.children] if world is not None else []
     number = 0
@@ -95,7 +95,7 @@ def _bodies(root: Element) -> Iterator[tuple[Element, int | None]]:
 
 
 def _geoms(body: Element, classes: Mapping[str, Values]) -> Iterator[ContactPairs]:
-    """Yield the geoms of a body that can collide."""
+    """Yield the geoms of a body that can collide with other geoms."""
     for one in body.children:
         if one.tag == "geom":
             values = {**classes.get(one.get("class", "main"), {}), **one.texts}

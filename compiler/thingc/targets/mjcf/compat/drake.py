@@ -68,7 +68,7 @@ def _is_misread(element: Element) -> bool:
 
 
 def _unturned(body: Element) -> Element:
-    """Return a massless body with the pose of this body. This body becomes its child."""
+    """Wrap a rotated body in a new massless body with the same pose, and return the new body. The original body becomes its child."""
     outside = {name: value for name, value in body.attributes.items() if name in ("pos", "quat")}
     inside = {name: value for name, value in body.attributes.items() if name not in outside}
     inner = Element(tag="body", attributes=inside, children=body.children, origin=body.origin, raw=body.raw)

@@ -82,7 +82,7 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
 
 
 def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterator[tuple[str, str]]:
-    """Yield the reasons why MJX rejects a pair of geoms, each with the attribute that causes the rejection."""
+    """Yield the reasons why MJX rejects a contact between two geoms, each with the attribute that causes the rejection."""
     kinds = sorted((one.type, other.type))
     if frozenset(kinds) in LACKING:
         yield f"it does not support contacts between {kinds[0]} and {kinds[1]}", "type"
@@ -133,7 +133,7 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
 
 
 def _prisms(root: Element) -> Iterator[Loss]:
-    """Replace every cylinder that may collide with a box or a mesh with a prism.
+    """Replace cylinders by prisms if they may collide with a box or a mesh.
 
     Prisms are meshes, so other cylinders may collide with them.
     """
@@ -193,7 +193,7 @@ def _cones(root: Element) -> None:
 
 
 def _needed(robot: Robot) -> list[str]:
-    """Return the mounts whose active adhesion supports the robot. These mounts are on links that are neither fixed nor held."""
+    """Return the mounts whose active adhesion supports the robot. Mounts on links that are fixed or held are omitted."""
     still = {closure.child for closure in robot.closures if closure.hold} | ({0} if robot.base in ("fixed", "held") else set())
     links = {robot.bodies[body].link for body in still}
     return [
@@ -203,7 +203,7 @@ def _needed(robot: Robot) -> list[str]:
 
 
 def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Remove adhesion actuators, and their controls from keyframes."""
+    """Remove adhesion actuators from the model, and their controls from keyframes. Yield an export loss for each removed actuator."""
     section, keys = root.find("actuator"), root.find("keyframe")
     if section is None or not robot.assembly.adhesions:
         return
