@@ -108,7 +108,7 @@ def material_name(material: Material | None, color: str | None) -> str | None:
 
 
 def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
-    """Return a mapping of visual material names to colour and origin, in order of first use."""
+    """Return the colour and the origin of each visual material by its name, in order of first use."""
     named: dict[str, tuple[str, Origin]] = {}
     for one in shapes:
         for shape in one.visual:
@@ -158,7 +158,7 @@ def linear(channel: float) -> float:
 
 
 def inputs_of(assembly: Assembly) -> tuple[object, ...]:
-    """Return a `Memo` key that contains everything in an assembly that affects its geometry."""
+    """Return a `Memo` key for the geometry of an assembly. The key contains everything in the assembly that affects the geometry."""
     return tuple(
         (
             one.path, one.definition, one.record, one.listed, one.component.definition, one.overrides.collision, one.overrides.visual,
@@ -169,7 +169,8 @@ def inputs_of(assembly: Assembly) -> tuple[object, ...]:
 
 
 def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report, *, own: bool = False) -> Geometry:
-    """Return the geometry of every occurrence. `takes(...)` returns whether the target accepts a collision shape.
+    """Compute the visual and collision shapes of every occurrence. The function `takes` returns whether the target accepts a collision
+    shape.
 
     With `own`, meshes have the content of their original mesh files, if known. If meshes of two definitions have the same file name in
     `folder`, an error is reported.
@@ -178,7 +179,7 @@ def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report, *, o
 
 
 def solid_geometry(assembly: Assembly, target: str, folder: str, report: Report) -> tuple[Geometry, list[Loss]]:
-    """Return the geometry for a target that only accepts collision shapes with a volume (or planes), and its losses."""
+    """Compute the geometry for a target that only accepts collision shapes with a volume (or planes). Also return the export losses."""
     flat: list[Loss] = []
 
     def takes(occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
@@ -262,7 +263,7 @@ Box = tuple[Vector, Vector]
 
 
 def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple[tuple[tuple[Pose, Box | None], ...], ...]]:
-    """Return the parent and pose of every body, and the pose and bounding box of each of its parts."""
+    """Return the parent and pose of every body, and the pose and bounding box of each part of the body."""
     links, occurrences = robot.assembly.links, robot.assembly.occurrences
     boxes = tuple(one.box for one in occurrences)
     return tuple((body.parent, body.X_PL) for body in robot.bodies), tuple(
@@ -272,7 +273,7 @@ def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple
 
 
 def bounds(bodies: Sequence[tuple[int | None, Pose]], parts: Sequence[Sequence[tuple[Pose, Box | None]]]) -> Box | None:
-    """Return the bounding box [m] of the robot in the world at q = 0, computed from the boxes of its parts. Return None without geometry.
+    """Compute the bounding box [m] of the robot in the world at q = 0 from the bounding boxes of its parts. Return None without geometry.
 
     The minimum of a coordinate of a rotated box is the sum of the minima of its three terms (Arvo, "Transforming axis-aligned bounding
     boxes", Graphics Gems, 1990).

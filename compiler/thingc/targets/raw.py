@@ -27,7 +27,8 @@ PREFIXES = {"urdf": ("drake",), "sdf": ("drake", "gz")}
 
 
 def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sdf"], files: Sequence[Element], report: Report) -> None:
-    """Apply a target's raw attributes to its files, one file per chosen mode. Report attributes that match no file.
+    """Apply the raw attributes of the documents to the XML files of a target. There is one file per chosen mode. Report attributes that
+    match no file.
 
     An element that only some modes have gets its attributes in these modes.
     """
@@ -68,7 +69,7 @@ def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
 
 
 def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Element]) -> Fault | None:
-    """Return the reason why a path is invalid, or None for a valid path."""
+    """Return the reason why the path of a raw attribute is invalid, or None if the path is valid."""
     path, target = attribute.path, attribute.target
     if path[0] not in KINDS:
         message = f"there are no raw attributes of `{path[0]}` in `{target}`"
@@ -109,5 +110,5 @@ def _matching_elements(file: Element, attribute: RawAttribute) -> list[Element]:
 
 
 def in_files(name: str) -> str:
-    """Convert a name from the document's form, `hand.cap` or `hand/cap`, to the form in files."""
+    """Convert the name of a link or joint from the form in documents, `hand.cap` or `hand/cap`, to the form in output files."""
     return safe(name.replace(".", "/"))

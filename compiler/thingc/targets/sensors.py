@@ -7,17 +7,17 @@ from thingc.model.robot.types import Robot
 
 
 def body_of(robot: Robot, sensor: LinkedSensor) -> int:
-    """Return the index of the body that has a sensor's mount."""
+    """Return the index of the body that contains the mount of a sensor."""
     return next(site.body for site in robot.sites if site.path == sensor.site)
 
 
 def on_free_root(robot: Robot, sensor: LinkedSensor) -> bool:
-    """Return whether a sensor is on the root of a floating base, which has no parent."""
+    """Return whether a sensor is on the root link of a robot with a floating base."""
     return robot.base == "free" and body_of(robot, sensor) == 0
 
 
 def elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
-    """Return a description of the place where a force is measured if it is not measured at the mount, else None.
+    """Describe the place where simulators measure the force of a sensor. Return None if they measure it at the mount.
 
     Simulators measure the force between a body and its parent in the tree. This is equal to the force through the mount in two cases: the
     mount belongs to the root or to the joint to the parent, or the body has no other joints, so that only external forces act on it.

@@ -13,32 +13,34 @@ from thingc.targets.request import EmitRequest
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return `hag.dot`, `hag.mmd` and `hag.svg`, which contain the same graph."""
+    """Write `hag.dot`, `hag.mmd` and `hag.svg`, which contain the same hierarchical assembly graph."""
     hag = request.assembly.hag
     return Artifacts(files={"hag.dot": dot(hag).encode(), "hag.mmd": mermaid(hag).encode(), "hag.svg": svg(hag).encode()})
 
 def svg(hag: Hag) -> str:
-    """Return a self-contained SVG document (see `svg.py`)."""
+    """Draw the hierarchical assembly graph as a self-contained SVG document (see `svg.py`)."""
     from thingc.targets.hag.svg import picture
 
     return picture(hag)
 
 def graphml(hag: Hag) -> str:
-    """Return GraphML, which Gephi, yEd, Cytoscape and networkx read (see `networkx_export.hag_graph`)."""
+    """Convert the hierarchical assembly graph to GraphML, which Gephi, yEd, Cytoscape and networkx read (see `networkx_export.hag_graph`).
+    """
     from thingc.targets import networkx_export
 
     return networkx_export.graphml(networkx_export.hag_graph(hag, quantities(hag)))
 
 
 def json(hag: Hag) -> str:
-    """Return the hierarchical assembly graph as node-link JSON."""
+    """Convert the hierarchical assembly graph to node-link JSON."""
     from thingc.targets import networkx_export
 
     return json_writer.encode(networkx_export.plain(networkx_export.hag_graph(hag, quantities(hag)))).decode()
 
 
 def text(hag: Hag) -> str:
-    """Return an indented tree for the terminal (component, definition and placement), then the quantity of each definition.
+    """Format the hierarchical assembly graph for the terminal: an indented tree of components, followed by the quantity of each
+    definition.
 
     A nested assembly is expanded only once. The components of a `repeat` share one line.
     """
@@ -76,7 +78,10 @@ def _remark(definition: Definition) -> str:
     return kind if definition.plain is None else f"{kind} mirrors {escape_control(definition.plain.label)}"
 
 def dot(hag: Hag) -> str:
-    """Return the graph in the DOT language of Graphviz: a node per definition, and an edge per component with its mounts and joint."""
+    """Convert the hierarchical assembly graph to the DOT language of Graphviz.
+
+    Each definition is a node, and each component is an edge with its mounts and joint.
+    """
     style = {
         "assembly": 'shape=box style="rounded,filled" fillcolor="#dbe7f6" color="#3d6fae"',
         "part": 'shape=box style="rounded,filled" fillcolor="#f7f4ec" color="#8f8466"',
@@ -104,7 +109,10 @@ def dot(hag: Hag) -> str:
     return "\n".join([*lines, "}"]) + "\n"
 
 def mermaid(hag: Hag) -> str:
-    """Return a Mermaid flowchart: a node per definition, and an edge per pair of definitions that lists the components."""
+    """Convert the hierarchical assembly graph to a Mermaid flowchart.
+
+    Each definition is a node. An edge between two definitions lists all components that connect them.
+    """
     shapes = {"assembly": ('(["', '"])'), "part": ('["', '"]'), "file": ('[/"', '"/]'), "link": ('[["', '"]]'), "frame": ('("', '")')}
     names = _names(hag)
     lines = ["flowchart LR"]

@@ -17,14 +17,14 @@ KINDS: tuple[DefinitionKind, ...] = get_args(DefinitionKind)
 
 
 class EdgeBundle(FrozenStruct):
-    """All edges from one definition to another, drawn as one line."""
+    """All edges from one definition to another definition, which are drawn as one line."""
 
     parent: str
     child: str
     edges: tuple[DefinitionEdge, ...]
 
 def bundles(hag: Hag) -> tuple[EdgeBundle, ...]:
-    """Return the edges, grouped by the pair of definitions that they connect, in order of first use."""
+    """Group the edges of the graph by the pair of definitions that they connect. The groups are in order of first use."""
     grouped: dict[tuple[str, str], list[DefinitionEdge]] = {}
     for edge in hag.edges:
         grouped.setdefault((edge.parent, edge.child), []).append(edge)
@@ -45,19 +45,23 @@ def quantities(hag: Hag) -> dict[str, int]:
     return counted
 
 def how(edge: DefinitionEdge) -> str:
-    """Return the placement of a component on one line, such as `joint yaw: yaw_seat -> yaw_servo.rotor`. Return "" for a base."""
+    """Describe the placement of a component on one line, such as `joint yaw: yaw_seat -> yaw_servo.rotor`. Return "" for the base
+    component.
+    """
     parts = [f"joint {edge.joint}"] if edge.joint is not None else []
     if edge.mounts:
         parts.append(edge.mounts)
     return escape_control(": ".join(parts))
 
 def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
-    """Return a mapping from each mirror image to the text of its original, if the graph contains the original."""
+    """Return each mirror image in the graph with the text of its original definition. Mirror images without their original in the graph
+    are omitted.
+    """
     texts = {definition.text for definition in hag.definitions}
     return [(one, one.plain.text) for one in hag.definitions if one.plain is not None and one.plain.text in texts]
 
 def total(hag: Hag) -> str:
-    """Return the size of the graph and the size of the expanded tree (without its root) as a string: `12 definitions, 18 components`."""
+    """Describe the size of the graph and of the expanded tree without its root, such as `12 definitions, 18 components`."""
     components = sum(quantities(hag).values()) - 1
     return f"{counted(len(hag.definitions), 'definition')}, {counted(components, 'component')}"
 

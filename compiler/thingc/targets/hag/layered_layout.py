@@ -67,7 +67,11 @@ class Route(FrozenStruct):
 
 
 class Drawing(FrozenStruct):
-    """The boxes in the given order, the routes in the order of the lines, and the size of the drawing, whose origin is (0, 0)."""
+    """The finished layout of a graph. It contains the boxes in the given order, the routes in the order of the lines, and the size of the
+    drawing.
+
+    The origin of the drawing is (0, 0).
+    """
 
     width: float
     height: float
@@ -88,7 +92,7 @@ class _Item:
 
 
 def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
-    """Return the layout of an acyclic graph. The layout is deterministic. Raises `CycleError` if the graph has a cycle."""
+    """Compute the layout of an acyclic graph. The layout is deterministic. Raises `CycleError` if the graph has a cycle."""
     ranks = _ranks(len(boxes), lines)
     items = [_Item(column=2 * ranks[k], size=size, box=k) for k, size in enumerate(boxes)]
     chains = [_chain(items, line, ranks) for line in lines]
@@ -99,7 +103,7 @@ def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
 
 
 def _ranks(count: int, lines: Sequence[Line]) -> list[int]:
-    """Return the length of the longest path that ends at each box."""
+    """Return the column of each box: the length of the longest path that ends at the box."""
     before: dict[int, list[int]] = {k: [] for k in range(count)}
     for line in lines:
         before[line.target].append(line.source)
@@ -161,7 +165,11 @@ def _crossings(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> int:
 
 
 def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
-    """Sweep back and forth, and sort each column by the mean position of its neighbours in the previous column. Keep the best order."""
+    """Reorder the items of each column to reduce the number of crossings.
+
+    The function sweeps back and forth over the columns. It sorts each column by the mean position of its neighbours in the previous
+    column. The best order is kept.
+    """
     best, fewest = [list(column) for column in columns], _crossings(items, columns)
     for sweep in range(SWEEPS):
         if fewest == 0:
@@ -187,7 +195,8 @@ def _separation(a: _Item, b: _Item) -> float:
 
 
 def _set_heights(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> None:
-    """Set the centres of all items. Each column is placed as near to its neighbours as the order and the minimum distances allow."""
+    """Set the vertical positions of all items. Each item is placed as near to its neighbours as the order and the minimum distances allow.
+    """
     for column in columns:
         for above, k in zip(column, column[1:]):
             items[k].y = items[above].y + _separation(items[above], items[k])

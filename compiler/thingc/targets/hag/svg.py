@@ -31,7 +31,7 @@ EDGE: Mapping[DefinitionKind, str] = {"assembly": "#3d6fae", "part": "#a89c7c", 
 
 
 def picture(hag: Hag) -> str:
-    """Return the drawing as an SVG document.
+    """Draw the hierarchical assembly graph as an SVG document.
 
     A box represents a definition with its quantity. A line represents a component with its placement; lines of joints are coloured.
     Tooltips show all details.
@@ -87,7 +87,7 @@ def _canvas(hag: Hag, drawing: Drawing) -> ET.Element:
 
 
 def _box_texts(definition: Definition) -> list[str]:
-    """Return the lines of a box: the name, then the module or file and the parameters."""
+    """Return the lines of text in the box of a definition: the name, then the module or file and the parameters."""
     name, where, parameters = short(definition)
     lines = [_cut(name)]
     if where:
@@ -97,7 +97,7 @@ def _box_texts(definition: Definition) -> list[str]:
 
 
 def _broken(words: Sequence[str]) -> list[str]:
-    """Join words by commas and wrap them to lines of at most `LONGEST` characters."""
+    """Join words by commas, and break the text into lines of at most `LONGEST` characters."""
     lines: list[str] = []
     for position, word in enumerate(words):
         piece = word + ("," if position < len(words) - 1 else "")
@@ -115,7 +115,7 @@ def _box_size(lines: Sequence[str], count: int) -> Size:
 
 
 class _Words(FrozenStruct):
-    """A line of a label. `baseline` is measured from the label's upper edge, `kind` is `name | place | joint`."""
+    """A text line of a label. `baseline` is the distance from the upper edge of the label, and `kind` is `name`, `place` or `joint`."""
 
     text: str
     kind: str
@@ -123,7 +123,7 @@ class _Words(FrozenStruct):
 
 
 def _label_words(strand: EdgeBundle) -> list[_Words]:
-    """Return the label of a line: components, each with its placement."""
+    """Return the text lines for the label of a drawn line: the components, each with its placement."""
     words: list[_Words] = []
     baseline = 11.0
     placements = entries(strand.edges)

@@ -20,23 +20,23 @@ _AGAINST = (
 
 
 class Page(FrozenStruct):
-    """The content of a page: the `name` of the robot, its `data` (JSON), and its meshes (`glb`)."""
+    """The content of a web page: the `name` of the robot, its `data` (JSON), and its meshes (`glb`)."""
 
     name: str
     data: str
     glb: bytes
 
     def html(self, *, live: str | None = None, editor: str | None = None, against: Page | None = None) -> bytes:
-        """Return the page.
-
-        `live` identifies a version. If it is given, the page asks its server for changes since that version. `editor` is a URL template for
-        opening a file in an editor, with `{file}` (the path in the workspace) and `{line}`. `against` is the page of another robot for a
-        comparison.
+        """Return the HTML text of the page. If `live` is given, it identifies a version, and the page asks its server for changes since
+        that version. `editor` is a URL template for opening a file in an editor, with `{file}` (the path in the workspace) and
+        `{line}`. `against` is the page of another robot for a comparison.
         """
         return _framed(self.name, self.data, self.glb, live=live, editor=editor, against=against)
 
     def news(self) -> bytes:
-        """Return an update for a live page as JSON. `robot` and `geometry` must come from the same build."""
+        """Return the data and meshes of the page as a JSON message that updates a live page. `robot` and `geometry` must come from the
+        same build.
+        """
         return f'{{"robot": {self.data}, "geometry": "{base64.b64encode(self.glb).decode()}"}}'.encode()
 
 
@@ -61,7 +61,7 @@ def _framed(name: str, data: str, glb: bytes, *, live: str | None, editor: str |
 
 
 def page_of(request: EmitRequest) -> Page:
-    """Return the page of a robot in all chosen modes. Raises `BlobMissing`."""
+    """Create the web page of a robot in all chosen modes. Raises `BlobMissing`."""
     packed = PackedMeshes(request.store)
     data = describe(request.assembly, request.robots, request.workspace, packed)
     return Page(name=request.assembly.name, data=in_script(data), glb=packed.glb())

@@ -212,7 +212,7 @@ def _loop(closure: Closure) -> Data:
 
 
 def _pose(robot: Robot, frame: Keyframe) -> Data:
-    """Return the data of a pose in a mode, for the page.
+    """Return the data of a pose of a mode for the web page.
 
     The pose contains q by path, the pose of the base if it differs, and the factor by which the drives can hold the pose (`margins`).
     `falls` is True if the robot falls whatever the drives do. `unheld` is a joint that the drives cannot hold ("" for the base, null if the

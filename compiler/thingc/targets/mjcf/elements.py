@@ -104,7 +104,7 @@ def dynamics_attributes(dynamics: Dynamics) -> dict[str, XmlValue]:
 
 
 def _axis(one: MujocoJoint, twist: Twist) -> dict[str, XmlValue]:
-    """Return the attributes that every MuJoCo joint has: its type, axis and position."""
+    """Return the attributes that every MuJoCo joint has: its name, type, position and axis."""
     pos = {"pos": twist.anchor} if any(twist.anchor) else {}
     return {"name": one.name, "type": one.type, **pos, "axis": one.axis}
 

@@ -13,7 +13,7 @@ from thingc.targets.request import EmitRequest
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return the print mesh of each definition with geometry, in print orientation, unless all its occurrences are bought.
+    """Write an STL file in print orientation for each definition with geometry, unless all its occurrences are bought.
 
     A mesh that is not closed is written with a loss: a slicer may repair or reject it. If two definitions have the same file name
     (`a/b.step` and `a.b.step`), an error is reported at the second definition.
@@ -48,7 +48,10 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _up(occurrence: Occurrence) -> Vector:
-    """Return the direction away from the bed in the frame of the part: the value in the document, else in the Thing, else the default."""
+    """Return the direction away from the print bed, in the frame of the part.
+
+    The document has precedence over the Thing, and the Thing has precedence over the default.
+    """
     record = occurrence.record
     return occurrence.overrides.up or (record.up if record is not None else None) or UPRIGHT
 

@@ -44,9 +44,9 @@ def own_frame(joints: Sequence[TreeJoint]) -> Pose:
 
 
 def moves(joints: Sequence[TreeJoint], X_PL: Pose) -> Iterator[Move]:
-    """Yield the joints of URDF that lead to a link, one for each motion of `joints`.
+    """Yield the URDF joints that lead to a link, one for each motion of `joints`.
 
-    `X_PL` is the link's own frame in its parent's URDF frame.
+    `X_PL` is the pose of the link's own frame in the URDF frame of its parent link.
     """
     before = X_PL
     for joint in joints:

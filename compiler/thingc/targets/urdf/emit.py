@@ -19,7 +19,7 @@ FOLDER = f"urdf/{MESHES}"
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return a file for each chosen mode."""
+    """Write a URDF file for each chosen mode."""
     assembly = request.assembly
     shapes, flat = solid_geometry(assembly, "urdf", FOLDER, request.report)
     meshes = _uri(request)

@@ -52,12 +52,14 @@ INTERFACES: Mapping[DriveType, str] = {
 
 
 def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES) -> Element:
-    """Return the `<robot>` element of a mode. `meshes` is the URI of the mesh folder. Duplicate names are reported."""
+    """Create the `<robot>` element of a mode. `meshes` is the URI of the mesh folder. Duplicate names are reported."""
     return _Builder(robot, geometry, report, meshes).build()
 
 
 def mujoco_extension(robot: Robot) -> Element:
-    """Return the `<mujoco>` element with options for MuJoCo. Without these options, MuJoCo drops fixed links and visual shapes."""
+    """Return a `<mujoco>` element with the options that MuJoCo reads from a URDF file. Without these options, MuJoCo drops fixed links and
+    visual shapes.
+    """
     section = Element(tag="mujoco", attributes={}, origin=robot.mode.origin)
     section.add("compiler", {"fusestatic": "false", "discardvisual": "false", "strippath": "false", "meshdir": ""})
     section.add("option", {"gravity": robot.gravity}, robot.mode.origin)
@@ -113,7 +115,7 @@ class _Builder:
         return self.root
 
     def _lead(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose) -> None:
-        """Add the joints between two links, and the intermediate links. For a fixed base, add a fixed joint."""
+        """Add the URDF joints between two links, and the intermediate links. A fixed base gets a fixed joint."""
         if not chain:
             self.root.children.append(self._joint(BASE, "fixed", parent, child, X_PL, self.robot.mode.origin))
             return
@@ -126,7 +128,7 @@ class _Builder:
             parent = end
 
     def _moving(self, move: Move, parent: str, child: str) -> None:
-        """Add a URDF joint that moves.
+        """Add a movable joint to the URDF file.
 
         If the leader of a mimic joint is also a mimic joint, the independent joint is written as the leader, because not every reader
         supports chains.
@@ -165,7 +167,9 @@ class _Builder:
                     assert_never(form)
 
     def _ends(self, move: Move) -> tuple[float, float]:
-        """Return the range of a joint. For a mimic joint without limits, the range is computed from the limits of its leader."""
+        """Return the lower and upper limit of a URDF joint. For a mimic joint without limits, they are computed from the limits of its
+        leader.
+        """
         limit, thread = move.joint.limit, 1.0 if move.follows is None else move.follows[1]
         offset = 0.0
         if not limit.bounded and move.joint.path in self.follows:
@@ -176,7 +180,9 @@ class _Builder:
         return (-UNBOUNDED if lower is None else lower), (UNBOUNDED if upper is None else upper)
 
     def _strength(self, move: Move) -> dict[str, XmlValue]:
-        """Return the effort and velocity limits. For the slide of a screw, they are computed from the rotation, which has the drive."""
+        """Return the effort and velocity limits of a URDF joint. For the slide of a screw, they are computed from the limits of the
+        rotation, which has the drive.
+        """
         joint = move.joint
         if joint.kind.at_once and joint.mate >= 0:
             effort, velocity = self._strength_of_turn(joint)
@@ -211,7 +217,7 @@ class _Builder:
         return element
 
     def _frame(self, link: str, path: str, pose: Pose, origin: Origin, made: str | None = None) -> None:
-        """Add a massless link for a frame."""
+        """Add a massless link to the URDF file for a frame of the robot."""
         if self.links.free(path, origin, made):
             frame = Element(tag="link", attributes={"name": safe(path)}, origin=origin)
             _weigh(frame, MASSLESS)
@@ -219,7 +225,7 @@ class _Builder:
             self.frames += frame, joint
 
     def _link(self, name: str, body: Body, X_CL: Pose) -> None:
-        """Add a link with all its contents, in its URDF frame."""
+        """Add a link with its inertia and shapes, expressed in the URDF frame of the link."""
         link = self._link_of(body)
         element = self.root.add("link", {"name": name}, link.origin)
         weight = BETWEEN if body.joints else MASSLESS
@@ -264,7 +270,7 @@ def _transmission(joint: str, drive: ActuatorModel) -> Element:
 
 
 def parts(shape: Shape) -> tuple[Shape, ...]:
-    """Return URDF 1.0 shapes whose union is the given shape. URDF has no capsules."""
+    """Split a shape into URDF 1.0 shapes whose union is the given shape. This function is needed because URDF has no capsules."""
     form = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
     match form:
         case "itself":
@@ -280,7 +286,7 @@ def parts(shape: Shape) -> tuple[Shape, ...]:
 
 
 def _origin(element: Element, pose: Pose) -> None:
-    """Set the origin, unless it is the identity."""
+    """Add an `<origin>` element for a pose, unless the pose is the identity."""
     attributes = {"xyz": pose.translation} if any(pose.translation) else {}
     if pose.rotation != IDENTITY:
         attributes["rpy"] = rpy_of(pose.rotation)
@@ -289,7 +295,10 @@ def _origin(element: Element, pose: Pose) -> None:
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
-    """Set the mass [kg], the centre of mass [m] and the inertia about the centre of mass [kg m^2], in the axes of the link."""
+    """Add an `<inertial>` element to a link: the mass [kg], the centre of mass [m], and the inertia about it [kg m^2].
+
+    The inertia is in the axes of the link.
+    """
     inertial = link.add("inertial")
     _origin(inertial, shifted(*properties.centre))
     inertial.add("mass", {"value": properties.mass})

@@ -65,7 +65,7 @@ class UsdJoint(FrozenStruct):
 
     @property
     def single(self) -> TreeJoint | JointEdge | None:
-        """The coordinate of a joint with a single rotation or slide, or None for other joints."""
+        """The joint coordinate of a USD joint with a single rotation or slide. None for other joints."""
         return self.freedoms[0].joint if self.type in ("Revolute", "Prismatic") else None
 
 
@@ -120,7 +120,7 @@ def _generic(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequenc
 
 
 def _several(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
-    """Return one joint with all coordinates. Its axes must be parallel or perpendicular."""
+    """Return one generic USD joint for all coordinates. The axes must be parallel or perpendicular to each other."""
     anchor = next((twist.anchor for twist in twists if twist.turns), twists[0].anchor)
     directions: list[Vector] = []
     for twist in twists:
@@ -137,7 +137,7 @@ def _several(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequenc
 
 
 def _frame(directions: Sequence[Vector], anchor: Vector) -> Pose:
-    """Return the frame whose axes (`LETTERS`) have these directions."""
+    """Return the frame at `anchor` whose axes have the given directions. The axes are named by `LETTERS`."""
     if len(directions) == 1:
         return along(directions[0], anchor)
     x, y = directions[:2]

@@ -21,7 +21,7 @@ GENERIC = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
 
 
 def ends(freedom: Freedom) -> tuple[float, float]:
-    """Return the range of a motion [deg or m]."""
+    """Return the lower and upper limit of a motion of a USD joint [deg or m]."""
     limit, infinite = freedom.joint.limit, numeric.inf * freedom.ratio
     low = -infinite if limit.lower is None else limit.lower * freedom.ratio
     high = infinite if limit.upper is None else limit.upper * freedom.ratio
@@ -30,7 +30,7 @@ def ends(freedom: Freedom) -> tuple[float, float]:
 
 
 def equip(prim: Prim, joint: UsdJoint, robot: Robot) -> None:
-    """Set the limits and drives of a joint."""
+    """Add the limits and drives of a joint to its USD prim."""
     if joint.type == "D6":
         free = {freedom.name: ends(freedom) for freedom in joint.freedoms}
         for name in GENERIC:
@@ -52,9 +52,8 @@ def equip(prim: Prim, joint: UsdJoint, robot: Robot) -> None:
 
 
 def _drive(prim: Prim, freedom: Freedom) -> None:
-    """Set the drive of a joint with its gains.
-
-    A motor has no gains; the simulator sets its force. For other drives, the target is q = 0, or the nearest value within the limits.
+    """Add the drive of a motion, with its gains, to the USD prim of a joint. A motor has no gains, because the simulator sets its force.
+    For other drives, the target is q = 0, or the nearest value within the limits.
     """
     drive = freedom.joint.actuator
     if drive is None or written(CAPABILITIES["drives"][drive_cell(freedom.joint, drive)]) is None:
@@ -76,10 +75,10 @@ def _drive(prim: Prim, freedom: Freedom) -> None:
 
 
 def passive(joint: UsdJoint) -> dict[str, float]:
-    """Return armature, damping, friction and velocity limit of a rotation, slide or ball by their Newton names.
+    """Return the armature, damping, friction and velocity limit of a joint by their names in Newton's schema.
 
-    The schema has one value for all coordinates of a joint. Damping and velocity limit are in degrees for a rotation or a ball. Zero values
-    are omitted.
+    The schema has one value for all coordinates of a joint. Damping and velocity limit are in degrees for a rotation or a ball. Zero
+    values are omitted.
     """
     if joint.type not in ("Revolute", "Prismatic", "Spherical") or not joint.freedoms:
         return {}
@@ -97,13 +96,13 @@ AXIS = "rotZ"
 
 
 def articulation(prim: Prim) -> None:
-    """Set the root of the articulation. Its links collide with each other, except for filtered pairs."""
+    """Mark a USD prim as the root of the articulation. The links of the articulation collide with each other, except for filtered pairs."""
     prim.schemas.append("PhysxArticulationAPI")
     prim.say("bool physxArticulation:enabledSelfCollisions", "1")
 
 
 def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
-    """Set armature, damping, friction and velocity limit of a joint.
+    """Add the armature, damping, friction and velocity limit of a joint to its USD prim.
 
     PhysX supports these properties only for joints of its articulation. Armature and velocity limit are per joint. Since Isaac Sim 5, all
     four properties can also be set per axis, and the values per axis take precedence. The older `jointFriction` of PhysX is not a torque,

@@ -24,7 +24,10 @@ from thingc.targets.usd.usda import FLOAT_MAX, rendered, write
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return a file for each chosen mode. Each file contains the meshes. The USD text of the meshes is generated only once."""
+    """Write a USD file for each chosen mode. Each file contains the meshes.
+
+    The USD text of the meshes is generated only once.
+    """
     assembly = request.assembly
     shapes, flat = solid_geometry(assembly, "usd", "usd", request.report)
     scope = f"{assembly.name}_meshes"
@@ -89,7 +92,7 @@ def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
 
 
 def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, degrees: bool = False) -> Iterator[Loss]:
-    """Yield a loss if a number is too large for a float. Angles are converted to degrees."""
+    """Yield an export loss if a number is too large for a float in USD. Angles are converted to degrees."""
     if value > (numeric.radians(FLOAT_MAX) if degrees else FLOAT_MAX):
         words = f"the {what} of {value:.6g} {unit}: infinite in the file, which supports numbers up to {FLOAT_MAX:.2g}"
         yield _loss(None, path, words, "approximated", origin)

@@ -54,7 +54,7 @@ def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
 
 
 def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
-    """Return the reason why a path is invalid, or None for a valid path."""
+    """Return the reason why the path of a raw attribute is invalid, or None if the path is valid."""
     path = attribute.path
     if path[0] not in KINDS:
         return f"there are no raw attributes of `{path[0]}` in `usd`", did_you_mean(path[0], KINDS, what="kinds of prims"), 0
@@ -81,7 +81,7 @@ def _all(kind: str, model: Prim) -> list[Prim]:
 
 
 def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
-    """Apply a raw attribute to a USD prim. Return the fault of the attribute, or None."""
+    """Apply a raw attribute to a USD prim. If the attribute is invalid, return the fault, else None."""
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
     strange = NO_CHARACTER.search("".join(one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)))
     if strange is not None:
@@ -117,14 +117,14 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
 
 
 def _type_of(value: object) -> str:
-    """Return the type of an attribute with this value. For a list, return the first type that is valid for all items."""
+    """Return the USD type of an attribute with this value. For a list, return the first type that is valid for all items."""
     if isinstance(value, list):
         return next((f"{type}[]" for type in ("bool", "int", "float", "string") if _literal(f"{type}[]", value) is not None), "float[]")
     return {bool: "bool", int: "int", str: "string"}.get(type(value), "float")
 
 
 def _literal(type: str, value: object) -> str | None:
-    """Return a value as USD text, or None if the value does not have the type."""
+    """Convert a value to USD text. Return None if the value does not have the USD type `type`."""
     scalar, size = type.removesuffix("[]"), None
     if type == "vector3f":
         scalar, size = "float", 3
@@ -152,7 +152,7 @@ def _scalar(type: str, value: object) -> str | None:
 
 
 def _expected(type: str) -> str:
-    """Return the hint for a value of a type."""
+    """Return the help text for a value of the USD type `type`."""
     one = {
         "bool": "true or false", "int": f"a whole number of at most {_INT_MAX}", "string": "text", "token": "text",
         "double": "a number", "float": f"a number of at most {FLOAT_MAX:.3g}",

@@ -62,7 +62,7 @@ For a flat body, the largest moment equals this sum, and rounding to floats coul
 
 
 def model(robot: Robot, geometry: Geometry, meshes: dict[str, str], report: Report) -> Prim:
-    """Return the default prim of a mode. `meshes` are the paths of the prototypes by the names of the assets.
+    """Create the default prim of the USD stage of a mode. `meshes` contains the paths of the prototypes by the names of the mesh assets.
 
     Duplicate names are reported.
     """
@@ -85,7 +85,7 @@ class _Builder:
         self.materials = identifiers({**{name: name for name in materials(geometry.shapes)}, **frictions})
 
     def build(self) -> Prim:
-        """Return the prim with the scene, materials, links with their contents, and joints."""
+        """Build the default prim of the stage. It contains the scene, the materials, the links with their contents, and the joints."""
         robot = self.robot
         for word, what in ((SCENE, "the physics scene"), (MATERIALS, "the scope of the materials"), (JOINTS, "the scope of the joints")):
             self.names.take(word, (), what)
@@ -117,7 +117,7 @@ class _Builder:
         return self.root
 
     def _scene(self) -> None:
-        """Add the scene with gravity [m/s^2]."""
+        """Add the physics scene with gravity [m/s^2]."""
         scene = self.root.add("PhysicsScene", SCENE)
         size = hypot(*self.robot.gravity)
         scene.say("vector3f physics:gravityDirection", several(g / size for g in self.robot.gravity) if size else "(0, 0, -1)")
@@ -150,7 +150,10 @@ class _Builder:
                 material.say(f"float newton:{word}Friction", value)
 
     def _body(self, name: str, properties: MassProperties, pose: Pose) -> Prim:
-        """Add a rigid body in the world, with its mass [kg], centre of mass [m], and principal moments of inertia [kg m^2]."""
+        """Add a rigid body to the stage, with its pose in the world.
+
+        The body has its mass [kg], centre of mass [m], and principal moments of inertia [kg m^2].
+        """
         prim = self.root.add("Xform", name, "PhysicsRigidBodyAPI", "PhysicsMassAPI")
         moments, axes = moments_of(properties)
         prim.say("float physics:mass", properties.mass or LEAST_MASS)
@@ -161,7 +164,7 @@ class _Builder:
         return prim
 
     def _lead(self, holder: Prim, names: list[str], poses: tuple[Pose, ...], connection: Connection) -> None:
-        """Add the joints between two links, and the intermediate links, which have the pose of the child."""
+        """Add the USD joints between two links, and the intermediate links, which have the pose of the child link."""
         parent, X_0 = self.path if connection.parent is None else f"{self.path}/{names[connection.parent]}", connection.X_0
         *before, last = chain(connection)
         for step in before:
@@ -207,7 +210,7 @@ class _Builder:
         prim.children += [one for one in (visuals, collisions) if one.children]
 
     def _visual(self, holder: Prim, name: str, shape: Shape, pose: Pose) -> None:
-        """Add an instance of a mesh, or a primitive, in its colour."""
+        """Add a visual shape with its colour to the prim of a link. The shape is an instance of a mesh, or a primitive."""
         kind = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
         if kind is None:
             return
@@ -262,13 +265,16 @@ def _friction(material: Material) -> Friction:
 
 
 def rubbing(geometry: Geometry) -> dict[Friction, Material]:
-    """Return the collision materials that specify friction."""
+    """Return the materials of collision shapes that specify friction."""
     touching = [shape.material for one in geometry.shapes for shape in one.collision if shape.material is not None]
     return {_friction(one): one for one in touching if (one.slide, one.torsion, one.roll) != (None, None, None)}
 
 
 def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
-    """Set the size of a primitive, and return the additional scale factors of the prim (empty if none are needed). A mesh has no size."""
+    """Set the size of a primitive on its USD prim. Return the additional scale factors of the prim (empty if none are needed).
+
+    A mesh has no size.
+    """
     match shape.kind:
         case "mesh":
             return ()
@@ -300,12 +306,12 @@ def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
 
 
 def _extent(prim: Prim, half: tuple[float, float, float]) -> None:
-    """Set the bounding box of a primitive, which is centred at its origin."""
+    """Set the bounding box of a primitive that is centred at its origin. `half` contains the half lengths of the box."""
     prim.say("float3[] extent", f"[{several(-value for value in half)}, {several(half)}]")
 
 
 def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
-    """Return the words converted to valid USD names, such as `arm.Hand` to `arm_Hand`. Duplicate names get a number."""
+    """Convert words to unique and valid USD names, such as `arm.Hand` to `arm_Hand`. Duplicate names get a number."""
     names: dict[Key, str] = {}
     for key, word in words.items():
         plain = re.sub(r"\W", "_", word, flags=re.ASCII)
@@ -314,12 +320,12 @@ def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
 
 
 def free(word: str, taken: Collection[str]) -> str:
-    """Return a name that is not in use: the word itself, or the word with a number."""
+    """Return a name that is not in `taken`: the word itself, or the word with a number appended."""
     return next(name for k in range(len(taken) + 1) if (name := f"{word}_{k}" if k else word) not in taken)
 
 
 def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, str]) -> Prim:
-    """Return a class prim with a prototype for each mesh asset. Instances reference the prototypes."""
+    """Create a class prim that contains a prototype for each mesh asset. Instances reference the prototypes."""
     prim = Prim(type="Scope", name=scope, specifier="class")
     drawn = {shape.mesh for shapes in geometry.shapes for shape in shapes.visual}
     for asset in geometry.meshes:

@@ -44,11 +44,11 @@ class Prim:
         return child
 
     def say(self, property: str, value: str | float) -> None:
-        """Add a property, such as `float physics:mass`, with its value, which is a number or USD text."""
+        """Add a property to the prim, such as `float physics:mass`. The value is a number or USD text."""
         self.properties.append(f"{property} = {value if isinstance(value, str) else number(value)}")
 
     def place(self, pose: Pose, scale: tuple[float, ...] = ()) -> None:
-        """Set the pose in the parent, unless the pose is the identity, and the scale [1]."""
+        """Set the pose of the prim in its parent, and its scale [1]. An identity pose is omitted."""
         steps = []
         if any(pose.translation):
             self.say("double3 xformOp:translate", several(pose.translation))
@@ -64,22 +64,22 @@ class Prim:
 
 
 def quoted(text: str) -> str:
-    """Return the USD text of a string or a token."""
+    """Format a string or a token as USD text, in quotes."""
     return '"' + text.translate(_ESCAPES) + '"'
 
 
 def several(values: Iterable[float]) -> str:
-    """Return the USD text of a vector, a colour or a quaternion (w, x, y, z)."""
+    """Format a vector, a colour or a quaternion (w, x, y, z) as USD text."""
     return f"({', '.join(number(value) for value in values)})"
 
 
 def listed(values: Iterable[str]) -> str:
-    """Return the USD text of an array whose values are already USD text."""
+    """Format an array as USD text. The values are already USD text."""
     return f"[{', '.join(values)}]"
 
 
 def rendered(prim: Prim) -> str:
-    """Return a prim and its descendants as text."""
+    """Format a USD prim and its descendants as USD text."""
     return "\n".join(_lines(prim, ""))
 
 
