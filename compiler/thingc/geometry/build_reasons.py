@@ -22,12 +22,12 @@ class BuildReason(FrozenStruct):
 
 
 def unchanged(reason: str) -> str:
-    """Return the reason for reusing a part. `reason` is the reason why the part was built ("" if unknown)."""
+    """Return the reason for reusing a part that has not changed. `reason` is the reason why the part was built ("" if unknown)."""
     return "no dependency changed" + (f" since it was modelled ({reason})" if reason else "")
 
 
 def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> str:
-    """Return the reason why a part must be built."""
+    """Describe why a part must be built."""
     last = results.last(definition.text)
     if last is None:
         return "parameters are new" if results.met_before(definition.reference) else "first time"
@@ -43,14 +43,14 @@ class RecentRecords:
         self._kept: dict[tuple[PartDefinition, bool], tuple[PartRecord, str]] = {}
 
     def get(self, definition: PartDefinition, convex: bool) -> tuple[PartRecord, str] | None:
-        """Return the record and the reason for reusing it, or None if it is not cached."""
+        """Return the cached record of a part definition and the reason for reusing it, or None if the record is not cached."""
         return self._kept.get((definition, convex))
 
     def keep(
         self, definitions: Mapping[str, PartDefinition], answers: Mapping[str, PartRecord | PartFailure], convex: Collection[str],
         decisions: Mapping[str, BuildReason],
     ) -> None:
-        """Cache the records of one answer, each with the reason that a later service would give for reusing it."""
+        """Cache part records that were built or loaded, each with the reason that a later service would give for reusing it."""
         for text, definition in definitions.items():
             record, decision, place = answers[text], decisions.get(text), (definition, text in convex)
             if isinstance(record, PartRecord) and decision is not None and place not in self._kept:

@@ -43,7 +43,7 @@ class PartRequests:
         self.slicings: dict[str, set[LikelySlicing]] = {}
 
     def around(self, code: CodeIngredients | None) -> dict[str, Any]:
-        """Return the fields of every request: the code, the store, and the limits of time and memory."""
+        """Return the fields that every request to a worker contains: the code, the store, and the limits of time and memory."""
         return {**self._parts.around(code), "store": self._store.root, "timeout": self._timeout, "memory": self._workspace.part_memory}
 
     def given(self, definition: PartDefinition) -> dict[str, Value]:
@@ -67,12 +67,15 @@ class PartRequests:
             self.expect_slicings(fresh, likely())
 
     def modelling(self, definition: PartDefinition, prepared: PartRequest) -> dict[str, Any]:
-        """Return the request to build a definition now, with the slicings of its class."""
+        """Return the complete request to build a part definition now. It includes the slicings that are expected for the part's class."""
         slicings = sorted(self.slicings.get(definition.reference, ()), key=repr)
         return {**prepared.request, "slicings": [[asdict(one), own_up] for one, own_up in slicings]}
 
     def prepared(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> PartRequest | PartFailure:
-        """Return the request for a definition with the parameters in `given` (None: the result of the method `given`), or the failure."""
+        """Prepare the request to build a part definition, or return a failure.
+
+        `given` contains the parameters that the request sets. If it is None, the result of the method `given` is used.
+        """
         code: CodeIngredients | None = None
         extra: dict[str, str] = {}
         package = definition.reference

@@ -62,12 +62,12 @@ class Moments(OneLineRepr, FrozenStruct):
 
     @property
     def numbers(self) -> list[float]:
-        """The integrals of 1, x, y, z, xx, yy, zz, xy, xz, yz."""
+        """The moments as ten numbers: the integrals of 1, x, y, z, xx, yy, zz, xy, xz and yz over the body."""
         s = self.second
         return [self.volume, *self.first, s[0][0], s[1][1], s[2][2], s[0][1], s[0][2], s[1][2]]
 
     def plus(self, other: Moments, share: float = 1.0) -> Moments:
-        """Return the sum of these moments and the moments of another body times `share`."""
+        """Return the sum of these moments and the moments of another body, multiplied by `share`."""
         return Moments(
             volume=self.volume + share * other.volume,
             first=added(self.first, other.first, share),
@@ -79,7 +79,9 @@ class Moments(OneLineRepr, FrozenStruct):
 
     @property
     def properties(self) -> MassProperties:
-        """Mass properties at density 1: the volume [m^3] as the mass, the centre [m], and the inertia about the centre [m^5]."""
+        """Convert the moments to mass properties at density 1. The mass is the volume [m^3]. The inertia [m^5] is about the centre of
+        mass.
+        """
         if self.volume <= 0.0:
             return MassProperties(mass=0.0)
         v = self.volume
@@ -102,9 +104,9 @@ class SliceResult(OneLineRepr, FrozenStruct, tag=True):
     sparse: Moments
 
     def printed(self, infill: float) -> MassProperties:
-        """Return the mass properties at density 1: volume [m^3], centre [m] and inertia [m^5] in the part's frame.
+        """Compute the mass properties of the printed part at density 1, for an infill from 0 to 1.
 
-        `infill` is from 0 to 1.
+        The volume is in [m^3], the centre of mass in [m] and the inertia in [m^5], in the frame of the part.
         """
         if infill <= 0.0:
             return self.solid.properties
@@ -112,6 +114,6 @@ class SliceResult(OneLineRepr, FrozenStruct, tag=True):
 
 
 class SliceFailure(FrozenStruct, tag=True):
-    """The reason why a part cannot be sliced, to be appended to the name of the part."""
+    """The reason why a part cannot be sliced. Messages append this text to the name of the part."""
 
     reason: str

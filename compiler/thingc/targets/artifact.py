@@ -55,12 +55,12 @@ class Loss(FrozenStruct):
 
     @staticmethod
     def of(origin: Origin, target: str, mode: str | None, path: str, what: str, how: How) -> Loss:
-        """Create a loss. Unlike the constructor, this method takes `origin` as its first argument."""
+        """Create an export loss for a place in the documents. Unlike the constructor, this method takes `origin` as its first argument."""
         return Loss(target=target, mode=mode, path=path, what=what, how=how, origin=origin)
 
 
 def counts_of(losses: Iterable[Loss]) -> dict[str, int]:
-    """Count the losses for each value of `how`."""
+    """Count the export losses for each value of `how`."""
     counts = Counter(loss.how for loss in losses)
     return {how: counts[how] for how in HOW if counts[how]}
 
@@ -72,5 +72,5 @@ class Artifacts(FrozenStruct):
     losses: tuple[Loss, ...] = ()
 
     def contents(self, store: Store) -> dict[str, bytes]:
-        """Return the bytes of all files. Files of the store are read."""
+        """Return the bytes of all files by path. Files in the store are read."""
         return {path: one if isinstance(one, bytes) else store.read(one.sha256) for path, one in self.files.items()}

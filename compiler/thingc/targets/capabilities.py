@@ -86,7 +86,7 @@ def written(cell: Cell[By]) -> By | None:
 
 
 class Joints(TypedDict, Generic[By]):
-    """The support of joints, by type of motion (see `joint_cell`).
+    """The joints that a format supports, by type of motion (see `joint_cell`).
 
     A planar or ball base and a joint that cuts a loop use the same cells.
     """
@@ -99,7 +99,7 @@ class Joints(TypedDict, Generic[By]):
 
 
 class OfJoints(TypedDict):
-    """The support of the properties of joints."""
+    """The properties of joints that a format supports."""
 
     cone: Plain
     velocity: Plain
@@ -113,7 +113,10 @@ class OfJoints(TypedDict):
 
 
 class Drives(TypedDict, Generic[By]):
-    """The support of drives, by kind. Each drive of a `ball` has its own axis. A `universal` joint has two drives."""
+    """The drives that a format supports, by kind.
+
+    Each drive of a `ball` has its own axis. A `universal` joint has two drives.
+    """
 
     position: Cell[By]
     velocity: Cell[By]
@@ -123,7 +126,10 @@ class Drives(TypedDict, Generic[By]):
 
 
 class LoopKinds(TypedDict, Generic[By]):
-    """The support of loops, by the motion that remains free at the cut. A `hold` keeps a mount at its position in the world."""
+    """The loops that a format supports, by the motion that remains free at the cut.
+
+    A `hold` keeps a mount at its position in the world.
+    """
 
     hold: Cell[By]
     weld: Cell[By]
@@ -136,7 +142,7 @@ class LoopKinds(TypedDict, Generic[By]):
 
 
 class Bases(TypedDict):
-    """The support of bases that can move. `start` is the initial pose of a free base."""
+    """The moving bases that a format supports. `start` is the initial pose of a free base."""
 
     held: Plain
     free: Plain
@@ -146,7 +152,7 @@ class Bases(TypedDict):
 
 
 class Modes(TypedDict):
-    """The support of the properties of modes. `simulation` covers all simulation settings except `timestep`."""
+    """The properties of modes that a format supports. `simulation` covers all simulation settings except `timestep`."""
 
     gravity: Plain
     poses: Plain
@@ -156,7 +162,7 @@ class Modes(TypedDict):
 
 
 class Links(TypedDict):
-    """The support of the properties of links.
+    """The properties of links that a format supports.
 
     `rolling` is rolling friction. `weightless` is a massless link that a joint moves, and `weightless_base` is a massless base. `point` and
     `line` are masses at a point or on a line; no solid can have such an inertia.
@@ -174,8 +180,8 @@ class Links(TypedDict):
 
 
 class ContactShapes(TypedDict, Generic[By]):
-    """The support of collision shapes. `mesh` is a non-convex mesh that is not replaced by its convex hull. Visual primitives use the same
-    cells.
+    """The collision shapes that a format supports. `mesh` is a non-convex mesh that is not replaced by its convex hull. Visual primitives
+    use the same cells.
     """
 
     box: Cell[By]
@@ -189,7 +195,7 @@ class ContactShapes(TypedDict, Generic[By]):
 
 
 class Sensors(TypedDict, Generic[By]):
-    """The support of sensors, by kind."""
+    """The sensors that a format supports, by kind."""
 
     imu: Cell[By]
     force: Cell[By]
@@ -212,12 +218,12 @@ class Sensors(TypedDict, Generic[By]):
 
 
 def all_sensors(cell: Cell[By]) -> Sensors[By]:
-    """Return the same support for every kind of sensor."""
+    """Create a `Sensors` table in which every kind of sensor has the same support."""
     return cast("Sensors[By]", dict.fromkeys(Sensors.__annotations__, cell))
 
 
 class OfSensors(TypedDict):
-    """The support of the properties of sensors that are written."""
+    """The properties of sensors that a format supports."""
 
     noise: Plain
     cutoff: Plain
@@ -247,7 +253,7 @@ AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
 
 
 def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
-    """Return the losses of a target for a robot in the given modes, without duplicates.
+    """Compare the features of a robot in the given modes with the capabilities of a target. Return the export losses without duplicates.
 
     `cut` is True if the target also writes joints that cut loops as joints.
     """
@@ -296,7 +302,7 @@ class _Lost:
                         yield from self(self.says["of_joints"]["polynomial"], None, joint.path, what, joint.mimic.origin)
 
     def of_drive(self, joint: TreeJoint | JointEdge) -> Iterator[Loss]:
-        """Yield the loss for the drive of a coordinate, or for a ball's drive about its own axis."""
+        """Yield the export loss for the drive of a joint coordinate, or for a drive of a ball joint about its own axis."""
         drive = joint.actuator
         if drive is not None:
             gains = [f", {name} {value:.6g}" for name, value in (("kp", drive.kp), ("kv", drive.kv)) if value is not None]
@@ -305,7 +311,7 @@ class _Lost:
             yield from self(self.says["drives"][drive_cell(joint, drive)], None, joint.path, what, drive.origin)
 
     def of_coordinate(self, joint: TreeJoint | JointEdge, path: str) -> Iterator[Loss]:
-        """Yield the losses for a moving coordinate, or for a whole ball."""
+        """Yield the export losses for a joint coordinate that moves, or for a whole ball joint."""
         of, dynamics = self.says["of_joints"], joint.dynamics
         q, push, inertia = ("rad", "N m", "kg m^2") if joint.twist.turns else ("m", "N", "kg")
         for cell, value, what, unit in (
@@ -348,7 +354,10 @@ class _Lost:
                 yield from self(cell, mode.name, mode.name, what, mode.origin)
 
     def of_base(self, robot: Robot) -> tuple[tuple[Plain, str, bool], ...]:
-        """Return the capability, a description, and whether the robot uses the property, for each property of a mode's base."""
+        """Return a list of the properties of a mode's base.
+
+        Each item contains the capability for the property, a description, and whether the robot uses the property.
+        """
         base, bases = robot.base, self.says["bases"]
         match base:
             case "fixed":
@@ -364,7 +373,10 @@ class _Lost:
                 assert_never(base)
 
     def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Plain, str, bool], ...]:
-        """Return the capability, a description, and whether the document uses the setting, for each setting in `simulation`."""
+        """Return a list of the settings in `simulation`.
+
+        Each item contains the capability for the setting, a description, and whether the document uses the setting.
+        """
         modes = self.says["modes"]
         return (
             (modes["timestep"], "the time step", "timestep" in simulation),
@@ -429,7 +441,7 @@ def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["p
 
 
 def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "screw", "ball"]:
-    """Return the name of the cell for a moving joint from its coordinates and its motion. Raises `ValueError` for a fixed joint."""
+    """Return the name of the table cell for a joint, from its coordinates and its motion. Raises `ValueError` for a fixed joint."""
     if not kind.moves:
         raise ValueError("a fixed joint does not move")
     if kind.at_once:

@@ -44,7 +44,9 @@ class Connection(FrozenStruct):
 
 
 def connections(robot: Robot, loops: LoopKinds[Literal["joint"]], *, closed: bool = True) -> Iterator[Connection]:
-    """Yield the joints of a mode in the order of its bodies, then the closed loops and holds that the format supports."""
+    """Yield the connections between the bodies of a mode: joints in the order of the bodies, then the closed loops and holds that the
+    format supports.
+    """
     for index, body in enumerate(robot.bodies):
         path, origin, moves = BASE, robot.mode.origin, body.joints or robot.moves
         if body.joints:

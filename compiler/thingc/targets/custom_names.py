@@ -32,7 +32,9 @@ AS_WRITTEN = frozenset({AssemblyDefinition, Component, Definition, FileNames, Li
 
 
 def called(request: EmitRequest) -> EmitRequest:
-    """Return a request whose elements have the custom names. If the documents contain no custom names, return the same request."""
+    """Apply the custom names of the documents to the robot in a request. If the documents contain no custom names, return the same
+    request.
+    """
     names = request.assembly.names
     if names is None:
         return request
@@ -48,7 +50,7 @@ def called(request: EmitRequest) -> EmitRequest:
 
 @cache
 def fields_of(record: type) -> Mapping[str, Any]:
-    """Return the fields of a record that contain paths, at any depth, with their types."""
+    """Return the fields of a record class that contain paths at any depth, by name and with their types."""
     return {name: hint for name, hint in get_type_hints(record, include_extras=True).items() if _holds(hint, frozenset())}
 
 
@@ -89,7 +91,7 @@ class _Caller:
         self._made: dict[int, tuple[Any, Any]] = {}
 
     def record(self, old: Any) -> Any:
-        """Return a record with custom names. Records that are shared by identity are converted once."""
+        """Return a copy of a record with custom names in place of paths. A record that occurs in several places is converted only once."""
         if id(old) not in self._made:
             fields = {name: self.value(hint, getattr(old, name)) for name, hint in fields_of(old.__class__).items()}
             rule = self.rules.get(old.__class__)
@@ -97,7 +99,7 @@ class _Caller:
         return self._made[id(old)][1]
 
     def value(self, hint: Any, old: Any) -> Any:
-        """Return a value of type `hint` with custom names."""
+        """Return a value of the type `hint` with custom names in place of paths."""
         kind = get_origin(hint)
         if old is None:
             return None

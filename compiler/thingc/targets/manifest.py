@@ -44,7 +44,7 @@ def manifest(
     losses: Sequence[Loss],
     workspace: Workspace,
 ) -> bytes:
-    """Return the bytes of `manifest.json`.
+    """Create the content of the file `manifest.json` as bytes.
 
     `document` and the keys of `documents` (path to SHA-256) are paths in the workspace. `files` are all other files of the folder. The
     result does not depend on the order of the mappings. Raises `ValueError` if `files` contains a manifest.
@@ -82,7 +82,10 @@ def manifest(
 
 
 def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
-    """Return a loss as in the manifest and in `--format json`. `file` (relative to the workspace) and `line` are null if unknown."""
+    """Convert an export loss to a JSON object, as in the manifest and in `--format json`.
+
+    `file` (relative to the workspace) and `line` are null if unknown.
+    """
     return {
         "target": loss.target,
         "mode": loss.mode,
@@ -120,5 +123,5 @@ def versions() -> Mapping[str, str]:
 
 
 def _normal(name: str) -> str:
-    """Return the normalised name of a distribution (PEP 503)."""
+    """Normalise the name of a Python distribution (PEP 503)."""
     return re.sub("[-_.]+", "-", name).lower()

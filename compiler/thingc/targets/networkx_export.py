@@ -21,7 +21,7 @@ Graph: TypeAlias = Any
 
 
 def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
-    """Return the hierarchical assembly graph.
+    """Convert the hierarchical assembly graph to a graph of networkx.
 
     Nodes are texts of definitions with `label`, `reference`, `kind`, `quantity` (their number in the robot), and for a mirror image
     `mirror` and `mirrors` (the text of the original). Edges go from an assembly to its components. The key of an edge is the component; its
@@ -39,7 +39,7 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
 
 
 def mate_graph(assembly: Assembly) -> Graph:
-    """Return the graph of occurrences and the mates between them.
+    """Return a graph whose nodes are the occurrences of an assembly and whose edges are the mates between them.
 
     Nodes are paths of occurrences with `definition` (its text), `link` and `mass` [kg]. Edges go from the parent of a mate to its child.
     The key of an edge is `mount -> mount`; its attributes are `parent_mount`, `child_mount`, `joint` (omitted if rigid) and `loop`.
@@ -57,7 +57,7 @@ def mate_graph(assembly: Assembly) -> Graph:
 
 
 def link_graph(assembly: Assembly) -> Graph:
-    """Return the graph of links and the joints between them.
+    """Return a graph whose nodes are the links of an assembly and whose edges are the joints between them.
 
     Nodes are names of links with `mass` [kg] and `occurrences`. Edges go from the document's parent of a joint to its child. The key of an
     edge is the path of the joint; its attributes are `kind`, `coordinates` (their paths) and `loop`.
@@ -82,7 +82,7 @@ def _said(**attributes: Any) -> dict[str, Any]:
 
 
 def graphml(graph: Graph) -> str:
-    """Return a graph as GraphML text. Its attributes must not contain lists.
+    """Convert a graph to GraphML text. The attributes of the graph must not contain lists.
 
     Edge ids are numbers, because ids must be unique in a file. The attribute `name` contains the key.
     """
@@ -100,7 +100,7 @@ def _displayable(attributes: dict[str, Any]) -> dict[str, Any]:
 
 
 def plain(graph: Graph) -> dict[str, Any]:
-    """Return the graph as JSON data for `networkx.node_link_graph`."""
+    """Convert a graph to JSON data that `networkx.node_link_graph` reads."""
     node_link: dict[str, Any] = networkx.node_link_data(graph, edges="edges")
     return node_link
 

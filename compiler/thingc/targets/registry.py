@@ -67,7 +67,7 @@ def _unstated(target: str, paths: Iterable[str]) -> list[str]:
 
 
 def module_of(target: str) -> str:
-    """Return the module of a target from an installed package."""
+    """Return the name of the Python module that defines a target of an installed package."""
     return _installed()[target].partition(":")[0]
 
 
@@ -82,21 +82,22 @@ def _fitting(patterns: Iterable[str]) -> re.Pattern[str]:
 
 
 def targets() -> tuple[str, ...]:
-    """Return all targets: thingc's own, then targets of installed packages sorted by name."""
+    """Return the names of all targets. thingc's own targets come first, followed by the targets of installed packages sorted by name."""
     return (*TARGETS, *sorted(name for name in _installed() if name not in TARGETS))
 
 
 def unknown(words: Sequence[str]) -> tuple[tuple[int, str, Hint], ...]:
-    """Return a message and a hint for each unknown target, with the index of its argument."""
+    """Return an error message and a hint for each argument that names an unknown target, with the index of the argument."""
     known = [*targets(), ALL]
     wrong = [(index, word) for index, text in enumerate(words) for word in text.split(",") if word not in ("", *known)]
     return tuple((index, f"there is no target `{shortened(word)}`", did_you_mean(word, known, what="targets")) for index, word in wrong)
 
 
 def chosen(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the targets named by arguments (`mjcf`, `mjcf,urdf`, `all`), in the order in which a build writes them.
+    """Parse the target names in arguments such as `mjcf`, `mjcf,urdf` and `all`. Return the targets in the order in which a build writes
+    them.
 
-    Without arguments these are the default targets.
+    Without arguments, return the default targets.
     """
     wanted = {word for text in words for word in text.split(",")}
     return tuple(target for target in targets() if (wanted & {target, ALL} if words else target not in TARGETS or TARGETS[target].unasked))
@@ -109,7 +110,10 @@ def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
 
 
 def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
-    """Return the artifacts of each target in the given order. A loss that several targets share is included only with the first target."""
+    """Call the emitters of the given targets, and return the files and export losses of each target in the given order.
+
+    An export loss that several targets share is included only with the first target.
+    """
     from thingc.targets.custom_names import called
 
     artifacts: dict[str, Artifacts] = {}
@@ -134,7 +138,7 @@ def emitter(target: str) -> Emitter:
 
 
 def _joined(emitters: list[Emitter], request: EmitRequest) -> Artifacts:
-    """Return the combined files and losses of several emitters."""
+    """Call several emitters of a target, and combine their files and export losses."""
     from thingc.targets.artifact import Artifacts
 
     artifacts = [emit(request) for emit in emitters]
@@ -168,7 +172,7 @@ def _changed(folder: str) -> int:
 
 @lru_cache(maxsize=1)
 def _entry_points(path: tuple[tuple[str, int], ...]) -> Mapping[str, str]:
-    """Return the entry points of the packages in the folders of an import path."""
+    """Return the entry points that declare targets, for the packages in the folders of an import path."""
     entry_points: dict[str, str] = {}
     for folder, _ in path:
         for name in listing(folder or "."):
@@ -179,7 +183,7 @@ def _entry_points(path: tuple[tuple[str, int], ...]) -> Mapping[str, str]:
 
 
 def _entries(path: str) -> list[tuple[str, str]]:
-    """Return the `name = module:function` lines of the group in an `entry_points.txt` (entry points specification)."""
+    """Parse an `entry_points.txt` file (entry points specification). Return the names and references in the group `thingc.emitters`."""
     try:
         with open(path, encoding="utf-8", errors="replace") as stream:
             text = stream.read()

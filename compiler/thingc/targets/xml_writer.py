@@ -20,7 +20,7 @@ XmlValue = str | float | tuple[float, ...]
 
 
 class RawValue(FrozenStruct):
-    """A raw attribute of an element, and the value that the raw attribute replaces (None if the attribute did not exist)."""
+    """The value that a raw attribute sets, and the value that it replaces (None if the attribute did not exist)."""
 
     attribute: RawAttribute
     before: XmlValue | None
@@ -62,7 +62,7 @@ class Element:
         return {name: format_value(value) for name, value in self.attributes.items()}
 
     def copy(self) -> Element:
-        """Return a deep copy of the element, which can be changed independently."""
+        """Return a deep copy of the element. Changes of the copy do not affect the original."""
         top = self._alone()
         waiting = [(self, top)]
         while waiting:
@@ -75,21 +75,24 @@ class Element:
         return Element(tag=self.tag, attributes=dict(self.attributes), text=self.text, origin=self.origin, raw=dict(self.raw))
 
     def add(self, tag: str, attributes: Mapping[str, XmlValue] | None = None, origin: Origin = ()) -> Element:
-        """Add a child and return it."""
+        """Add a child element with the given tag and attributes, and return it."""
         child = Element(tag=tag, attributes=dict(attributes or {}), origin=origin)
         self.children.append(child)
         return child
 
     def say(self, tag: str, text: XmlValue, attributes: Mapping[str, XmlValue] | None = None) -> None:
-        """Add a child that contains a string or numbers."""
+        """Add a child element whose content is a string or numbers."""
         self.children.append(Element(tag=tag, attributes=dict(attributes or {}), text=text))
 
     def find(self, tag: str) -> Element | None:
-        """Return the first child with this tag, or None."""
+        """Return the first child element with this tag, or None."""
         return next((child for child in self.children if child.tag == tag), None)
 
     def walk(self) -> Iterator[Element]:
-        """Yield this element and its descendants in the order written. The method is not recursive, because chains of links may be long."""
+        """Yield this element and its descendants in the order in which they are written.
+
+        The method is not recursive, because chains of links may be long.
+        """
         waiting = [self]
         while waiting:
             element = waiting.pop()
@@ -98,11 +101,11 @@ class Element:
 
     @property
     def label(self) -> str:
-        """The display name, such as joint `yaw`, or the tag of an element without a name."""
+        """The display name of the element, such as joint `yaw`. For an element without a name, this is the tag."""
         return f"{self.tag} `{self.get('name')}`" if "name" in self.attributes else f"`{self.tag}`"
 
     def lay(self, name: str, attribute: RawAttribute) -> None:
-        """Set a raw attribute of the element. The method `lift` undoes the change."""
+        """Set an attribute of the element to the value of a raw attribute. The method `lift` undoes the change."""
         before = self.raw[name].before if name in self.raw else self.attributes.get(name)
         self.raw[name] = RawValue(attribute=attribute, before=before)
         self.attributes[name] = attribute.value
@@ -126,7 +129,9 @@ class XmlText(FrozenStruct):
     lines: tuple[Element | None, ...]
 
     def element_at(self, line: int) -> Element | None:
-        """Return the element that opens on a line (counted from 1), or else on the nearest line above."""
+        """Return the element whose opening tag is on a line (counted from 1). If there is none, return the element on the nearest line
+        above.
+        """
         for index in range(min(line, len(self.lines)) - 1, -1, -1):
             if self.lines[index] is not None:
                 return self.lines[index]
@@ -135,7 +140,7 @@ class XmlText(FrozenStruct):
 
 @formatter("xml")
 def number(value: float) -> str:
-    """Return `repr` of a number, except that -0.0 becomes `0` and whole numbers have no decimal point."""
+    """Format a number at full precision. Whole numbers have no decimal point, and -0.0 becomes `0`."""
     whole = int(value) if abs(value) < 1e16 else None
     return str(whole) if whole is not None and whole == value else repr(float(value))
 
@@ -152,8 +157,9 @@ def _escaped(value: XmlValue) -> str:
 
 
 def write(root: Element, heading: str, *, sections: bool = True) -> XmlText:
-    """Return the text of an XML document: one element per line, two spaces per level, blank lines around `sections`, and `heading` as a
-    comment.
+    """Format an XML document as text, with one element per line, two spaces of indentation per level, and `heading` as a comment.
+
+    If `sections` is True, blank lines separate the children of the root element.
     """
     text: list[str] = [f"<!-- {_DASHES.sub('-', heading)} -->"]
     lines: list[Element | None] = [None]

@@ -27,7 +27,7 @@ SHORTEST, LONGEST = 0.002, 0.05
 
 
 class BuildLocks:
-    """The build locks of one process on one store. `close` releases all locks."""
+    """The build locks that one process holds on the parts of one store. The method `close` releases all locks."""
 
     def __init__(self, store: Store) -> None:
         self._path = os.path.join(store.root, FILE)
@@ -48,7 +48,9 @@ class BuildLocks:
         return True
 
     def wait(self, key: str, limit: float) -> bool:
-        """Wait until the key is unlocked, and lock it. Return False after `limit` [s]."""
+        """Wait until no other process holds the lock of a build key, and take the lock. Return False if this takes longer than `limit`
+        [s].
+        """
         end, pause = time.monotonic() + limit, SHORTEST
         while not self.take(key):
             if time.monotonic() >= end:
@@ -65,14 +67,14 @@ class BuildLocks:
 
     @contextlib.contextmanager
     def given_back(self) -> Iterator[None]:
-        """Release all locks when the context ends."""
+        """Return a context manager that releases all locks on exit."""
         try:
             yield
         finally:
             self.close()
 
     def close(self) -> None:
-        """Release all locks."""
+        """Release all locks that this process holds."""
         descriptor, self._descriptor = self._descriptor, None
         if descriptor is not None:
             os.close(descriptor)
@@ -88,7 +90,7 @@ class BuildLocks:
 
 
 def _lock_offset(key: str) -> int:
-    """Return the byte offset that represents a key in the lock file. Two keys rarely have the same of the 2^60 offsets.
+    """Return the offset of the byte in the lock file that represents a build key. Two keys rarely have the same of the 2^60 offsets.
 
     If two keys share an offset, their parts are only not built at the same time.
     """

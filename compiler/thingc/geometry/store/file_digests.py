@@ -39,7 +39,10 @@ def digest_of(path: str, store: Store | None = None, known: Digests | None = Non
 
 
 def _kept(stream: BufferedReader, before: FileSignature, store: Store, path: str) -> str:
-    """Return the digest from the store. Otherwise compute the digest, and store it unless the file has just changed."""
+    """Return the digest of a file from the store. If the store does not contain it, compute the digest.
+
+    The new digest is stored unless the file has just changed.
+    """
     key = os.path.abspath(path)
     kept = store.get_json("digest", key)
     if isinstance(kept, list) and kept[:-1] == [*before]:

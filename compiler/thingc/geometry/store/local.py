@@ -1,4 +1,5 @@
-"""The content-addressed store: geometry by the SHA-256 of its content, small JSON documents by kind and key.
+"""The content-addressed store. It contains geometry files under the SHA-256 of their contents, and small JSON documents under a kind and a
+key.
 
 Every file is written under a temporary name and renamed, so a file is either absent or complete. Any number of processes can share a store,
 and can be killed at any time. Every read checks the file. A damaged file counts as absent. The store does not use pickle.
@@ -48,13 +49,15 @@ class BlobMissing(Exception):
 
 
 def default_root() -> str:
-    """Return the default folder of the store: the value of `THINGC_STORE`, otherwise `cache_root()`."""
+    """Return the default folder of the store: the value of the environment variable `THINGC_STORE`, or the folder that `cache_root()`
+    returns.
+    """
     stated = os.environ.get("THINGC_STORE")
     return os.path.abspath(stated) if stated and "://" not in stated else cache_root()
 
 
 def cache_root() -> str:
-    """Return the folder for thingc in the user's cache, which depends on the system."""
+    """Return the folder of thingc in the user's cache folder, whose location depends on the operating system."""
     home = os.path.expanduser("~")
     if sys.platform == "win32":
         base = os.environ.get("LOCALAPPDATA") or os.path.join(home, "AppData", "Local")
@@ -80,19 +83,22 @@ class Store:
     # --- blobs ---------------------------------------------------------------------------------------------------
 
     def path(self, sha256: str) -> str:
-        """Return the path of a blob, whether it exists or not. Raises `BadPath`, a subclass of `OSError`, if the hash is not valid."""
+        """Return the path of the file for a blob, whether the file exists or not.
+
+        Raises `BadPath`, a subclass of `OSError`, if the hash is not valid.
+        """
         hash_name(sha256)
         return os.path.join(self.root, "blobs", sha256[:2], sha256[2:])
 
     def put(self, data: bytes) -> str:
-        """Store `data`, unless a valid copy exists. Return the SHA-256 in hexadecimal."""
+        """Write the bytes `data` to the store, unless it already contains a valid copy. Return the SHA-256 in hexadecimal."""
         sha256 = hashlib.sha256(data).hexdigest()
         if not self.has(sha256, len(data)):
             self._write(self.path(sha256), data, seal=True)
         return sha256
 
     def has(self, sha256: str, size: int | None = None) -> bool:
-        """Return whether a valid blob is in the store (of `size` bytes, if given).
+        """Return whether the store contains a valid blob with the hash `sha256` and, if given, the size `size` [bytes].
 
         A sealed blob is trusted. A blob with a different time is hashed. A valid blob is then sealed, an invalid blob is removed.
         """
@@ -168,7 +174,7 @@ class Store:
 
     @contextlib.contextmanager
     def hurried(self) -> Iterator[None]:
-        """Delay the writes of `note_json` until exit, so that a command completes its result first."""
+        """Return a context manager that delays the writes of `note_json` until exit, so that a command completes its result first."""
         noted: dict[str, bytes] = {}
         self._noted = noted
         try:
@@ -229,21 +235,20 @@ def _name(key: str) -> str:
 
 
 def _sealed(kind: str, key: str, value: Any) -> bytes:
-    """Return the bytes of a JSON document: a line with its checksum, and the value."""
+    """Encode a JSON document for the store: a line with the checksum, followed by the value."""
     payload = json.dumps(value, separators=(",", ":"), sort_keys=True, ensure_ascii=False).encode()
     return _checksum(kind, _name(key), payload) + b"\n" + payload
 
 
 def _checksum(kind: str, name: str, payload: bytes) -> bytes:
-    """Return the checksum of a JSON document, which includes its kind and name."""
+    """Compute the checksum of a JSON document in the store. The checksum covers the kind and the name of the document."""
     return hashlib.sha256(f"{kind}/{name}\n".encode() + payload).hexdigest().encode()
 
 
 class Outbox(Store):
-    """A store for a process that must not write to it.
-
-    The outbox reads from the store `root`. `put` keeps blobs in memory and appends them to one file in `folder`, because one file per blob
-    would be slower. A process with write access moves the blobs to the store with `deliver`. JSON documents are not supported.
+    """A replacement for the store in a process that must not write to the store. The outbox reads from the store in the folder `root`.
+    `put` keeps blobs in memory and appends them to one file in `folder`, because one file per blob would be slower. A process with
+    write access moves the blobs to the store with `deliver`. JSON documents are not supported.
     """
 
     __slots__ = ("_held", "_path")

@@ -14,13 +14,15 @@ if TYPE_CHECKING:
 
 
 def vertices(store: Store, mesh: Mesh) -> tuple[Vector, ...]:
-    """Return the sorted vertices [m] of a mesh in the store. The code does not import numpy, which is slow. Raises `BlobMissing`."""
+    """Read the vertices [m] of a mesh in the store, and return them sorted. The code does not import numpy, which is slow. Raises
+    `BlobMissing`.
+    """
     numbers = (line.split() for line in store.read(mesh.sha256).splitlines() if line.startswith(b"v"))
     return tuple(sorted((float(x), float(y), float(z)) for _, x, y, z in numbers))
 
 
 def arrays(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the vertices `(n, 3)` [m] and triangles `(m, 3)`, numbered from 0, of a mesh file."""
+    """Parse a mesh file (OBJ). Return its vertices `(n, 3)` [m] and its triangles `(m, 3)` as vertex indices, counted from 0."""
     import numpy as np
 
     points, mark, corners = data.partition(b"f")

@@ -1,8 +1,10 @@
-"""A store that machines share: a local folder as a cache of a URL that fsspec supports.
+"""A store that several machines share. It is a local folder that serves as a cache of a URL that fsspec supports.
 
 Files that are not in the folder are fetched from the URL, and new results are uploaded: first the files, then the entry that refers to
-them. Readers therefore never find an entry without its files. Entries and files have checksums, so an incomplete or damaged file counts as
-absent. Machines share only results for parts. Values that concern one machine remain in its local folder.
+them. Readers therefore never find an entry without its files. Entries and files have checksums, so an incomplete or damaged file counts
+as absent.
+
+Machines share only results for parts. Values that concern one machine remain in its local folder.
 """
 
 from __future__ import annotations
@@ -84,7 +86,9 @@ class SharedStore(Store):
         return super().size(sha256)
 
     def get_json(self, kind: str, key: str) -> Any | None:
-        """Return the value in the folder, otherwise the value at the URL, or None."""
+        """Return the JSON value that is stored under a kind and a key. If the local folder does not contain it, fetch it from the URL.
+        Return None if it does not exist.
+        """
         value = super().get_json(kind, key)
         if value is None and kind in SHARED:
             path = self._document(kind, key)
@@ -183,12 +187,12 @@ class SharedStore(Store):
         return {named} if isinstance(named, str) else set(named)
 
     def _there(self, path: str) -> str:
-        """Return the path at the URL for a file in the folder."""
+        """Return the path at the URL that corresponds to a file in the local folder."""
         return f"{self._base}/{os.path.relpath(path, self.root).replace(os.sep, '/')}"
 
     @contextlib.contextmanager
     def _words(self) -> Iterator[None]:
-        """Raise `StoreUnusable` in place of any exception of a protocol library."""
+        """Return a context manager that converts any exception of a protocol library to `StoreUnusable`."""
         try:
             yield
         except StoreUnusable:
@@ -199,7 +203,7 @@ class SharedStore(Store):
 
 
 def _hashes(value: Any) -> Iterator[str]:
-    """Yield every SHA-256 in a JSON value."""
+    """Yield every SHA-256 that occurs in a JSON value."""
     if isinstance(value, str):
         if _SHA256.fullmatch(value):
             yield value

@@ -36,7 +36,8 @@ class SliceCache:
         self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]], run: Run, timeout: float,
         broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> Records:
-        """Add the slices that are `wanted` to part records, by the text of their definition. Records without a mesh are unchanged.
+        """Return part records with the slices that are `wanted`, by the text of their definition. Slices that are not in the store are
+        computed. Records without a mesh are unchanged.
 
         `run` sends requests to the workers; `broken` converts a failed answer to a `PartFailure`.
         """
@@ -91,7 +92,7 @@ class SliceCache:
         return self._known[key]
 
     def _place(self, mesh: str, slicing: Slicing) -> str:
-        """Return the key of slices in the store."""
+        """Return the key under which the store contains the slices of a mesh for the given slicing settings."""
         return repr([sorted(self._versions().items()), mesh, sorted(asdict(slicing).items())])
 
     def _note(self, key: tuple[str, Slicing], value: Any) -> None:
@@ -100,7 +101,10 @@ class SliceCache:
         self._known[key] = convert(value, SliceResult | SliceFailure)
 
     def _with(self, text: str, record: PartRecord, slicings: frozenset[Slicing]) -> PartRecord:
-        """Return the record with these slices. For unchanged slices, return the same object as in the last call."""
+        """Return a part record with the slices for the given slicing settings.
+
+        For unchanged slices, return the same object as in the last call.
+        """
         last = self._made.get(text)
         if last is None or last[0] is not record or last[1] != slicings:
             slices = {slicing: answer for slicing in slicings if (answer := self._kept(_mesh(record), slicing)) is not None}
@@ -109,7 +113,7 @@ class SliceCache:
 
 
 def lacking(records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]]) -> list[str]:
-    """Return the texts of records that lack `wanted` slices, and whose mesh is not available for slicing."""
+    """Return the texts of definitions whose records lack `wanted` slices although their mesh is not available for slicing."""
     return [text for text, slicings in wanted.items() if _lacks(records.get(text), slicings) and not _mesh(records[text])]
 
 
@@ -118,6 +122,6 @@ def _lacks(record: PartRecord | PartFailure | None, slicings: Collection[Slicing
 
 
 def _mesh(record: PartRecord | PartFailure) -> str:
-    """Return the SHA-256 of the mesh for slicing of a record, or "" if there is none."""
+    """Return the SHA-256 of the mesh that is sliced for a part record. Return "" if the record has no such mesh."""
     mesh = record.meshes.get("slicing") if isinstance(record, PartRecord) else None
     return mesh.sha256 if mesh is not None else ""

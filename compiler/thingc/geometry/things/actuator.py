@@ -60,7 +60,7 @@ class Actuator:
 
 
 def sourced(what: str, pair: tuple[object, ...]) -> tuple[float, str]:
-    """Check and return a `(value, source)` pair. Raises `ValueError` for other values."""
+    """Check that a tuple is a pair of a number and its source, and return the pair. Raises `ValueError` for other tuples."""
     if len(pair) != 2 or not isinstance(pair[1], str):
         raise ValueError(f"{what} must be a number or (number, source), found {pair!r}")
     value, source = pair

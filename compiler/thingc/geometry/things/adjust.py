@@ -17,7 +17,7 @@ Change = tuple[str, object]
 
 
 def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
-    """Return the Thing of the same class with changed parameters.
+    """Return a Thing of the same class with changed parameters.
 
     The lookup of a name starts with the class's own parameters, and continues with the parameters of its parents, nearest first. A parent's
     `__init__` then gets the changed value instead of the value that the subclass passes, in this and in later adjustments. `__add` and
@@ -77,12 +77,15 @@ def _target(thing: Thing, signature: Signature, key: str) -> tuple[type, Paramet
 
 
 def _parents(thing: Thing) -> list[InitCall]:
-    """Return the calls of `__init__` of parent classes, without the call with the class's own parameters."""
+    """Return the recorded calls of the `__init__` methods of parent classes. The call with the class's own parameters is omitted."""
     return thing._construction.calls[1:]
 
 
 def _applied(parameter: Parameter, change: Change, current: Value, owner: str) -> Value:
-    """Return the changed value in canonical form. Raises `ParameterError` if the parameter does not accept the value."""
+    """Apply a change to the current value of a parameter, and return the new value in canonical form.
+
+    Raises `ParameterError` if the parameter does not accept the value.
+    """
     operation, value = change
     if operation == "set":
         return parameter.canonical(value, owner)

@@ -59,7 +59,10 @@ class Construction:
     mounts: dict[str, MountPoint] = field(default_factory=dict)
 
     def scopes(self) -> Iterator[Mapping[str, Value]]:
-        """Yield the scopes of `p`: the `__init__` that is running, then the class's own parameters, then the parameters of its parents."""
+        """Yield the sets of parameters in which `self.p` looks up a name.
+
+        The `__init__` that is running comes first. The class's own parameters follow, then the parameters of its parent classes.
+        """
         if self.running:
             yield self.running[-1].values
         yield self.parameters
@@ -112,7 +115,7 @@ class ThingType(ABCMeta):
 
 
 def make(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments) -> Thing:
-    """Return the Thing of class `cls` with these canonical `parameters` and `adjustments`. Create the Thing if it does not exist.
+    """Return the Thing of class `cls` with the given parameters and adjustments. The Thing is created if it does not exist yet.
 
     If `__init__` raises an exception, the function raises the same exception and does not cache a Thing. Geometry that `__init__` creates
     is not added to a build123d builder that is active at the call, because a Thing depends only on its parameters.
@@ -148,7 +151,7 @@ def _constructed(cls: type[Any], parameters: dict[str, Value], adjustments: Adju
 
 
 def wrapped(cls: type[Any], parameters: dict[str, Value], **attributes: object) -> Thing:
-    """Return a finished Thing of class `cls` with these attributes. The Thing is not cached, and `__init__` does not run."""
+    """Create a finished Thing of class `cls` with the given attributes. The Thing is not cached, and `__init__` does not run."""
     thing: Thing = cls.__new__(cls)  # type: ignore[call-overload]
     object.__setattr__(thing, "_construction", Construction(parameters=parameters, adjustments={}, finished=True))
     for name, value in attributes.items():
@@ -194,7 +197,7 @@ def _recorded(cls: type[Any], init: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def _reading_beside(init: Callable[..., None]) -> Iterator[None]:
-    """While the context is active, let `running_file` return the source file of `init`."""
+    """Return a context manager during which `running_file` returns the source file of `init`."""
     _files.append(getattr(getattr(inspect.unwrap(init), "__code__", None), "co_filename", ""))
     try:
         yield
@@ -203,10 +206,10 @@ def _reading_beside(init: Callable[..., None]) -> Iterator[None]:
 
 
 def running_file() -> str | None:
-    """Return the file of the innermost `__init__` that is running, or None."""
+    """Return the source file of the innermost `__init__` of a Thing that is running, or None."""
     return _files[-1] if _files else None
 
 
 def shown(cls: type, parameters: Mapping[str, Value]) -> str:
-    """Format a Thing, for example as `PenDummy(length=100.0, diameter=15.0)`."""
+    """Format a Thing as a call of its class, for example as `PenDummy(length=100.0, diameter=15.0)`."""
     return f"{cls.__name__}({', '.join(f'{name}={value!r}' for name, value in parameters.items())})"

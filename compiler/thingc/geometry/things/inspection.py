@@ -99,7 +99,7 @@ class MissingMember:
 
 
 def lacking_result(part: PartLike) -> MissingMember | None:
-    """Return why a Thing class has no geometry. Return None for a class with geometry.
+    """Return the reason why a Thing class has no geometry, or None for a class with geometry.
 
     Possible reasons are that the class has no `result()` of its own, or that its `result()` has no `return`. A part without geometry must
     have `return None`. The answer is also None if `part` is not a Thing class.
@@ -159,7 +159,8 @@ def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
 
 
 def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
-    """Return the Thing with these parameters, in the units of part code. For a shape class or function, its `result` is the shape.
+    """Create the Thing of a part with the given parameters, which are in the units of part code. For a shape class or function, its
+    `result` is the shape.
 
     Raises `ParameterError` before any geometry is created, `TypeError` if a function does not return a shape, and exceptions of the part's
     own code.
@@ -181,7 +182,9 @@ def mounts_of(thing: Thing) -> dict[str, MountPoint]:
 
 
 def references_of(thing: Thing) -> tuple[str, ...]:
-    """Return the names of reference geometry other than mounts: public attributes, then methods and properties of its classes."""
+    """Return the names of the reference geometry that a Thing provides in addition to mounts. Public attributes come first, then methods
+    and properties of its classes.
+    """
     if isinstance(thing, _ShapePart):
         return ()
     names = [
@@ -322,7 +325,7 @@ def _signature(part: Any) -> Signature:
 
 
 def _only_mounts(value: object) -> bool:
-    """Return whether an attribute contains only mounts."""
+    """Return whether the value of an attribute contains mounts and nothing else."""
     if isinstance(value, dict):
         value = list(value.values())
     if type(value) in (list, tuple):

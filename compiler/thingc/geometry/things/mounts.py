@@ -64,7 +64,7 @@ class MountPoint(Framed):
 
     @property
     def location(self) -> Location:
-        """The frame [mm] in the frame of the Thing, or in the local frame for a moved view."""
+        """The frame of the mount [mm] in the frame of the Thing. For a moved view, the frame is relative to the local frame."""
         return self._view * self._local
 
     @property
@@ -117,7 +117,7 @@ class MountPoint(Framed):
         return f"<MountPoint {whose} at ({position})>"
 
     def _seen(self, view: Location) -> MountPoint:
-        """Return this mount, transformed to the frame of a moved view. The result still belongs to the same Thing."""
+        """Return a copy of this mount, transformed to the frame of a moved view. The copy still belongs to the same Thing."""
         moved = MountPoint(self._local, self._interface, self._tolerance)
         moved._view = view * self._view
         moved._owner, moved._name = self._owner, self._name
@@ -141,7 +141,8 @@ def origin_of(thing: Thing) -> MountPoint:
 
 
 def adopt(thing: Thing, name: str, value: Any) -> Any:
-    """Return `value` for the attribute `name` of `thing` during its construction. Mounts in the value then belong to the Thing.
+    """Prepare a value that is assigned to the attribute `name` of a Thing during its construction. Mounts in the value then belong to the
+    Thing.
 
     A mount of another Thing is copied at its place. Otherwise the function returns the same object. Raises `ValueError` for a forbidden
     name of a mount.

@@ -109,7 +109,8 @@ class Parameter:
         return NOUNS[self.kind]
 
     def canonical(self, value: object, owner: str) -> Value:
-        """Return the canonical value: a float for a quantity (60 is 60.0, -0.0 is 0.0), an int, bool or str for the other kinds.
+        """Check a value of the parameter and convert it to canonical form: a float for a quantity, or an int, bool or str for the other
+        kinds. For example, 60 becomes 60.0.
 
         Raises `ParameterError` for a wrong type, a number that is not finite or out of bounds, or an unknown choice. `owner` is the name of
         the part for the message.
@@ -127,11 +128,11 @@ class Parameter:
         return typed
 
     def error(self, problem: str, owner: str) -> ParameterError:
-        """Return a `ParameterError` that names the parameter, its owner, and the problem."""
+        """Create a `ParameterError` whose message names the parameter, its owner, and the problem."""
         return ParameterError(f"`{self.name}` of `{owner}` {problem}", owner=owner, parameter=self.name)
 
     def _typed(self, value: object) -> Value | None:
-        """Convert the value to the type of this kind. Return None for a value of another type."""
+        """Convert a value to the Python type of the parameter kind. Return None if the value has another type."""
         if self.kind == "choice":
             return next((choice for choice in self.choices if _same(choice, value)), None)
         if self.kind == "flag":
@@ -157,7 +158,10 @@ class Parameter:
 
 
 def suggestion(name: str, candidates: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name: `; did you mean ...?`, or the list of candidates, or "" without candidates."""
+    """Return the end of an error message about an unknown name, such as `; did you mean ...?`.
+
+    If no candidate is similar, the text lists the candidates. Without candidates, return "".
+    """
     known = list(candidates)
     close = difflib.get_close_matches(name, known, n=1)
     if close:
@@ -166,5 +170,5 @@ def suggestion(name: str, candidates: Iterable[str]) -> str:
 
 
 def _same(choice: Value, value: object) -> bool:
-    """Return whether a value equals this choice. 3.0 equals 3, but True does not equal 1."""
+    """Return whether a value equals one of the choices of a parameter. 3.0 equals 3, but True does not equal 1."""
     return isinstance(value, bool) is isinstance(choice, bool) and choice == value

@@ -24,7 +24,7 @@ class Framed(ABC):
 
     @abstractmethod
     def _seen(self, view: Location) -> Any:
-        """Return this object in a frame in which its own frame is at `view` [mm]."""
+        """Return this object expressed in another frame. `view` [mm] is the pose of the object's own frame in that frame."""
 
 
 class TransformResolver(Framed):
@@ -127,7 +127,7 @@ def _calling(function: Callable[..., Any], location: Location) -> Callable[..., 
 
 
 def _location(location: object) -> Location:
-    """Return a location, or the location of a plane. Raises `TypeError` for other values."""
+    """Convert a location or a plane to a location. Raises `TypeError` for other values."""
     if isinstance(location, Plane):
         location = location.location
     if not isinstance(location, Location):

@@ -1,4 +1,5 @@
-"""Parameters from the signature of an `__init__` or a function, and canonical values from the arguments of a call."""
+"""Read the parameters of a part from the signature of its `__init__` or function, and convert the arguments of a call to canonical values.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +20,10 @@ _REST = re.compile(r":param\s+(?:[^:]*\s)?(\w+)\s*:\s*(.*)$")
 
 
 def argument_docs(docstring: str | None) -> dict[str, str]:
-    """Return the description of each argument as one line, by name. The result is empty if the docstring does not describe arguments."""
+    """Parse the descriptions of arguments in a docstring, as one line of text for each argument name.
+
+    The result is empty if the docstring does not describe arguments.
+    """
     if not docstring:
         return {}
     lines = inspect.cleandoc(docstring).split("\n")
@@ -95,7 +99,10 @@ _KNOWN = {name: getattr(vocabulary, name) for name in ("Length", "Angle", "Mass"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signature:
-    """The parameters of `owner` (the name of a class or function), in order. The first `positional` can be positional arguments."""
+    """The parameters of a class or function, in order. `owner` is the name of the class or function.
+
+    The first `positional` parameters can be passed as positional arguments.
+    """
 
     owner: str
     parameters: tuple[Parameter, ...]
@@ -111,7 +118,7 @@ class Signature:
         return next((parameter for parameter in self.parameters if parameter.name == name), None)
 
     def bind(self, args: Sequence[object], kwargs: Mapping[str, object]) -> dict[str, Value]:
-        """Return the canonical values of all parameters for a call, in the order of the signature.
+        """Convert the arguments of a call to canonical values for all parameters, in the order of the signature.
 
         Raises `CallError` for too many, unknown, repeated or missing arguments, and `ParameterError` for an invalid value.
         """
@@ -181,7 +188,10 @@ def signature_of(function: Callable[..., Any], owner: str, *, method: bool, stri
 
 
 def _parameter(function: Callable[..., Any], argument: inspect.Parameter, owner: str, doc: str) -> Parameter:
-    """Check the default of an argument and return the argument as a parameter. Raises `SignatureError` if it cannot be a parameter."""
+    """Convert an argument of a function to a parameter, and check its default.
+
+    Raises `SignatureError` if the argument cannot be a parameter.
+    """
     where = f"`{argument.name}` of `{owner}`"
     if argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD, argument.POSITIONAL_ONLY):
         stars = "*" * (argument.kind is argument.VAR_POSITIONAL) or "**" * (argument.kind is argument.VAR_KEYWORD)
@@ -213,9 +223,9 @@ def _parameter(function: Callable[..., Any], argument: inspect.Parameter, owner:
 
 
 def _kind_of_default(default: object, where: str) -> str:
-    """Return the kind of an argument without annotation: number, text or flag, depending on the default.
+    """Return the parameter kind of an argument without annotation.
 
-    Without a default, it is a number.
+    The default value determines the kind: number, text or flag. An argument without a default is a number.
     """
     if default is inspect.Parameter.empty:
         return "number"
@@ -256,7 +266,9 @@ def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
 
 
 def _kind_of_annotation(annotation: Any, where: str, shown: str) -> tuple[str, float | None, float | None, tuple[Value, ...]]:
-    """Return kind, minimum, maximum and choices. Bounds of nested `Annotated` are combined."""
+    """Read the kind, the minimum, the maximum and the choices of a parameter from its annotation. Bounds of nested `Annotated` are
+    combined.
+    """
     annotation = getattr(annotation, "__value__", annotation)
     marks: tuple[object, ...] = ()
     while typing.get_origin(annotation) is Annotated:

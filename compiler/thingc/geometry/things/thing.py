@@ -71,7 +71,8 @@ class Thing(Framed, metaclass=ThingType):
         return cast("Self", TransformResolver(self, location))
 
     def adjust(self, **changes: float | bool | str) -> Self:
-        """Return the Thing of the same class with changed parameters: `depth=30`, `width__add=0.2`, `height__mul=1.02`.
+        """Return a Thing of the same class with changed parameters. Examples of changes are `depth=30`, `width__add=0.2` and
+        `height__mul=1.02`.
 
         `adjust` can also change a parameter of a parent class that this class sets: the class stays the same, and the parent's `__init__`
         runs with the changed value. Raises `ParameterError` for an invalid value, `CallError` for an unknown name.

@@ -65,9 +65,9 @@ class FileReadRecorder:
             _listening.remove(self)
 
     def note(self, path: Any, *, listed: bool = False, opened: bool = True) -> None:
-        """Record that the part read a file, or only checked its existence (`opened` False).
+        """Record that the part read a file. If `opened` is False, the part only checked whether the file exists.
 
-        With `listed`, record that the part listed a folder.
+        With `listed`, record that the part listed the names in a folder.
         """
         if not self._on or self._busy:
             return
@@ -92,7 +92,10 @@ class FileReadRecorder:
                 self.states[full] = state
 
     def leaves_out(self, path: str) -> bool:
-        """Return whether a file is ignored or covered by a version. The path is absolute, and links are not resolved."""
+        """Return whether the recorder ignores a file, for example because a version covers it.
+
+        The path is absolute, and links are not resolved.
+        """
         return (path + os.sep).startswith(self._excluded)
 
     def note_written(self, path: Any) -> None:
@@ -112,11 +115,13 @@ class FileReadRecorder:
         return True
 
     def reads(self) -> list[tuple[str, str]]:
-        """Return the sorted `(path, state)` of all reads."""
+        """Return the files and folders that the part read as sorted pairs `(path, state)`."""
         return sorted((self.relative(path), state) for path, state in self.states.items())
 
     def relative(self, path: str) -> str:
-        """Return the path relative to the workspace, with `/`. A path outside of the workspace is unchanged."""
+        """Convert an absolute path to a path relative to the workspace, with `/` as separator. A path outside of the workspace is
+        unchanged.
+        """
         if path.startswith(self.workspace):
             return path[len(self.workspace) :].replace(os.sep, "/")
         return "." if os.path.join(path, "") == self.workspace else path
@@ -232,7 +237,7 @@ def _looks_for_modules() -> bool:
 
 
 def _loads() -> bool:
-    """Return whether Python or thingc, and not the part, reads a file.
+    """Return whether a file is read by Python or thingc, and not by the part.
 
     The result depends on the nearest frame outside of Python's own code.
     """

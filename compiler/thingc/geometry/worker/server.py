@@ -36,7 +36,7 @@ AHEAD = (
 
 
 def main(arguments: list[str]) -> None:
-    """Answer requests until standard input ends. The function does not return."""
+    """Read requests from standard input and write the answers until standard input ends. The function does not return."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.dup(1)
     nothing = os.open(os.devnull, os.O_WRONLY)
@@ -74,7 +74,7 @@ def main(arguments: list[str]) -> None:
 
 
 def _load(answers: int) -> bool:
-    """Import the kernel and all modules that requests need. If an import fails, send the reason and return False."""
+    """Import the CAD kernel and all modules that requests need. If an import fails, send the reason to the client and return False."""
     gc.disable()
     try:
         from thingc.geometry.worker.lazy_build123d import import_cheaply
@@ -153,9 +153,8 @@ def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def answered(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the answer to a request: its `answer` and `span`, or a failure if the store is unusable.
-
-    `span` is the start and end (`time.monotonic`). For a part, the start is the time at which its class was loaded.
+    """Perform a request. Return its `answer` and its `span`, or a failure if the store is unusable. `span` contains the start and the end
+    time of the work (`time.monotonic`). For a part, the start is the time at which its class was loaded.
     """
     from thingc.geometry.store.local import StoreUnusable
 
@@ -227,7 +226,8 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
-    """Return pairs of slicing and result for the likely slicings (`LikelySlicing`) of a part that was just built.
+    """Slice a part that was just built with its likely settings (`LikelySlicing`). Return pairs of the settings and the result as JSON
+    values.
 
     Failed slicings are omitted.
     """
@@ -302,7 +302,7 @@ class _Server:
             self.take(json.loads(line))
 
     def take(self, asked: dict[str, Any]) -> None:
-        """Add a request to the queue, remove a request (`forget`), or prepare for a request (`prepare`)."""
+        """Process a message from the client: queue a request, cancel a request (`forget`), or prepare for a request (`prepare`)."""
         from thingc.geometry.worker.scratch import remove
 
         if "prepare" in asked:
@@ -319,14 +319,14 @@ class _Server:
             remove(child.scratch)
 
     def begin_waiting(self, done: Child | None = None) -> None:
-        """Start waiting requests while there is capacity, including the slot of the child `done`."""
+        """Start queued requests while there is capacity. The capacity includes the slot of the child `done`, which is about to end."""
         for describes, asked in self.waiting.items():
             busy = sum((child.request["op"] == "describe") == describes for child in self.running.values() if child is not done)
             for _ in range(min(self.jobs - busy, len(asked))):
                 self.begin(asked.popleft())
 
     def begin(self, request: dict[str, Any]) -> None:
-        """Send a request to the spare child, or to a new child."""
+        """Send a request to the spare child process, or to a new child process."""
         self.prepare(request)
         child, self.spare = self.spare or self.start(), None
         child.ask(request)
@@ -350,11 +350,11 @@ class _Server:
         return start(answered, self.usual, self.scratch.make(), descriptors)
 
     def children(self) -> list[Child]:
-        """Return the running children and the spare child."""
+        """Return all child processes that are running, including the spare child."""
         return [*self.running.values(), *([self.spare] if self.spare is not None else [])]
 
     def finish(self, child: Child, over: str | None = None) -> None:
-        """End a child and send its answer.
+        """End a child process and send its answer to the client.
 
         A child without child processes is stopped, and is ended after its answer is sent, because freeing its memory takes as long as a
         fork.

@@ -42,7 +42,9 @@ COLUMNS = BomRow.__struct_fields__
 
 
 def make_of(occurrence: Occurrence) -> str:
-    """Return `buy`, `print` or `machine`: the value in the document, else the value of the Thing, else a value that depends on the process.
+    """Return how an occurrence is made: `buy`, `print` or `machine`.
+
+    The value comes from the document, else from the Thing, else it depends on the manufacturing process.
 
     Without a value, an occurrence without geometry (a frame with a mass, such as a circuit board) counts as bought, because it cannot be
     manufactured. An occurrence with geometry is bought, machined (for subtractive processes) or printed, depending on its process.
@@ -81,10 +83,13 @@ def items(assembly: Assembly) -> tuple[BomRow, ...]:
 
 
 def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...]], ...]:
-    """Return each row with its occurrences. Printed items come first, then machined, then bought items. Each group is in document order.
+    """Return each row of the bill of materials with its occurrences.
 
-    Occurrences with equal values share a row. The part number comes from the document, else from the Thing. Rows without a part number get
-    the numbers 1, 2, 3 in order; numbers already in use are skipped.
+    Printed items come first, then machined, then bought items. Each group is in document order. Occurrences with equal values share a
+    row.
+
+    The part number comes from the document, else from the Thing. Rows without a part number get the numbers 1, 2, 3 in order; numbers
+    already in use are skipped.
     """
     rows: dict[tuple[object, ...], list[list[Occurrence]]] = {}
     for occurrence in assembly.occurrences:
@@ -117,7 +122,8 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
 
 
 def csv_text(rows: tuple[BomRow, ...]) -> str:
-    """Return RFC 4180 text with a header and `\\n` line ends. The mass is per piece [kg]; unknown values are empty.
+    """Format the bill of materials as CSV (RFC 4180) with a header line and line feeds as line ends. The mass is per piece [kg]; unknown
+    values are empty.
 
     A cell that a spreadsheet would evaluate begins with `'` (see `format_cell`). The table has no row of totals, so a spreadsheet can sum
     its columns.
@@ -131,12 +137,12 @@ def csv_text(rows: tuple[BomRow, ...]) -> str:
 
 
 def json_text(rows: tuple[BomRow, ...]) -> bytes:
-    """Return the bill of materials as a JSON list of objects. Unknown values are null."""
+    """Format the bill of materials as a JSON list of objects. Unknown values are null."""
     return json_writer.encode([asdict(row) for row in rows])
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return `bom.csv` and `bom.json` with the same rows."""
+    """Write `bom.csv` and `bom.json`, which contain the same rows."""
     rows = items(request.assembly)
     return Artifacts(files={"bom.csv": csv_text(rows).encode(), "bom.json": json_text(rows)})
 
@@ -159,13 +165,16 @@ def _key(occurrence: Occurrence) -> tuple[object, ...]:
 
 
 def _definition(occurrence: Occurrence) -> Definition:
-    """Return the definition that is manufactured or bought. For a bought mirror image, this is the original part."""
+    """Return the definition that is manufactured or bought for an occurrence. For a bought mirror image, this is the original part."""
     own = occurrence.definition
     return own.plain if own.plain is not None and make_of(occurrence) == "buy" else own
 
 
 def _said(occurrence: Occurrence, key: str) -> str | None:
-    """Return the value of a key in the document or, if it is missing there, in the Thing. Return None if both have no value."""
+    """Return the value of a key of the bill of materials for an occurrence.
+
+    The document has precedence over the Thing. Return None if both have no value.
+    """
     own: str | None = getattr(occurrence.bom, key)
     if own is None and occurrence.record is not None:
         return occurrence.record.bom.get(key)
@@ -179,7 +188,7 @@ def _material(occurrence: Occurrence) -> str | None:
 
 
 def _name(occurrence: Occurrence) -> str:
-    """Return the display name of a definition, with the mirror axis, if any.
+    """Return the display name of an occurrence's definition, with the mirror axis, if any.
 
     The display name is the name of the Thing, else of the class, else of the file without suffix, else of the component.
     """

@@ -58,7 +58,7 @@ class Frame(FrozenStruct):
 
     @property
     def ink(self) -> Colour:
-        """The colour of the name."""
+        """The colour of the text that names the frame."""
         return INK
 
 
@@ -85,7 +85,7 @@ class JointAxis(FrozenStruct):
 
     @property
     def ink(self) -> Colour:
-        """The colour of the name."""
+        """The colour of the text that names the joint axis."""
         return JOINT
 
 
@@ -93,7 +93,7 @@ Mark = Frame | JointAxis
 
 
 def length_of(points: Array, camera: Camera) -> float:
-    """Return the length of an axis [m] for a camera that shows points `(n, 3)`."""
+    """Return the drawn length [m] of the axes of frames, for a camera that shows points `(n, 3)`."""
     up = points @ camera.axes[1]
     across = points @ camera.axes[0]
     return LENGTH * max(float(np.ptp(up)), float(np.ptp(across)) / camera.aspect)
@@ -108,7 +108,7 @@ def placed(mark: Mark, data: Any, length: float) -> list[Array]:
 
 
 def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: float) -> Any:
-    """Draw the marks on an image in order. The image is an array (height, width, 3) of bytes."""
+    """Draw frames and joint axes on an image in the order of `marks`. The image is an array (height, width, 3) of bytes."""
     height, width = image.shape[:2]
     scale = FINER * max(1.0, height / 720.0)
     sheet = Image.new("RGBA", (width * FINER, height * FINER), (255, 255, 255, 0))
@@ -162,7 +162,7 @@ Box = tuple[float, float, float, float]
 
 
 def _pieces(points: Array) -> Iterator[Array]:
-    """Yield short pieces of a line. The bounding box of a short piece contains little besides the line."""
+    """Split a line into short pieces, so that the bounding box of a piece contains little besides the line."""
     for start, end in zip(points, points[1:]):
         steps = np.linspace(0.0, 1.0, 7 if len(points) == 2 else 2)[:, None]
         whole = start + steps * (end - start)
@@ -175,7 +175,9 @@ def _box(points: Array, margin: float) -> Box:
 
 
 def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet: tuple[int, int], scale: float) -> Box:
-    """Return the position of a name: the nearest free box around the origin in the picture, else the box that overlaps the least."""
+    """Return a free box for a name: the free box nearest to the origin in the picture. If all boxes overlap, return the box that overlaps
+    the least.
+    """
     best: tuple[float, Box] | None = None
     others = np.array(taken)
     for ring in range(1, 12):

@@ -77,7 +77,7 @@ def _hint(backend: str) -> str:
 def picture(
     xml: str, assets: dict[str, bytes], *, pose: str | None, gravity: tuple[float, float, float], shot: Shot, marks: Sequence[Mark] = (),
 ) -> bytes:
-    """Return a PNG of the MuJoCo model `xml`, with `marks` drawn over it.
+    """Render the MuJoCo model `xml` as a PNG picture, with `marks` drawn over it.
 
     `pose` is a keyframe of the model, or None for all coordinates at 0. `gravity` [m/s^2] determines which way is up. The result is
     reproducible on the same machine. Call `ready` first.
@@ -107,7 +107,7 @@ def picture(
 
 
 def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) -> Any:
-    """Return the `Camera` of a shot that shows points `(n, 3)` [m]."""
+    """Return the nearest `Camera` that shows all points `(n, 3)` [m], with the viewing direction and the aspect ratio of a shot."""
     import numpy as np
 
     from thingc.targets.render.studio import directions, fitted, upright
@@ -122,7 +122,7 @@ def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) ->
 
 
 def posed(model: Any, pose: str | None) -> Any:
-    """Return the `mujoco.MjData` of a model in a keyframe, after `mj_forward`."""
+    """Return the `mujoco.MjData` of a model whose state is a keyframe. `mj_forward` has been called."""
     import mujoco
 
     data = mujoco.MjData(model)
@@ -153,7 +153,7 @@ def points_of(model: Any, data: Any) -> Array:
 
 
 def encoded(image: Any) -> bytes:
-    """Encode an image (height, width, 3) of bytes as PNG."""
+    """Encode an image as PNG. The image is an array (height, width, 3) of bytes."""
     import io
 
     from PIL import Image
@@ -199,7 +199,10 @@ def body_poses(xml: str, assets: dict[str, bytes], pose: str | None) -> dict[str
 def small_picture(
     xml: str, assets: dict[str, bytes], pose: str | None, points: Sequence[Point], gravity: Point, size: tuple[int, int] = SIZE,
 ) -> bytes:
-    """Return a PNG of `size` [px] of a model in the pose of `extent`, with all `points` in view. Call `ready` first."""
+    """Render a small PNG picture of a model in the same pose as in `extent`, with all `points` in view.
+
+    `size` is in pixels. Call `ready` first.
+    """
     import numpy as np
 
     from thingc.targets.render import studio

@@ -43,7 +43,8 @@ class Camera(FrozenStruct, eq=False):
 
 
 def directions(azimuth: float, elevation: float, upright: Array) -> Array:
-    """Return the right, up and backward directions (rows of 3 x 3) of a camera that looks along `azimuth` and `elevation` [rad].
+    """Return the axes of a camera that looks along `azimuth` and `elevation` [rad]. The rows (3 x 3) are its right, up and backward
+    directions.
 
     The rows of `upright` (3, 3) are the direction of azimuth 0, the direction of azimuth 90 degrees, and up. As in MuJoCo's viewer, a
     negative elevation looks down, and the horizon is level.
@@ -55,7 +56,8 @@ def directions(azimuth: float, elevation: float, upright: Array) -> Array:
 
 
 def upright(gravity: Array) -> Array:
-    """Return the reference directions of azimuths as rows (3, 3). `gravity` (3,) is in the world, whose floor is z = 0.
+    """Return the directions relative to which azimuths and elevations are measured, as rows (3, 3). `gravity` (3,) is in the world, whose
+    floor is z = 0.
 
     On a floor the directions are x, y and z. If z = 0 is a wall, azimuth 0 looks straight at the wall. Without gravity, z is up.
     """
@@ -197,9 +199,9 @@ def photographed(
     model: Any, data: Any, camera: Camera, size: tuple[int, int], centre: Array, extent: float, *,
     counts: tuple[int, int] = (KEY, DOME),
 ) -> NDArray[np.uint8]:
-    """Return the picture (height, width, 3) of `data`.
+    """Render the state `data` of a model in studio light, as an array (height, width, 3).
 
-    Shadows are computed up to `extent` [m] from `centre` (3,). `counts` are the numbers of lamps (see `lamps`).
+    Shadows are computed up to the distance `extent` [m] from `centre` (3,). `counts` contains the numbers of lamps (see `lamps`).
     """
     width, height = size
     normal = np.array([0.0, 0.0, 1.0])

@@ -49,7 +49,7 @@ class CollisionMatrix(FrozenStruct):
 
 
 def adjacent(assembly: Assembly) -> frozenset[Pair]:
-    """Return the pairs of links connected by a joint, including joints that close loops."""
+    """Return the pairs of links that are connected by a joint. Joints that close loops are included."""
     joined = (mate for mate in assembly.mates if mate.joints or mate.loop is not None)
     linked = ((assembly.links[assembly.link_of[end]] for end in (mate.parent, mate.child)) for mate in joined)
     return frozenset(pair_of(*(safe(link.name) for link in links)) for links in linked)
@@ -64,7 +64,7 @@ def meetings(
     tree: Element, meshes: str, assets: Sequence[MeshAsset], starts: Mapping[str, Mapping[str, float]], neighbours: Collection[Pair],
     store: Store,
 ) -> CollisionMatrix:
-    """Return the collision matrix of a mode's URDF, cached in the store.
+    """Compute the collision matrix of a mode's URDF, or read it from the store.
 
     `meshes` is the URI of the folder of its `assets`. `starts` are additional configurations: q by joint. `neighbours` are pairs to ignore.
     Raises `ValueError` if MuJoCo does not accept the links' shapes.
@@ -96,7 +96,9 @@ def meetings(
 
 
 def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
-    """Return a URDF with only collision shapes, arbitrary masses and joints, and the mesh files that it uses."""
+    """Return a copy of a URDF that contains only the collision shapes, and the names of their mesh files. Masses and joint limits are
+    arbitrary.
+    """
     bare = Element(tag="robot", attributes=tree.attributes)
     compiler = {"fusestatic": "false", "strippath": "false", "meshdir": "", "boundmass": "1", "boundinertia": "1", "balanceinertia": "true"}
     bare.add("mujoco").add("compiler", compiler)
@@ -129,7 +131,9 @@ def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
 
 
 class _Sampler:
-    """A MuJoCo model, with the addresses of its independent and mimic joints."""
+    """Searches for collisions in random configurations of a MuJoCo model. It stores the addresses of the independent joints and the mimic
+    joints.
+    """
 
     def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:
         import mujoco
@@ -164,13 +168,16 @@ class _Sampler:
         return self._meeting(ends[:, 0] + drawn * (ends[:, 1] - ends[:, 0]))
 
     def at(self, q: Mapping[str, float]) -> Collection[Pair]:
-        """Return the pairs of links that collide at `q`, which contains values by joint."""
+        """Return the pairs of links that collide in one configuration. `q` contains the values of the joints by name."""
         import numpy as np
 
         return self._meeting(np.array([[q[name] for name in self.free]])).keys()
 
     def _meeting(self, q: NDArray[np.float64]) -> dict[Pair, int]:
-        """Return how often each pair of links collides in the configurations `q`, an array `(n, independent joints)`."""
+        """Count the configurations in which each pair of links collides.
+
+        `q` is an array `(n, independent joints)` with one configuration in each row.
+        """
         import mujoco
         import numpy as np
 

@@ -122,7 +122,7 @@ def _of_controller(one: Controller) -> Iterator[str]:
 
 
 def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | None]:
-    """Return the range of the command of a joint, for ros2_control."""
+    """Return the lower and upper limit of the commands of a joint, for ros2_control."""
     limit = joint.move.joint.limit
     if interface == "position":
         return limit.lower, limit.upper
@@ -131,12 +131,12 @@ def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | N
 
 
 def _quoted(name: str) -> str:
-    """Return a name as a quoted YAML string, so that YAML parsers do not read `y` or `null` as another type."""
+    """Format a name as a quoted YAML string, so that YAML parsers do not read `y` or `null` as another type."""
     return f'"{name}"'
 
 
 @formatter("yaml")
 def _real(value: float) -> str:
-    """Return a number in a form that every YAML parser reads as a float: `20.0`, `1.0e-05`."""
+    """Format a number so that every YAML parser reads it as a float: `20.0`, `1.0e-05`."""
     mantissa, e, exponent = repr(float(value)).partition("e")
     return f"{mantissa}{'' if '.' in mantissa else '.0'}{e}{exponent}"

@@ -32,7 +32,7 @@ RUN = (
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return the package: for each mode a URDF with its `<ros2_control>` and an SRDF, and shared files."""
+    """Write the ROS 2 package. It contains a URDF with `<ros2_control>` and an SRDF for each mode, and files that all modes share."""
     assembly, robots = request.assembly, request.robots
     name = package_name(assembly.name)
     folder, uri = f"ros/{name}", f"package://{name}/{MESHES}"
@@ -72,7 +72,7 @@ def _touching(request: EmitRequest, shapes: Geometry) -> frozenset[str]:
 
 
 def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri: str) -> tuple[dict[str, CollisionMatrix], list[Loss]]:
-    """Return the collision matrix of each mode, and a loss if it could not be computed.
+    """Compute the collision matrix of each mode. If this is not possible, return an export loss.
 
     Modes with the same joints in their trees share a matrix, because it does not depend on the root.
     """
@@ -95,7 +95,7 @@ def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri:
 
 
 def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -> str:
-    """Return the manifest of a robot's package. `description` is the description in its document."""
+    """Return the text of `package.xml` for the ROS 2 package of a robot. `description` is the description in the document of the robot."""
     root = Element(tag="package", attributes={"format": "3"})
     root.say("name", package_name(robot))
     root.say("version", said.version)
@@ -112,7 +112,7 @@ def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -
 
 
 def cmake_lists(robot: str, folders: Iterable[str], heading: str) -> str:
-    """Return `CMakeLists.txt`, which only installs the folders, because nothing needs to be compiled."""
+    """Return the text of `CMakeLists.txt`, which only installs the folders, because nothing needs to be compiled."""
     return f"""\
 # {heading}
 cmake_minimum_required(VERSION 3.8)

@@ -41,7 +41,10 @@ class MovingJoint(FrozenStruct):
 
 
 def joints(robot: Robot) -> tuple[MovingJoint, ...]:
-    """Return the moving joints in the URDF of a mode, parents before children. The joints of a moving base come first."""
+    """Return the movable joints in the URDF of a mode. The joints of a parent link come before the joints of its children.
+
+    The joints of a moving base come first.
+    """
     in_tree = {joint.path for body in robot.bodies for joint in body.joints}
     follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in in_tree)
     moving: list[MovingJoint] = []
@@ -57,7 +60,10 @@ def joints(robot: Robot) -> tuple[MovingJoint, ...]:
 
 
 def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
-    """Return the values [rad or m] of joints by name. `q` contains values by path. A moving base is in its start pose."""
+    """Convert joint values in the document to values [rad or m] of the URDF joints, by joint name.
+
+    `q` contains the values in the document by path. A moving base is in its start pose.
+    """
     at: dict[str, float] = {}
     for body in robot.bodies:
         lead = _lead(robot, body)
@@ -71,12 +77,12 @@ def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
 
 
 def start(robot: Robot) -> Mapping[str, float]:
-    """Return q of the document's joints at the start of the mode, by path. Omitted joints are at 0."""
+    """Return the value of each joint of the document in the start pose of a mode, by path. Omitted joints are at 0."""
     return robot.start.q if robot.start is not None else {}
 
 
 def _lead(robot: Robot, body: Body) -> tuple[TreeJoint, ...]:
-    """Return the URDF joints that move a body. The root link is moved by the joints of the base."""
+    """Return the joint coordinates that move a body relative to its parent. The root link is moved by the coordinates of the base."""
     return robot.moves if body.parent is None else body.joints
 
 

@@ -19,19 +19,25 @@ def frame_of(robot: Robot) -> str:
 
 
 def launch_file(robots: Sequence[Robot], controllers: Mapping[str, Sequence[Controller]], heading: str) -> str:
-    """Return `display.launch.py`, the Python file for `ros2 launch`."""
+    """Return the text of `display.launch.py`, the Python launch file for `ros2 launch`."""
     modes = "".join(_mode(robot, [one.name for one in controllers[robot.mode.name]]) for robot in robots)
     name = robots[0].assembly.name
     return _filled("display.launch", HEADING=heading, PACKAGE=package_name(name), ROBOT=name, MODES=modes, BROADCASTER=BROADCASTER)
 
 
 def rviz_config(frame: str, heading: str) -> str:
-    """Return `display.rviz`: the robot on a grid, with its frames. `frame` is the fixed frame, unless RViz is started with `-f`."""
+    """Return the text of `display.rviz`, an RViz configuration that shows the robot on a grid, with its frames.
+
+    `frame` is the fixed frame, unless RViz is started with `-f`.
+    """
     return _filled("display.rviz", HEADING=heading, FRAME=frame)
 
 
 def _filled(file: str, **words: str) -> str:
-    """Replace each `@WORD@` in a template. A single pass is required, because inserted strings may also contain such words."""
+    """Return the text of a template file in which each `@WORD@` is replaced.
+
+    All words are replaced in a single pass, because inserted strings may also contain such words.
+    """
     template = (resources.files("thingc.targets.ros") / f"{file}.template").read_text(encoding="utf-8")
     return re.sub("@([A-Z]+)@", lambda word: words[word[1]], template)
 

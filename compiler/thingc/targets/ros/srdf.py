@@ -30,7 +30,7 @@ class Group(FrozenStruct):
 
 
 def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None, report: Report) -> Element:
-    """Return the `<robot>` element of a mode's SRDF.
+    """Create the `<robot>` element of the SRDF file of a mode.
 
     `touching` are the links with collision shapes. `meetings` is their collision matrix, or None if it is unknown. Duplicate group names
     are reported.
@@ -64,8 +64,9 @@ def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | Non
 
 
 def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> list[Group]:
-    """Return the groups: a group of all joints with the name of the robot, then a chain to every exported mount that moves relative to the
-    root.
+    """Return the joint groups of a mode for MoveIt. The first group contains all joints and has the name of the robot.
+
+    Each other group is the chain to an exported mount that moves relative to the root.
 
     The group of all joints comes first, because some readers only use the first of several states with the same name. If several mounts
     have the same frame, only the first mount has a group. No group contains the joints of a moving base.
@@ -97,7 +98,10 @@ def _exported(robot: Robot) -> Iterator[Site]:
 
 
 def _unchecked(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None) -> Iterator[tuple[str, str, str]]:
-    """Yield pairs of links that MoveIt need not check, in robot order, each with a reason as in MoveIt's setup assistant."""
+    """Yield the pairs of links that MoveIt need not check for collisions, each with a reason in the terms of MoveIt's setup assistant.
+
+    The pairs are in the order of the links in the robot.
+    """
     names, mode = [safe(link.name) for link in robot.assembly.links], robot.mode
     neighbours, own = adjacent(robot.assembly), {pair_of(names[one], names[other]) for one, other in mode.exclude}
     for one, other in combinations([names[body.link] for body in robot.bodies if names[body.link] in touching], 2):

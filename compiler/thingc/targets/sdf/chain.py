@@ -31,7 +31,10 @@ LINK = "_link"
 
 
 class SdfAxis(FrozenStruct):
-    """A coordinate of a joint, and its motion in the frame of the child link, in the pose in which the file is written."""
+    """A coordinate of an SDF joint, and its motion as a twist in the frame of the child link.
+
+    The twist is in the pose in which the file is written.
+    """
 
     joint: TreeJoint | JointEdge
     twist: Twist
@@ -113,7 +116,7 @@ def zero_state(robot: Robot) -> ZeroState:
 
 
 def _as_held(robot: Robot, q: dict[str, float]) -> Pose:
-    """Return the pose of the root link at `q`. The first hold determines the pose of a free base."""
+    """Return the pose of the root link in the world for joint values `q`. The first hold determines the pose of a free base."""
     base = robot.bodies[0].X_PL
     hold = next((closure for closure in robot.closures if closure.hold), None)
     if robot.base != "free" or hold is None:

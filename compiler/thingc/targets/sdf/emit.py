@@ -22,7 +22,7 @@ from thingc.targets.xml_writer import Element, write
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return a model folder and a world file for each chosen mode.
+    """Write a model folder and a world file for each chosen mode.
 
     Each folder contains its own meshes, as usual for Gazebo, so that a user can copy a single folder.
     """
@@ -62,7 +62,10 @@ def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
 
 
 def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
-    """Yield the losses of a document's joint that is written as `number` joints. Joints of bases and holds have no losses."""
+    """Yield the export losses of a joint of the document that is written as `number` SDF joints.
+
+    Joints of bases and holds have no export losses.
+    """
     if number > 1 and connection.joints:
         yield _loss(None, connection.path, "the excluded contact between the links of this joint", "omitted", connection.origin)
     for joint in (joint for joint in connection.joints[:1] if joint.kind.at_once):
@@ -114,7 +117,7 @@ SYSTEMS: dict[SensorForm, tuple[str, str]] = {
 
 
 def config(name: str, version: str, description: str) -> Element:
-    """Return `model.config` of the model in a folder with this name."""
+    """Return the root element of the file `model.config` for the SDF model with the name `name`."""
     root = Element(tag="model")
     root.say("name", name)
     root.say("version", "1.0")
@@ -124,7 +127,10 @@ def config(name: str, version: str, description: str) -> Element:
 
 
 def world(robot: Robot, folder: str) -> Element:
-    """Return the world of a mode with the model in `folder`: its gravity and time step, a light, and the plane z = 0 as floor."""
+    """Return the SDF world of a mode, which includes the model in `folder`.
+
+    The world defines gravity, a time step, a light, and a floor in the plane z = 0.
+    """
     root = Element(tag="sdf", attributes={"version": PLAIN}, origin=robot.mode.origin)
     element = root.add("world", {"name": f"{robot.assembly.name}_{robot.mode.name}"}, robot.mode.origin)
     timestep = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep")

@@ -65,7 +65,8 @@ In ODE the torque is `3 pi / 16` of the coefficient times the radius times the n
 
 
 def model(robot: Robot, geometry: Geometry, zero: ZeroState, report: Report) -> tuple[Element, tuple[Loss, ...]]:
-    """Return the `<sdf>` element of a mode, with joints at `zero`, and a loss for each changed name.
+    """Create the `<sdf>` element of a mode in the state `zero`, in which all joints are at 0. Also return an export loss for each changed
+    name.
 
     Duplicate names of links or of joints are reported.
     """
@@ -117,7 +118,7 @@ class _Builder:
         return self.root
 
     def _name(self, kind: Kind, path: str, origin: Origin, made: str | None = None) -> str:
-        """Return the name for a path. Links, joints and frames share one namespace.
+        """Reserve the SDF name for a path in the document, and return it. Links, joints and frames share one namespace.
 
         If an item of another kind already has the name, the kind is appended, as SDFormat does for files older than 1.7.
         """
@@ -131,7 +132,7 @@ class _Builder:
         return name
 
     def _lead(self, model: Element, parent: str, child: str, connection: Connection, steps: tuple[SdfJoint, ...]) -> None:
-        """Add the joints between two links, and the intermediate links, which have the pose of the child."""
+        """Add the SDF joints between two links, and the intermediate links, which have the pose of the child link."""
         *before, last = steps
         for step in before:
             between = self._name("link", f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
@@ -158,7 +159,7 @@ class _Builder:
         return element
 
     def _axis(self, joint: Element, word: str, axis: SdfAxis, *, alone: bool) -> None:
-        """Add the axis of a coordinate, with its limits, dynamics and mimic."""
+        """Add an axis element for a coordinate to an SDF joint, with its limits, its dynamics and its mimic constraint."""
         own, at_zero = axis.joint, self.zero.q.get(axis.joint.path, 0.0)
         element = joint.add(word)
         element.say("xyz", axis.twist.axis)
@@ -195,7 +196,7 @@ class _Builder:
             joint.add("drake:mimic", {"joint": there, "multiplier": multiplier, "offset": offset})
 
     def _link(self, model: Element, name: str, index: int, pose: Pose, parent: str | None = None) -> None:
-        """Add a link with all its contents."""
+        """Add a link with its inertia, shapes and sensors to the SDF model."""
         link = self._link_of(index)
         element = model.add("link", {"name": name}, link.origin)
         _set_pose(element, pose, parent)
@@ -218,7 +219,7 @@ class _Builder:
 
 
 def _set_pose(element: Element, pose: Pose, relative_to: str | None = None) -> None:
-    """Set a pose, unless it is the identity."""
+    """Add a `<pose>` element, unless the pose is the identity."""
     if relative_to is not None or pose != NO_POSE:
         turned = (0.0, 0.0, 0.0) if pose.rotation == IDENTITY else rpy_of(pose.rotation)
         attributes = {} if relative_to is None else {"relative_to": relative_to}
@@ -256,7 +257,7 @@ def _paint(visual: Element, color: str) -> None:
 
 
 def _rub(collision: Element, material: Material | None) -> None:
-    """Set the friction of a collision element if its material specifies friction."""
+    """Add the friction of a material to a collision element, if the material specifies friction."""
     if material is None or (material.slide is None and material.torsion is None):
         return
     friction = collision.add("surface").add("friction")
@@ -272,7 +273,8 @@ def _rub(collision: Element, material: Material | None) -> None:
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
-    """Set mass [kg], centre of mass [m] and inertia about the centre of mass [kg m^2] in the link's axes.
+    """Add the inertia of a link: its mass [kg], its centre of mass [m], and the inertia about the centre of mass [kg m^2] in the link's
+    axes.
 
     Values below the minimum of SDF are raised.
     """
@@ -288,7 +290,7 @@ def _weigh(link: Element, properties: MassProperties) -> None:
 
 
 def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint], names: Mapping[str, str]) -> Iterator[Element]:
-    """Yield the controllers for joints with one axis and a drive in this mode.
+    """Yield the Gazebo controller plugins for joints with one axis and a drive in this mode.
 
     The controllers are PID controllers with the gains of the drive. For a motor, the controller applies forces. `names` maps joint paths to
     names.

@@ -31,7 +31,7 @@ RATE = 30.0
 
 
 def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames) -> None:
-    """Add all sensors of a link except force sensors. Its collisions must already have been added."""
+    """Add all sensors of a link, except force sensors, to its SDF element. The collisions of the link must already have been added."""
     for sensor, site in _on(robot, body):
         form = written(CAPABILITIES["sensors"][sensor.kind])
         match form:
@@ -63,7 +63,7 @@ def _sensor(parent: Element, sensor: LinkedSensor, form: SensorForm, pose: Pose 
 
 
 def _camera(element: Element, fovy: float) -> None:
-    """Set the camera from the vertical field of view [rad]."""
+    """Add a `<camera>` element to an SDF sensor. The horizontal field of view is computed from the vertical field of view `fovy` [rad]."""
     element.say("update_rate", RATE)
     camera = element.add("camera")
     camera.say("horizontal_fov", 2.0 * numeric.atan(numeric.tan(fovy / 2.0) * WIDTH / HEIGHT))
@@ -75,7 +75,7 @@ def _camera(element: Element, fovy: float) -> None:
 
 
 def _ray(element: Element, reach: float) -> None:
-    """Set a single ray with a range of `reach` [m]."""
+    """Add a single ray with a range of `reach` [m] to an SDF sensor."""
     element.say("update_rate", RATE)
     lidar = element.add("lidar")
     scan = lidar.add("scan").add("horizontal")
@@ -101,7 +101,7 @@ def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names:
 
 
 def _on(robot: Robot, body: int) -> Iterator[tuple[LinkedSensor, Site]]:
-    """Yield the sensors on the mounts of a body."""
+    """Yield the sensors whose mounts are on the body with index `body`, each with its site."""
     sites = {site.path: site for site in robot.sites}
     for sensor in robot.assembly.sensors:
         if sensor.site is not None and body_of(robot, sensor) == body:

@@ -48,7 +48,7 @@ def begin(request: EmitRequest) -> None:
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return one STEP file with one shape per definition and coloured instances, whose names are the paths of the occurrences.
+    """Write one STEP file with one shape per definition. Each occurrence is a coloured instance with its path as its name.
 
     The geometry service writes the file with the CAD kernel. A part without B-rep (a mesh) or a link with listed shapes is a loss. For a
     robot without geometry no file is written, which is also a loss. If the kernel fails, an error is reported for the document.

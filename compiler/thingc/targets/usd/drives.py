@@ -96,7 +96,9 @@ AXIS = "rotZ"
 
 
 def articulation(prim: Prim) -> None:
-    """Mark a USD prim as the root of the articulation. The links of the articulation collide with each other, except for filtered pairs."""
+    """Add the PhysX properties of an articulation to its root prim. The links of the articulation collide with each other, except for
+    filtered pairs.
+    """
     prim.schemas.append("PhysxArticulationAPI")
     prim.say("bool physxArticulation:enabledSelfCollisions", "1")
 

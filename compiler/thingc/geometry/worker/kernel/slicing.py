@@ -74,7 +74,7 @@ NOTHING = CrossSection()
 
 
 class NotSliced(Exception):
-    """The reason why a part cannot be sliced, to be appended to the name of the part."""
+    """Raised if a part cannot be sliced. Messages append the reason to the name of the part."""
 
 
 def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
