@@ -34,14 +34,20 @@ class BadMesh(Exception):
 
 
 def damaged(suffix: str, fault: Exception) -> BadMesh:
-    """Return the error for a file whose reader failed. Python's own messages about its values are omitted."""
+    """Create the error for a mesh file whose reader raised the exception `fault`.
+
+    Messages that Python itself creates are omitted, because they only describe internal values.
+    """
     said = " ".join(str(fault).removeprefix(f"{type(fault).__name__}: ").split())
     inner = isinstance(fault, (LookupError, TypeError, AttributeError, NameError, OSError)) or not said
     return BadMesh(f"is damaged, or is not {suffix[1:].upper()}" + ("" if inner else f" ({said})"))
 
 
 def read_bounded(path: str, suffix: str, most: int = MOST) -> bytes:
-    """Read the bytes of a mesh file, and check its size. Raises `OSError` and `BadMesh`."""
+    """Read the bytes of a mesh file, and check its size and the number of triangles that it declares.
+
+    Raises `OSError` and `BadMesh`.
+    """
     with open(path, "rb") as stream:
         data = stream.read(LARGEST + 1)
     bounded(suffix, data, most)

@@ -35,7 +35,7 @@ Sensor = TypeVar("Sensor")
 
 
 class Supported(FrozenStruct, Generic[By], kw_only=False):
-    """The format fully supports the feature.
+    """A table cell for a feature that the format fully supports.
 
     `how` is the name of the feature in the format, if it differs. `by` is the emitter's keyword for how the feature is written, or None if
     it is always written in the same way.
@@ -46,7 +46,8 @@ class Supported(FrozenStruct, Generic[By], kw_only=False):
 
 
 class Lossy(FrozenStruct, Generic[By], kw_only=False):
-    """The format supports part of the feature. The feature is written as `by` specifies, and a `Loss` with the given `how` is reported.
+    """A table cell for a feature that the format supports only partly. The feature is written as `by` specifies, and a `Loss` with the
+    given `how` is reported.
 
     `words` is appended to the description of the loss and begins with a comma or colon.
     """
@@ -57,7 +58,9 @@ class Lossy(FrozenStruct, Generic[By], kw_only=False):
 
 
 class Omitted(FrozenStruct, kw_only=False):
-    """The format does not support the feature, and nothing is written. `words` is appended to the description of the `Loss`."""
+    """A table cell for a feature that the format does not support, so that nothing is written. `words` is appended to the description of
+    the `Loss`.
+    """
 
     words: str = ""
 
@@ -68,7 +71,7 @@ class Omitted(FrozenStruct, kw_only=False):
 
 
 class Companion(FrozenStruct, kw_only=False):
-    """The feature does not belong in files of this format. It is not written, and no loss is reported."""
+    """A table cell for a feature that does not belong in files of this format. It is not written, and no loss is reported."""
 
 
 Written = Supported[By] | Lossy[By]

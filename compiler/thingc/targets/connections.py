@@ -24,10 +24,10 @@ HOLD = "_hold"
 class Connection(FrozenStruct):
     """A connection between two bodies, which are given by index. The parent None is the world.
 
-    `X_0` is a frame on the parent, `X_1` a frame on the child. Applying the motion of `coordinates` to the first frame gives the second
-    frame. Each of the `twists` is in the first frame, with all later coordinates at 0. A connection without coordinates is fixed. If
-    `turns` is True, the connection only keeps the two origins together. `path` is the path of the whole joint. `joints` are the coordinates
-    of a joint in the document. A connection that is not `in_tree` closes a loop or holds a mount.
+    `X_0` is a frame on the parent, `X_1` a frame on the child. The motion of `coordinates` moves the first frame to the second frame.
+    Each twist in `twists` is expressed in the first frame, with all later coordinates at 0. A connection without coordinates is fixed.
+    If `turns` is True, the connection only keeps the two origins together. `path` is the path of the whole joint. `joints` are the
+    coordinates of a joint in the document. A connection that is not `in_tree` closes a loop or holds a mount.
     """
 
     parent: int | None

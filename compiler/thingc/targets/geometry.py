@@ -98,9 +98,9 @@ class Geometry(FrozenStruct):
 
 
 def material_name(material: Material | None, color: str | None) -> str | None:
-    """Return a name such as `petg_e6e6fa` from material and colour, because a material may have several colours.
+    """Return the name of a visual material, such as `petg_e6e6fa`. Return None without a colour.
 
-    Return None without a colour.
+    The name contains the material and the colour, because a material may have several colours.
     """
     if color is None:
         return None
@@ -119,7 +119,7 @@ def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
 
 
 def numbered(name: str, index: int) -> str:
-    """Return the name of the item at `index`: `hand/cap` for the first item, then `hand/cap_1` and so on."""
+    """Return a name with its index appended, such as `hand/cap_1` for index 1. For index 0, the name is unchanged."""
     return f"{name}_{index}" if index else name
 
 
@@ -141,7 +141,7 @@ def report_same_file(occurrence: Occurrence, owner: Occurrence, path: str, repor
 
 
 def channels(color: str) -> tuple[float, float, float, float]:
-    """Return red, green, blue and opacity of `#rrggbb` or `#rrggbbaa`, from 0 to 1."""
+    """Convert a colour `#rrggbb` or `#rrggbbaa` to red, green, blue and opacity, each from 0 to 1."""
     digits = color.removeprefix("#")
     red, green, blue, alpha = (int(digits[k : k + 2] or "ff", 16) / 255.0 for k in range(0, 8, 2))
     return red, green, blue, alpha
@@ -153,7 +153,7 @@ def has_inside(piece: Mesh | Primitive) -> bool:
 
 
 def linear(channel: float) -> float:
-    """Return a channel of an sRGB colour, from 0 to 1, as linear light (IEC 61966-2-1)."""
+    """Convert a channel of an sRGB colour, from 0 to 1, to linear light (IEC 61966-2-1)."""
     return round(channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4, 6)
 
 
@@ -236,7 +236,7 @@ class _Collector:
         return tuple(shapes)
 
     def shape(self, occurrence: Occurrence, surface: Surface, stem: str, suffix: str = "") -> Shape | None:
-        """Convert a solid to a shape in the frame of its occurrence, and store the file of a mesh.
+        """Convert a mesh or a primitive to a shape in the frame of its occurrence. A mesh is added to the files of the target.
 
         The name of the mesh begins with `stem`. If another definition uses the same file name, report an error and return None.
         """

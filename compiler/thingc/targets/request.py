@@ -19,11 +19,11 @@ from thingc.model.robot.types import Robot
 class EmitRequest(FrozenStruct, eq=False):
     """The input of an emitter: the assembly, the robots, and the options of a build.
 
-    `assembly` is the robot without a root, and `robots` has it once per chosen mode, in document order. `store` has the meshes, `geometry`
-    makes STEP files, and `report` receives diagnostics. `verify` is the interval at which MuJoCo compiles models that differ only in
-    numbers (1: all, 0: none). `compat` names additional programs that will read the MuJoCo models. `folder` is the absolute path of the
-    build folder (None if unknown). `repeated` is True for one of many requests in a process; the results of such a request are not cached
-    individually.
+    `assembly` is the robot without a root. `robots` contains the robot once for each chosen mode, in document order. `store` contains
+    the meshes, `geometry` writes STEP files, and `report` collects diagnostics. `verify` is the interval at which MuJoCo compiles
+    models that differ only in numbers (1: all, 0: none). `compat` names additional programs that will read the MuJoCo models. `folder`
+    is the absolute path of the build folder (None if unknown). `repeated` is True for one of many requests in a process; the results of
+    such a request are not cached individually.
     """
 
     assembly: Assembly

@@ -130,7 +130,10 @@ def _digest(lines: list[str]) -> str:
 
 
 def _word(node: Any) -> tuple[str, Sequence[Any]]:
-    """Return a line of text that identifies a node, a list of nodes or a value, and its children in order."""
+    """Return a line of text that identifies an item of the syntax tree, and the children of the item in order.
+
+    An item is a node, a list of nodes, or a plain value.
+    """
     if isinstance(node, ast.AST):
         # fields without a value are omitted, because other versions of Python have more fields
         fields = {

@@ -66,7 +66,7 @@ def platform_versions() -> dict[str, str]:
 
 @cache
 def compiler_version() -> dict[str, str]:
-    """Return the state of the code in thingc that creates records: its version (for people) and a digest of its files.
+    """Return the version of the code in thingc that creates part records, and a digest of its source files.
 
     The digest includes `base`, because its structs define the format of records.
     """

@@ -113,7 +113,7 @@ class SliceCache:
 
 
 def lacking(records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]]) -> list[str]:
-    """Return the texts of definitions whose records lack `wanted` slices although their mesh is not available for slicing."""
+    """Return the texts of definitions whose records lack `wanted` slices and have no mesh that can be sliced."""
     return [text for text, slicings in wanted.items() if _lacks(records.get(text), slicings) and not _mesh(records[text])]
 
 

@@ -112,7 +112,7 @@ def _run(edges: Sequence[DefinitionEdge], start: int) -> int:
     return length
 
 def children(hag: Hag) -> dict[str, list[DefinitionEdge]]:
-    """Return a mapping from the text of each definition to the edges to its components."""
+    """Return the edges from each assembly to its components, by the text of the assembly's definition."""
     below: dict[str, list[DefinitionEdge]] = {}
     for edge in hag.edges:
         below.setdefault(edge.parent, []).append(edge)

@@ -168,7 +168,7 @@ def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
     """Reorder the items of each column to reduce the number of crossings.
 
     The function sweeps back and forth over the columns. It sorts each column by the mean position of its neighbours in the previous
-    column. The best order is kept.
+    column. The columns get the best order that was found.
     """
     best, fewest = [list(column) for column in columns], _crossings(items, columns)
     for sweep in range(SWEEPS):
@@ -235,7 +235,9 @@ def _nearest(wanted: Sequence[float], weights: Sequence[float], separations: Seq
 
 
 def _ports(items: Sequence[_Item], k: int, neighbours: Sequence[int]) -> dict[int, float]:
-    """Return the positions at which lines meet the side of a box, in the order of the other ends of the lines."""
+    """Return the vertical position at which each line meets the side of a box. The positions have the same order as the other ends of the
+    lines.
+    """
     ordered = sorted(neighbours, key=lambda n: (items[n].y, n))
     room = max(items[k].size.height - 14.0, 0.0)
     step = min(PORT, room / max(1, len(ordered) - 1))

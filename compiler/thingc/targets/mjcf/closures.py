@@ -156,7 +156,9 @@ def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tupl
 
 
 def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tuple[str, Pose]]) -> float:
-    """Return the distance [m] at q = 0 between a point of the parent and a point of the child. MuJoCo uses it as the reference length."""
+    """Return the distance [m] at q = 0 between a point of the parent and a point of the child. MuJoCo uses this distance as the reference
+    length of the constraint.
+    """
     assert closure.parent is not None
     X_WL: list[Pose] = []
     for body in robot.bodies:
@@ -168,7 +170,7 @@ def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tup
 def _lever(robot: Robot, closure: Closure) -> float:
     """Return the distance [m] between the two points at which a constraint acts.
 
-    It is the distance from the axis to the child's centre of mass, rounded to one digit, at least 1e-3.
+    This is the distance from the axis to the child's centre of mass, rounded to one digit. The distance is at least 1e-3 m.
 
     This distance gives translation and rotation similar weights in the constraint.
     """

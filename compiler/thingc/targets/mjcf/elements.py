@@ -48,7 +48,7 @@ def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
 
 
 def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
-    """Return the `material` elements for the colours of the robot."""
+    """Return a `material` element for each colour of the robot."""
     return tuple(
         Element(tag="material", attributes={"name": name, "rgba": channels(color)}, origin=origin)
         for name, (color, origin) in geometry.materials(shapes).items()
@@ -61,7 +61,7 @@ def inertial_of(properties: MassProperties, origin: Origin) -> tuple[Element, ..
 
 
 def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
-    """Return the `site` of a named frame."""
+    """Return the `site` element for a named frame."""
     return (Element(tag="site", attributes={"name": path, **pose_attributes(pose)}, origin=origin),)
 
 
@@ -82,8 +82,8 @@ def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
 
 
 def ball(name: str, joint: TreeJoint) -> tuple[Element, ...]:
-    """Return the `joint` element of a ball joint. `coordinate` can be any coordinate of the ball, because its coordinates differ only in
-    their axes.
+    """Return the `joint` element of a ball joint. The argument `joint` can be any coordinate of the ball joint, because its coordinates
+    differ only in their axes.
     """
     attributes: dict[str, XmlValue] = {"name": name, "type": "ball"}
     if any(joint.twist.anchor):
@@ -151,7 +151,7 @@ def drive_of_ball(name: str, joint: TreeJoint, drive: ActuatorModel, axis: Vecto
 
 
 def key(attributes: tuple[tuple[str, XmlValue], ...], origin: Origin) -> tuple[Element, ...]:
-    """Return the `key` element of a keyframe."""
+    """Return the `key` element for a pose of the mode."""
     return (Element(tag="key", attributes=dict(attributes), origin=origin),)
 
 

@@ -96,7 +96,8 @@ def _boxes_touch(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> bo
 
 
 def measure(shape: TopoDS_Shape) -> Measures:
-    """Return integrals over the solids of a shape (GProp of OCCT: Gauss quadrature on the faces).
+    """Compute the volume, area, centre of mass, inertia and bounding box of the solids in a shape. The integrals use GProp of OCCT, which
+    is Gauss quadrature on the faces.
 
     Fixed-order integration is exact to rounding on whole faces of simple surfaces, but errs by 1e-5 on a cylinder with a cross hole.
     Adaptive integration stops when the volume is accurate, and leaves 1e-11 in the inertia of a plain cylinder. Therefore both are
@@ -128,7 +129,7 @@ def measure(shape: TopoDS_Shape) -> Measures:
 
 
 def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GProps]:
-    """Return integrals over the volume of a solid, for either orientation of its faces, and over its surface.
+    """Compute integrals over the volume and over the surface of a solid. The faces of the solid may point inwards or outwards.
 
     `apex` is any point near the solid. Moments are summed about this point, because moments about a distant origin would lose digits.
     """

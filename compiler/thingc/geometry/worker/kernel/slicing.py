@@ -115,7 +115,7 @@ def _turned_up(up: tuple[float, float, float]) -> NDArray[np.float64]:
 
 
 def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: float) -> tuple[list[Region], NDArray[np.float64]]:
-    """Cut a mesh in the middle of each layer, from the bed up, and return the outlines and the heights `(n,)` of the cuts.
+    """Cut a mesh in the middle of each layer, from the print bed upwards. Return the outlines and the heights `(n,)` of the cuts.
 
     Equal cuts between upright walls are the same object.
     """
