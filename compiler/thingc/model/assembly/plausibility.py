@@ -39,7 +39,9 @@ CLOSE = 1e-6
 
 
 def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
-    """Warn of each mirrored part that is turned by 90 or 180 deg relative to its counterpart on the opposite mount."""
+    """Warn of each part that would mirror its counterpart on the opposite side of the robot, except for a turn of 90 or 180 deg about its
+    mount.
+    """
     groups: dict[object, list[Mate]] = {}
     for mate in assembly.mates:
         definition = assembly.occurrences[mate.child].definition
@@ -59,7 +61,8 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
 
 
 def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
-    """Return the turn [deg] about the mount's z axis that makes two children at q = 0 mirror images of each other.
+    """Return the angle [deg] of a turn about the mount's z axis after which the children of two mates are mirror images of each other at q
+    = 0.
 
     Return 0 if this turn does not exist, if the children are already mirror images, or if the mounts are not mirror images of each other.
     """
@@ -97,7 +100,7 @@ _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 
 
 def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> None:
-    """Warn of implausible values in an assembly. The documents of the assembly must not have errors."""
+    """Warn of implausible values in the documents of an assembly. Call this function only if the documents have no errors."""
     if findings.earlier:
         return
     occurrences, mates, links, modes = assembly.occurrences, assembly.mates, assembly.links, assembly.modes
@@ -167,7 +170,10 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> No
 
 
 def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None:
-    """Return the mismatched value (None if the Thing specifies it), the message and the help. Return None if all values match."""
+    """Compare the specified mass properties with the shape of the part.
+
+    Return a wrong value (None if the Thing specifies it), the message and the help, or None.
+    """
     mass = one.properties.mass
     if one.box is None or one.record is not None and not one.record.exact or mass <= 0.0:
         return None
@@ -250,20 +256,23 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
 
 
 def _written_value(joint: Joint, key: str) -> tuple[str, str, str]:
-    """Return a limit as written, then its number and its unit. The number and the unit are empty if the limit is not a plain quantity."""
+    """Return the text of a joint limit in the document, its number, and its unit.
+
+    Number and unit are empty if the text is not a number with a unit.
+    """
     text = joint.written.get(f"limit.{key}", "").strip()
     plain = _PLAIN.fullmatch(text)
     return (text, plain[1], plain[2]) if plain is not None else (text, "", "")
 
 
 def _origin_of(joint: Joint, key: str, here: Origin) -> Origin:
-    """Return the origin of a value of the joint, with the enclosing documents."""
+    """Return the location of a value of the joint in its document, and in the documents that contain this document."""
     span = joint.spans.get(key)
     return (span, *here[1:]) if span is not None else here
 
 
 def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
-    """Return a note with the location of the joint, or no notes if its value is on the same line."""
+    """Return a note with the location of the joint. Return no notes if the reported value is on the same line as the joint."""
     span = joint.spans.get(key)
     return noted(f"joint `{joint.name}` is defined here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
 
@@ -361,7 +370,7 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> No
 
 
 class _Offset(FrozenStruct):
-    """A suspicious offset: the phrase before its length, the length [m], the path of its owner, its origin, and a hint on what to check."""
+    """A suspiciously long offset between components: its length [m], its location in the document, and texts for the warning."""
 
     words: str
     length: float
@@ -399,7 +408,7 @@ def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
 
 
 def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
-    """Yield the offset at q = 0 and the travel of a joint.
+    """Yield the suspicious lengths of a joint: its offset at q = 0, and its travel if the joint translates.
 
     For a screw with a lead above `bound` [m], yield the lead instead of the travel.
     """

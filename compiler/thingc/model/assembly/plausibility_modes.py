@@ -126,7 +126,7 @@ def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
 
 
 def _content(mode: LinkedMode) -> object:
-    """Return all settings of a mode, without its name and its location."""
+    """Return all settings of a mode except its name and its location. Two modes with equal settings produce the same model."""
     return (
         (mode.root.occurrence, mode.root.mount, mode.root.of_component), mode.base, mode.at, mode.on_floor, mode.gravity, mode.pose,
         mode.poses, mode.actuators,

@@ -30,7 +30,7 @@ _SLIPS = (1e-1, 1e-2, 1e-3, 1e1, 1e2, 1e3)
 
 
 class _Doubt(FrozenStruct):
-    """A suspicious value of a process: its key, the message and the help."""
+    """A suspicious value of a print setting: the key of the setting, the message and the help of the warning."""
 
     key: str
     words: str
@@ -75,7 +75,7 @@ def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, not
 
 
 def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
-    """Yield those of the settings `keys` of a print process whose values are implausible."""
+    """Yield the implausible values of a print process. Only the settings in `keys` are checked."""
     lines = process.kind in (None, "fdm")
     for key, value, (least, most), usual, words in (
         ("line_width", process.line_width, WIDTHS, USUAL_WIDTHS, "lines are usually {} to {} wide") if lines else

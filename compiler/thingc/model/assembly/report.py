@@ -1,4 +1,4 @@
-"""Diagnostics of linking without duplicates, and a record of whether elements were omitted."""
+"""Report the diagnostics of the pass `link` without duplicates, and record whether elements of the robot were omitted."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class LinkReport:
         return said
 
     def has_said(self, code: Code) -> bool:
-        """Return whether linking reported a diagnostic of this code."""
+        """Return whether the pass `link` has reported a diagnostic with this code."""
         return any(known is code for known, _, _ in self._said)
 
     def leave_out(self) -> None:
@@ -60,7 +60,10 @@ class LinkReport:
         self.incomplete = True
 
     def _may_say(self, key: _Key) -> bool:
-        """Return whether a diagnostic is new and within the limit. If the limit is exceeded, report this once."""
+        """Return whether a diagnostic is not a duplicate and the maximum number of diagnostics is not exceeded.
+
+        Report once that the maximum is exceeded.
+        """
         if len(self._said) == MAX_FAULTS and key not in self._said:
             self._said.add(key)
             self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; further errors are not shown", None)

@@ -1,4 +1,4 @@
-"""The geometry of links with listed shapes, their mass, and their mesh files."""
+"""Compute the geometry, the mass properties and the mesh files of links whose shapes are listed in the document."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ Meshes = Mapping[MeshFile, MeshRecord]
 
 
 def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> Listed:
-    """Return the geometry of a link of this material. Mesh files without a record are omitted."""
+    """Return the shapes of a link for display, collision and mass.
+
+    `meshes` contains the records of mesh files. Mesh files without a record are omitted.
+    """
     boxes = [_box(shape, meshes) for shape in definition.shapes if isinstance(shape.solid, MeshFile) or shape.solid.shape != "plane"]
     return Listed(
         drawn=tuple(surface for shape in definition.shapes if shape.drawn for surface in _drawn(shape, material, meshes)),
@@ -33,7 +36,10 @@ def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes
 
 
 def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
-    """Return the box around a shape in the link's frame, or None if its mesh file has not been read."""
+    """Return the bounding box of a shape in the link's frame (two corners [m]).
+
+    Return None if the mesh file of the shape has not been read.
+    """
     if not isinstance(shape.solid, MeshFile):
         return shape.solid.box
     record = meshes.get(shape.solid)
@@ -64,7 +70,7 @@ def _touching(shape: LinkShape, material: Material | None, meshes: Meshes) -> It
 
 
 def _rubbing(shape: LinkShape, material: Material | None) -> Material | None:
-    """Return the material of a shape, with the friction of the shape itself, if specified."""
+    """Return the material of a shape. The friction of the shape, if specified, replaces the friction of the material."""
     slide, torsion, roll = shape.friction
     if shape.friction == (None, None, None):
         return material
@@ -84,7 +90,7 @@ def _whole(shape: LinkShape, file: MeshFile, record: MeshRecord, material: Mater
 
 
 def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | None:
-    """Return the bounding box of several boxes, or None if there are none."""
+    """Return the bounding box that contains several boxes (two corners [m]). Return None for an empty list."""
     corners = [corner for box in boxes for corner in box]
     if not corners:
         return None
@@ -95,17 +101,19 @@ def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | N
 class MissingDensity(Exception):
     """Raised if the mass of a link cannot be computed from its shapes.
 
-    The message continues a sentence that starts with the link's name. The message is empty if a mesh file was not read.
+    The message of the exception is a predicate without its subject, the link's name. The message is empty if a mesh file was not read.
     """
 
 
 def solid_shapes(definition: LinkDefinition) -> Sequence[LinkShape]:
-    """Return the shapes for the mass of a link: its collision shapes, or its display shapes if there are none."""
+    """Return the shapes from which the mass of a link is computed: its collision shapes, or its display shapes if the link has no collision
+    shapes.
+    """
     return [one for one in definition.shapes if one.touches] or [one for one in definition.shapes if one.drawn]
 
 
 def weigh_shapes(definition: LinkDefinition, material: Material | None, meshes: Meshes, overrides: Overrides) -> MassResult:
-    """Return the mass properties of a link, from the document or from its shapes. Raises `MissingDensity`."""
+    """Return the mass properties of a link, as specified in the document or computed from its shapes. Raises `MissingDensity`."""
     if overrides.mass is None:
         return weigh_link(weight_of(definition, material, meshes), overrides)
     return weigh_link(NOTHING if is_fully_stated(overrides) else matter_of(definition, meshes), overrides)
@@ -129,9 +137,11 @@ def matter_of(definition: LinkDefinition, meshes: Meshes) -> MassProperties:
 
 
 def weight_of(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> MassProperties:
-    """Return the mass [kg], centre [m] and inertia [kg m^2] of a link from the densities of its materials, or zeros without densities.
+    """Compute the mass [kg], centre of mass [m] and inertia [kg m^2] of a link from the densities of its shapes.
 
-    Raises `MissingDensity`, also if only some shapes have a density.
+    Return zeros if no shape has a density.
+
+    Raises `MissingDensity` if the mass cannot be computed, for example if only some shapes have a density.
     """
     dense = [(shape, own.density) for shape in solid_shapes(definition) if (own := shape.material or material) and own.density is not None]
     weights = [(density, _matter(shape, meshes)) for shape, density in dense]
@@ -142,7 +152,7 @@ def weight_of(definition: LinkDefinition, material: Material | None, meshes: Mes
 
 
 def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, tuple[Origin, bool]]:
-    """Return every mesh file with its first location, and whether it must be read.
+    """Return every mesh file that links of the model list, with the location of its first use and whether the file must be read.
 
     A mesh file must be read if it will be `drawn`, if the mass of a link depends on the mesh, or if a mode is `on_floor`.
     """

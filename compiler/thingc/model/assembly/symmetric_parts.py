@@ -11,7 +11,7 @@ from thingc.model.resolve.types import AssemblyDefinition, Component
 
 
 def with_own_images(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> AssemblyDefinition:
-    """Return the model with mirror images of symmetric parts replaced.
+    """Return a copy of the model in which mirror images of symmetric parts are replaced by the original part.
 
     Each part of a mirrored assembly that equals its mirror image is replaced by the original part with its order number.
 
@@ -30,7 +30,7 @@ class _Substituted:
         self._made: dict[int, AssemblyDefinition] = {}
 
     def of(self, definition: AssemblyDefinition) -> AssemblyDefinition:
-        """Return one assembly with the mirror images of its symmetric parts replaced."""
+        """Return a copy of one assembly in which mirror images of symmetric parts are replaced by the original part."""
         if id(definition) not in self._made:
             components = tuple(map(self._component, definition.components))
             same = all(new is old for new, old in zip(components, definition.components, strict=True))

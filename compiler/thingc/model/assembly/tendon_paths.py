@@ -1,4 +1,4 @@
-"""The path of a tendon through mounts, around spheres and cylinders, and over pulleys: its length, and its straight segments.
+"""Compute the length and the straight segments of a tendon that passes through mounts, around spheres and cylinders, and over pulleys.
 
 Between two mounts, the tendon is straight or follows the shortest path around a shape, on the side of its `side` mount. Lengths are
 divided by the divisor of the preceding pulley. The model is MuJoCo's `spatial` tendon (Computation, "Tendon"; `mju_wrap` of its engine),
@@ -21,7 +21,10 @@ TINY = 1e-15
 
 
 class TendonSpan(OneLineRepr, FrozenStruct):
-    """A straight segment between points on the parts of two mounts. The length of the segment is divided by `divisor`."""
+    """A straight segment of a tendon, between points on the parts of two mounts.
+
+    The tendon's length includes the segment's length divided by `divisor`.
+    """
 
     ends: tuple[LinkedMount, LinkedMount]
     points: tuple[Vector, Vector]
@@ -29,7 +32,7 @@ class TendonSpan(OneLineRepr, FrozenStruct):
 
     @property
     def length(self) -> float:
-        """The length [m] before the division."""
+        """The length [m] of the straight segment, before the division by `divisor`."""
         return dist(*self.points)
 
 
@@ -41,7 +44,10 @@ class TendonCourse(OneLineRepr, FrozenStruct):
 
 
 def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
-    """Compute the course of a tendon. `at` maps the paths of its mounts to their poses in a common frame."""
+    """Compute the length and the straight segments of a tendon.
+
+    `at` maps the paths of the tendon's mounts to their poses in a common frame.
+    """
     spans: list[TendonSpan] = []
     length, divisor = 0.0, 1.0
     last: LinkedMount | None = None
@@ -71,7 +77,10 @@ def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
 
 
 def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector) -> tuple[float, Vector, Vector] | None:
-    """Return the length of the tendon on the shape [m] and the points of contact. Return None if the tendon does not touch the shape."""
+    """Return the length [m] of the tendon's arc on a shape that it wraps, and the two ends of the arc.
+
+    Return None if the tendon does not touch the shape.
+    """
     assert step.mount is not None and step.radius is not None
     shape, radius = at[step.mount.path], step.radius
     inverse = shape.inverse()

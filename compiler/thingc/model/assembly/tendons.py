@@ -17,7 +17,7 @@ from thingc.model.resolve.types import PathStep
 
 
 def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedTendon, ...]:
-    """Return the tendons of all documents with their paths. Report and omit invalid tendons."""
+    """Return the tendons of all documents, with mounts and joints resolved to paths in the robot. Report and omit invalid tendons."""
     tendons: list[LinkedTendon] = []
     for instance, definition in tree.assemblies:
         for one in definition.tendons:
@@ -49,7 +49,7 @@ def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
 
 
 def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> bool:
-    """Return whether the `side` of a shape, if any, is on the same link as the shape. Report an error if it is not."""
+    """Return whether the `side` mount of a shape that a tendon wraps is on the same link as the shape. Report an error if it is not."""
     if step.mount is None or step.side is None or link_of[step.mount.occurrence] == link_of[step.side.occurrence]:
         return True
     findings.error(
@@ -60,7 +60,9 @@ def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> b
 
 
 def rested(tendon: LinkedTendon, occurrences: Sequence[Occurrence], rest: Mapping[int, Pose], findings: LinkReport) -> LinkedTendon:
-    """Return the tendon with the rest length of its spring (default: its length at q = 0). `rest` are the poses of occurrences.
+    """Return a copy of the tendon with the rest length of its spring, which is by default its length at q = 0.
+
+    `rest` contains the poses of all occurrences at q = 0.
 
     Report a path with a mount inside a shape that it wraps.
     """

@@ -1,4 +1,4 @@
-"""The linked robot before any root is chosen: occurrences, the mate graph and links."""
+"""Data types of the linked robot before a root is chosen: occurrences, the mate graph, links, sensors, tendons and modes."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class MountFrame(OneLineRepr, FrozenStruct):
 
 
 class Surface(OneLineRepr, FrozenStruct):
-    """A shape of an occurrence for display or collision: `solid` at `pose` in the occurrence's frame, with material and colour.
+    """A shape of an occurrence for display or collision: `solid` at `pose` in the occurrence's frame, with a material and a colour.
 
     `color` is `#rrggbb` or `#rrggbbaa`, or None for the colour of the mesh. For meshes that a link lists, `name` is the file name without
     its extension, `volume` [m^3] the volume of the mesh, and `scale` the factors if MuJoCo reads the original file. `title` is the name of
@@ -95,7 +95,10 @@ class PartInstance(OneLineRepr, FrozenStruct):
 
 
 class Occurrence(PartInstance):
-    """A part, link or frame at a path of the robot, such as `hand/cap`. `index` is its position in document order."""
+    """One use of a part, a link or a frame in the robot, at a path such as `hand/cap`.
+
+    `index` is the position of the occurrence in document order.
+    """
 
     path: str
     index: int
@@ -103,12 +106,18 @@ class Occurrence(PartInstance):
     origin: Origin
 
     def name_in_files(self, surface: Surface) -> str | None:
-        """Return the name of a shape in files, with the path of the document, or None if the document does not specify a name."""
+        """Return the name that a shape has in output files, with the path of its document.
+
+        Return None if the document does not specify a name.
+        """
         return None if surface.title is None else self.path[: self.path.rfind("/") + 1] + surface.title
 
     @property
     def drawn(self) -> tuple[Surface, ...]:
-        """The shapes for display, in the occurrence's frame. Empty if there is no geometry or the document disables display."""
+        """The shapes for display, in the occurrence's frame.
+
+        The tuple is empty if there is no geometry or the document disables display.
+        """
         if self.listed is not None:
             return self.listed.drawn
         mesh = self.record.meshes.get("visual") if self.record is not None and self.overrides.visual else None
@@ -152,17 +161,22 @@ class Occurrence(PartInstance):
         return () if mesh is None else (self._surface(mesh),)
 
     def _surface(self, solid: Mesh | Primitive) -> Surface:
-        """Return a shape of a part, with the part's material."""
+        """Return a solid of the part as a shape with the material of the part."""
         return Surface(solid=solid, material=self.material, color=self.color)
 
     @property
     def box(self) -> tuple[Vector, Vector] | None:
-        """The bounding box in its own frame (two corners [m]), or None if there is no geometry or the box is not known exactly."""
+        """The bounding box of the occurrence in its own frame (two corners [m]).
+
+        None if there is no geometry or the box is not known exactly.
+        """
         return self.listed.box if self.listed is not None else self.record.box if self.record is not None else None
 
 
 class ActuatorModel(OneLineRepr, FrozenStruct):
-    """A drive in SI units, including defaults from the Thing's actuator. `effort` is the force limit.
+    """A drive of a joint or tendon in SI units, including defaults from the Thing's actuator.
+
+    `effort` is the limit of its force or torque.
 
     For a drive of a ball joint, `axis` is a unit vector that is fixed in the child, in the parent mount's axes at q = 0. `name` is the name
     in files if it differs from the joint's name.
@@ -179,7 +193,9 @@ class ActuatorModel(OneLineRepr, FrozenStruct):
 
 
 class JointEdge(Coordinate):
-    """A coordinate of a mate, including all defaults. `name` is its name in the top document (`hand.wrist[0]`).
+    """A coordinate of the joint in a mate, including all default values.
+
+    `name` is the name of the coordinate in the top document (`hand.wrist[0]`).
 
     `twist` is the motion of the joint, in the frame that the preceding coordinates of the mate have moved. `mimic.joint` is also a name in
     the top document. `limit.effort`, `limit.velocity` and `dynamics.armature` include the drive's defaults.
@@ -227,14 +243,17 @@ class Link(OneLineRepr, FrozenStruct):
 
 
 class MountAt(OneLineRepr, FrozenStruct):
-    """A mount of an occurrence in the linked assembly."""
+    """A mount in the linked assembly, identified by its occurrence and its name."""
 
     occurrence: int
     mount: str
 
 
 class LinkedMount(MountAt):
-    """A mount in a document with the path of its site, such as `hand/tip` (for a component, `hand/origin`)."""
+    """A mount or component to which a document refers, with the path of its site in the robot.
+
+    The path is for example `hand/tip`, or `hand/origin` for a component.
+    """
 
     path: SitePath
 
@@ -248,7 +267,10 @@ class LinkedMount(MountAt):
 
 
 class ExportedMount(LinkedMount):
-    """An exported mount of an assembly, with its path (`tip`, `hand/tip`)."""
+    """A mount that an assembly exports, with its path in the robot.
+
+    The path is `tip` in the top document, or `hand/tip` in the nested assembly `hand`.
+    """
 
     origin: Origin
 
@@ -274,7 +296,7 @@ class LinkedHold(OneLineRepr, FrozenStruct):
 
 
 class Foot(OneLineRepr, FrozenStruct):
-    """A contact mount of a mode with a free base, with the sliding friction between mount and floor."""
+    """A mount on which a mode with a free base stands, with the coefficient of sliding friction between the mount and the floor."""
 
     mount: LinkedMount
     friction: float
@@ -282,7 +304,9 @@ class Foot(OneLineRepr, FrozenStruct):
 
 
 class LinkedSensor(Measurement):
-    """A sensor with its path (`leg/imu`) and resolved references: `joint` and `tendon` are paths, `touching` the indices of links.
+    """A sensor with its path in the robot (`leg/imu`) and with resolved references.
+
+    `joint` and `tendon` are paths, and `touching` contains indices of links.
 
     `parts` contains the readings that have their own names in files.
     """
@@ -297,12 +321,12 @@ class LinkedSensor(Measurement):
 
     @property
     def mounts(self) -> tuple[LinkedMount, ...]:
-        """The mounts that the sensor refers to."""
+        """The mounts to which the sensor refers."""
         return tuple(one for one in (self.at, self.seen_from) if one is not None)
 
     @property
     def site(self) -> str | None:
-        """The path of the sensor's mount."""
+        """The path of the site at which the sensor is mounted."""
         return None if self.at is None else self.at.path
 
     def part(self, reading: str) -> str:
@@ -311,14 +335,14 @@ class LinkedSensor(Measurement):
 
 
 class TendonStep(Wrap):
-    """A step of the path of a tendon, with resolved mounts."""
+    """A step of the path of a tendon: a mount that the tendon passes, a shape that it wraps, or a pulley. Mounts are resolved."""
 
     mount: LinkedMount | None
     side: LinkedMount | None
 
 
 class LinkedTendon(OneLineRepr, FrozenStruct):
-    """A tendon with its path (`hand/grip`).
+    """A tendon with its path in the robot (`hand/grip`) and with resolved references to joints and mounts.
 
     `moves` maps joint paths to the change of its length per unit of q. The length is in [rad] if the tendon `turns`, otherwise in [m]. A
     spatial tendon has `steps`, and a `width` [m] if the document specifies it. The default rest length of its spring is its length at q =
@@ -341,7 +365,7 @@ class LinkedTendon(OneLineRepr, FrozenStruct):
         return tuple(one for step in self.steps for one in (step.mount, step.side) if one is not None)
 
     def length(self, q: Mapping[str, float]) -> float:
-        """Return the length of a tendon over joints at `q` (all joints by path, rad or m)."""
+        """Compute the length [rad or m] of a tendon over joints. `q` maps the paths of all joints to their positions [rad or m]."""
         return sum_of(factor * q[path] for path, factor in self.moves.items())
 
 
@@ -361,7 +385,7 @@ class LinkedMode(ModeSettings):
 
 
 class FileNames(OneLineRepr, FrozenStruct):
-    """Names in files that differ from the path.
+    """The names of elements in output files that differ from the path of the element.
 
     The elements are components (also used for links), exported mounts, whole joints, tendons, drives (keyed by their coordinate or tendon),
     equalities (keyed by the joint that mimics or closes a loop), sensors (or a reading, `imu:gyro`) and poses.
@@ -378,7 +402,10 @@ class FileNames(OneLineRepr, FrozenStruct):
 
 
 class LinkedTest(OneLineRepr, FrozenStruct):
-    """A test of the top document with resolved references: mounts, and all occurrences in components."""
+    """A test of the top document with resolved references.
+
+    References to mounts become mounts, and references to components become their occurrences.
+    """
 
     test: Test
     mounts: dict[Reference, MountAt]
@@ -386,7 +413,7 @@ class LinkedTest(OneLineRepr, FrozenStruct):
 
 
 class Connected(OneLineRepr, FrozenStruct):
-    """The linked robot before the computation of poses.
+    """The linked robot before the poses of its occurrences at q = 0 are computed.
 
     `link_of[i]` is the link of occurrence i. `between` contains the indices of massless intermediate links, which have exactly two joints
     and neither mass nor shapes.
@@ -430,7 +457,7 @@ class Assembly(Connected):
 
     @property
     def drives(self) -> dict[str, str]:
-        """The names of drives in files, by the paths of their coordinates and tendons."""
+        """The names of drives in output files, keyed by the path of the joint coordinate or tendon that the drive moves."""
         driven: list[JointEdge | LinkedTendon] = [*(joint for mate in self.mates for joint in mate.joints), *self.tendons]
         return {one.path: one.actuator.name or one.path for one in driven if one.actuator is not None}
 

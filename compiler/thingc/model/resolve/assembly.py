@@ -41,7 +41,9 @@ def resolved(
     context: ResolveRun, relative: str, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression],
     choices: chosen.Choices = (), *, top: bool = False,
 ) -> DocumentScope:
-    """Return the scope of a document, including its `definition`. Calls with equal parameters and choices return the same scope.
+    """Resolve an assembly document with parameters and choices.
+
+    Return its scope, which contains the resolved `definition`. Equal arguments return the same scope.
 
     Modes are only resolved for the `top` document, because a parent does not use the modes of nested documents.
     """
@@ -82,7 +84,7 @@ def _check_count(context: ResolveRun, scope: Scope) -> None:
 
 
 def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
-    """Resolve the sections of a document in order of their dependencies, and set its `definition`."""
+    """Resolve all sections of a document in the order of their dependencies, and store the resulting definition in `table`."""
     scope, spec = table.scope, table.spec
     _check_names(scope, spec)
     table.materials = in_scope(context, scope, spec)
@@ -116,7 +118,7 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
 def _definition(
     context: ResolveRun, table: DocumentScope, made: tuple[Component, ...], links: tuple[LinkName, ...], top: bool,
 ) -> AssemblyDefinition:
-    """Return the definition of a resolved document, for later passes."""
+    """Create the definition of an assembly from the resolved sections of its document."""
     scope, spec = table.scope, table.spec
     stated = (spec.modes, context.values(scope, "modes", spec.modes), *context.around(table))
     own_modes = context.sound("modes", stated, lambda: modes(table, scope)) if top else ()

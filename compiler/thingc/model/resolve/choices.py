@@ -1,8 +1,9 @@
-"""Choices of `--set`: strings for paths such as `components.foot.part`. (For other values, see `set_values`.)
+"""Apply the options `--set` that choose a part, a file, a document or a material, at paths such as `components.foot.part`.
 
-The path of a choice refers to a component (`components.leg.components.foot.part`), or to a default for components
-(`defaults.component.material`). A choice replaces the value in the document, and is part of the identity of every definition that contains
-the choice. Paths of files and documents are relative to the compiled document.
+The module `set_values` applies options for all other values. The path of a choice refers to a component
+(`components.leg.components.foot.part`), or to a default for components (`defaults.component.material`). A choice replaces the value in the
+document, and is part of the identity of every definition that contains the choice. Paths of files and documents are relative to the
+compiled document.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ Choices = tuple[tuple[str, str], ...]
 
 
 def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choices:
-    """Return the choices with valid paths. Report all other choices."""
+    """Return the options `--set` whose paths are valid for a choice. Report all options with other paths."""
     sound: dict[str, str] = {}
     for path, text in choices.items():
         if parse(path) is None and not is_value(path):
@@ -37,7 +38,7 @@ def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choice
 
 
 def that_say_more(context: ResolveRun, relative: str, spec: AssemblySpec, choices: Choices) -> Choices:
-    """Return the choices that differ from the document."""
+    """Return the choices that differ from the document. A choice that repeats the value in the document is dropped."""
     return tuple((path, text) for path, text in choices if not _written(context, relative, spec, path, text))
 
 
@@ -75,12 +76,15 @@ def below(choices: Choices, *names: str) -> Choices:
 
 
 def values(choices: Choices) -> dict[str, str]:
-    """Return the values that `--set` sets by path in the document itself."""
+    """Return the values that options `--set` replace in the document, keyed by path. Choices of parts and materials are not included."""
     return {path: text for path, text in choices if parse(path) is None and nested(path) is None}
 
 
 def own(choices: Choices, *names: str) -> dict[str, str]:
-    """Return the choices for a component itself, by key. `names` are as in `below`."""
+    """Return the choices that apply to a component, keyed by the setting (`part`, `material`).
+
+    `names` are the component's names, the most specific name last.
+    """
     by_key: dict[str, str] = {}
     for name in names:
         by_key.update({key: text for key in KEYS for path, text in choices if path == f"components.{name}.{key}"})
@@ -100,7 +104,7 @@ def with_default_material(context: ResolveRun, table: DocumentScope) -> Assembly
 
 
 def check_names(context: ResolveRun, table: DocumentScope, items: Sequence[Unrolled[ComponentSpec]]) -> None:
-    """Report choices for unknown components."""
+    """Report each choice whose path refers to a component that the document does not contain."""
     names = {item.name for item in items} | set(table.spec.components)
     if table.doubts.lacks("components") or table.unbuilt:
         return
@@ -188,7 +192,10 @@ def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: 
 
 
 def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """Return the documents and parts that choices select, which must be loaded first. Document names are relative to the top document."""
+    """Return the documents and part classes that choices select and that must be loaded.
+
+    Paths of documents are relative to the top document.
+    """
     return _choice_names(choices, "assembly"), _choice_names(choices, "part")
 
 

@@ -31,7 +31,10 @@ Nest = Callable[[ResolveRun, str, AssemblySpec, Mapping[str, ExpressionValue], c
 
 
 def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[ComponentSpec]], nest: Nest) -> None:
-    """Resolve the components of a document into `table.nodes`, and count the occurrences."""
+    """Resolve the components of a document, and store the result in `table.nodes`.
+
+    Also count the parts, links and frames of the document.
+    """
     items = tuple(items)
     if table.choices:
         choose.check_names(context, table, items)
@@ -109,7 +112,10 @@ def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefin
 
 
 def _nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, text: str, nest: Nest) -> DocumentScope | None:
-    """Return the table of a nested document. Return None if it could not be read or contains itself (both reported by `load`)."""
+    """Resolve the nested document of a component.
+
+    Return None if the document could not be read or contains itself, which `load` has reported.
+    """
     scope, path = node.scope, (*node.path, "assembly")
     chosen = "assembly" in node.chosen
     document = context.documents.named(context.documents.root if chosen else scope.document, text)

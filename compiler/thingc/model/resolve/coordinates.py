@@ -1,4 +1,4 @@
-"""The coordinates of joints, with their names, limits, dynamics and mimics."""
+"""Data types for the coordinates of joints: names, limits, dynamics and mimics."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from thingc.base.source import Origin
 
 
 class Limit(OneLineRepr, FrozenStruct):
-    """Limits of a joint: `lower` and `upper` [rad or m], `effort` [N m or N] and `velocity` [rad/s or m/s], if specified.
+    """The limits of a joint, if specified: position from `lower` to `upper` [rad or m], `effort` [N m or N] and `velocity` [rad/s or m/s].
 
     For a ball joint, `cone` is the largest rotation angle [rad] from q = 0 about any axis.
     """
@@ -43,12 +43,15 @@ class Dynamics(OneLineRepr, FrozenStruct):
     rest: float | None = None
 
     def sprung(self, q: float) -> float:
-        """Return the force of the spring [N m or N] at `q` [rad or m], along positive q."""
+        """Return the torque [N m] or force [N] of the joint's spring at the position `q` [rad or m].
+
+        Positive values push towards positive q.
+        """
         return 0.0 if self.stiffness is None else self.stiffness * ((self.rest or 0.0) - q)
 
     @property
     def acts(self) -> bool:
-        """Whether the joint has damping, friction, armature or a spring that is not 0."""
+        """Whether any of the joint's damping, friction, armature and spring stiffness is not 0."""
         return any((self.damping, self.friction, self.armature, self.stiffness))
 
 
@@ -72,13 +75,13 @@ class CoordinateName(str):
         return name
 
     def in_files(self, path: str) -> CoordinateName:
-        """Return a copy of the coordinate with `path` as its name in files."""
+        """Return a copy of the coordinate's name with `path` as its name in output files."""
         name = CoordinateName(self)
         name.path = path
         return name
 
     def numbered(self, number: int) -> CoordinateName:
-        """Return the coordinate of this joint with an index."""
+        """Return the name of the coordinate with this index, `wrist[1]` for the joint `wrist`."""
         return CoordinateName(f"{self.joint}[{number}]")
 
 
@@ -86,8 +89,9 @@ _NUMBERED = re.compile(r"(.*)\[(\d+)\]")
 
 
 class Mimic(OneLineRepr, FrozenStruct):
-    """A mimic as the polynomial q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ..., where x is q of the other joint, in SI
-    units.
+    """The polynomial by which a joint follows another joint.
+
+    With x for the position of the other joint, in SI units: q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ...
 
     `joint` is the name of a coordinate in the same document. `name` is the name of the equality in files, if specified.
     """
@@ -101,7 +105,7 @@ class Mimic(OneLineRepr, FrozenStruct):
 
     @property
     def polynomial(self) -> tuple[float, ...]:
-        """Coefficients of the powers of q(joint) in ascending order, starting with the constant."""
+        """The coefficients of the polynomial in ascending order of the powers, starting with the constant."""
         return (self.offset, self.multiplier, *self.higher)
 
     def tangent(self, x: float) -> tuple[float, float]:
@@ -112,7 +116,7 @@ class Mimic(OneLineRepr, FrozenStruct):
         return slope, self.at(x) - slope * x
 
     def at(self, x: float) -> float:
-        """Return the position of this joint if the other joint is at `x`. The result is infinite on overflow."""
+        """Compute the position of the joint when the joint that it mimics is at `x`. The result is infinite on overflow."""
         linear = self.multiplier * x + self.offset
         try:
             return linear if not self.higher else linear + sum_of(c * x**k for k, c in enumerate(self.higher, start=2))

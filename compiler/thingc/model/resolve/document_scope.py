@@ -1,4 +1,6 @@
-"""The state of the pass `resolve` for one document: the definition of the document and the names of invalid elements."""
+"""The state of the pass `resolve` for each document: resolved elements, the definition of the document, and the names of invalid
+elements.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +66,9 @@ class ComponentScope:
 
 @dataclass(slots=True, kw_only=True)
 class DocumentScope:
-    """A document with a set of parameters. In `exports`, `joints` and `poses`, None represents an invalid element.
+    """The resolved elements of a document with one set of parameters.
+
+    In `exports`, `joints` and `poses`, None represents an invalid element.
 
     `parameters` include the `choices` inside the document (see `thingc.model.resolve.choices`). `unbuilt` and `unbuilt_joints` are the
     prefixes (`leg_`) of repeats that could not be unrolled. `occurrences` is the number of its parts, links and frames. `base` is the name
@@ -96,12 +100,12 @@ class DocumentScope:
 
     @property
     def doubts(self) -> InvalidEntries:
-        """Entries of the document that were omitted by validation."""
+        """The locations of entries that validation removed from the document because they are invalid."""
         return self.scope.doubts
 
     @property
     def key(self) -> tuple[str, tuple[tuple[str, Value], ...]]:
-        """Key of the table: document and parameters."""
+        """The key by which the resolved document is cached: the path of the document and its parameters."""
         return self.document.relative, self.parameters
 
     def inner(self) -> Iterator[DocumentScope]:
@@ -132,7 +136,7 @@ class DocumentScope:
 
 
 class DeclaredParameters(FrozenStruct):
-    """Parameters of a document: the valid values that the document specifies, and the names of parameters with invalid values."""
+    """The parameters that a document declares: the valid values from the document, and the names of parameters with invalid values."""
 
     values: Mapping[str, ExpressionValue]
     broken: frozenset[str]
@@ -169,7 +173,7 @@ class ResolveRun:
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
 
     def recall(self) -> None:
-        """Reuse valid results of the last run: nested documents with their parameters, and material documents."""
+        """Reuse valid results of the last run: resolved nested documents and material documents whose inputs have not changed."""
         known = self.memo.last("resolve", (self.specs, self.schemas))
         if known is not None:
             self.recalled, declared, materials = known
@@ -179,12 +183,18 @@ class ResolveRun:
             self.recalled = self.of_any_text.last(("nested", self.documents.root.relative), self._nested()) or {}
 
     def _nested(self) -> tuple[object, ...]:
-        """Return the inputs of nested documents."""
+        """Return the data on which the resolution of nested documents depends.
+
+        Cached results are valid only while this data is unchanged.
+        """
         root = self.documents.root
         return {path: one for path, one in self.documents.by_path.items() if one is not root}, self.schemas, self.workspace
 
     def table(self, key: tuple[str, tuple[tuple[str, Value], ...]]) -> DocumentScope | None:
-        """Return the table of a document with these parameters, from this run or from the last run, or None."""
+        """Return the cached scope of a document with these parameters, from this run or from the last run.
+
+        Return None if there is no cached scope.
+        """
         known = self.tables.get(key)
         if known is None and key in self.recalled:
             known = self.tables[key] = self.recalled[key]
@@ -224,7 +234,7 @@ class ResolveRun:
         return known
 
     def same(self, what: str, document: str, made: Iterable[Named]) -> tuple[Named, ...]:
-        """Return elements created from a document, each replaced by the equal object of the last run, if any.
+        """Replace each element that equals an element of the last run by the object of the last run. Return all elements.
 
         Later passes can then use their caches.
         """
@@ -250,15 +260,15 @@ class ResolveRun:
         return ".".join((*(f"components.{name}" for name in self.route), path))
 
     def say_of_option(self, path: str, message: str, help: Hint | None) -> None:
-        """Report an error of `--set` at a path in the current document."""
+        """Report an error in a `--set` option for a path in the current document."""
         self.report.add(Code.CHOICE_OPTION, message, None, path=f"{SET}{self.from_top(path)}", help=help)
 
     def scope(self, document: Document, names: Mapping[str, ExpressionValue], broken: frozenset[str] = NOTHING) -> Scope:
-        """Return a scope that reports to this run."""
+        """Create a scope for expressions in a document. Errors in expressions are added to the report of this run."""
         return Scope(document=document, report=self.report, names=names, broken=broken, said=self.said, doubts=self.doubts(document))
 
     def doubts(self, document: Document) -> InvalidEntries:
-        """Return the entries of a document that were omitted by validation."""
+        """Return the locations of entries that validation removed from a document because they are invalid."""
         return self.specs.doubts.get(document.relative, NO_DOUBTS)
 
 
