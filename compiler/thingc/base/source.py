@@ -1,7 +1,7 @@
 """Source positions in documents, and the tree of nodes into which a document is parsed.
 
-Every value of a document has a source position. A `Span` is a single range in a file. An `Origin` is a tuple of spans that created an
-element of the robot, innermost first: for example the span of a component, followed by the line of the parent document that nests this
+Every value of a document has a source position. A `Span` is a single range in a file. An `Origin` is a tuple of the spans that created an
+element of the robot, innermost first. For example, the span of a component is followed by the line of the parent document that nests this
 component.
 """
 
@@ -66,7 +66,7 @@ is never empty.
 
 
 class Edit(FrozenStruct):
-    """An automatic fix of a document, which replaces the text `written`, which occurs once in `span`, by the text `replacement`."""
+    """An automatic fix of a document. It replaces the text `written`, which occurs once in `span`, by the text `replacement`."""
 
     span: Span
     written: str

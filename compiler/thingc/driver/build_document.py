@@ -20,9 +20,9 @@ from thingc.targets.artifact import Content, Loss
 class BuildRequest(FrozenStruct):
     """The options of a build, as on the command line.
 
-    `modes` are the names of the modes to build (default: all), and `output` is the folder in which the build folder is created (default:
-    the build folder of the workspace). `strict` treats warnings as errors, and `deny_loss` treats export losses as errors. `force`
-    overwrites files in the build folder that thingc did not write. `twice` builds each part a second time and compares the results.
+    `modes` contains the names of the modes to build (default: all). `output` is the parent folder of the build folder (default: the
+    workspace's folder for builds). `strict` treats warnings as errors, and `deny_loss` treats export losses as errors. `force` overwrites
+    files in the build folder that thingc did not write. `twice` builds each part a second time and compares the results.
     """
 
     targets: tuple[str, ...]

@@ -111,8 +111,8 @@ def write_build(
     `on_wait` is called before waiting for another build of the same folder. `force` overwrites files that thingc did not write or that have
     changed, if the folder contains a build of the same document.
 
-    Raises `UnexpectedFilesError` if the folder contains anything other than an unchanged build of the same document, `OutputError` for
-    errors of the operating system, and `ValueError` for a path outside the folder. After an exception, the folder is unchanged.
+    Raises `UnexpectedFilesError` if the folder contains anything other than an unchanged build of the same document. Raises `OutputError`
+    for errors of the operating system, and `ValueError` for a path outside the folder. After an exception, the folder is unchanged.
     """
     _check_paths(name, files)
     folder = build_folder(parent, name)

@@ -261,8 +261,9 @@ def inertias_in(arrays: Any, rows: tuple[Any, Any, Any], xp: Any) -> Inertias:
 def inertia_rows(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
     """Return three arrays of indices and flags, from which `inertias_in` reads the inertias of all links.
 
-    They contain the number of the body of each link, whether this body has the name of the link, and the number of the degree of freedom of
-    each joint. A massless intermediate link does not have its own body.
+    The first array contains the number of the body of each link. The second array contains flags that are true if this body has the name of
+    the link. A massless intermediate link does not have its own body. The third array contains the number of the degree of freedom of each
+    joint.
     """
     found: tuple[Any, Any, Any] = _cached(_weights, mode, model)
     return found

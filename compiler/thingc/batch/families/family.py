@@ -69,8 +69,8 @@ class RobotFamily:
     A value is a number in SI units, or a string as in documents. A `Variant` of a plan is also accepted. Settings are checked as for
     `thingc build -p`, and errors are part of the results. The documents are read once; later changes have no effect.
 
-    Most models and results are computed without a compilation. `verify` controls how often such a model or result is compared with a
-    compilation: the first one, then one in `verify` (0: never; None: the first, second, fourth, eighth ...).
+    Most models and results are computed without a compilation. Some of them are compared with a compilation. If `verify` is a number n,
+    these are the first one, and then one in n (0: none). If `verify` is None, these are the first, second, fourth, eighth and so on.
 
     This class is not thread-safe. After a fork, or when the object is pickled, each process has its own family. On exit, the context
     manager ends the worker process that builds parts. All methods that build parts or read their meshes raise `StoreUnusable` if the store

@@ -92,7 +92,7 @@ def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> 
 
 
 def _with_hulls(text: str, files: dict[str, bytes], meshes: Sequence[str]) -> mujoco.MjModel:
-    """Compile a MuJoCo model in such a way that every mesh has a convex hull.
+    """Compile a MuJoCo model so that every mesh has a convex hull, even if no colliding geom uses the mesh.
 
     MuJoCo computes a convex hull only for the meshes of colliding geoms, but each geom can later use any mesh. A temporary geom is
     therefore added for each mesh and deleted again, because its hull remains in the model.

@@ -157,7 +157,7 @@ class FamilyMjx:
         return FamilyError(f"{why}, and it depends on {', '.join(self.names)}", "fix them with `at`, or use `models`")
 
     def _put_base(self, mode: str) -> mjx.Model:
-        """Convert the MuJoCo model for `start` to MJX in such a way that the fields of the other models can be inserted."""
+        """Convert the MuJoCo model for `start` to an MJX model in which the fields that depend on numbers can be replaced."""
         model = copy.copy(self.mj_model)
         for name in FRICTION:
             if name in self._writes:  # MJX has constraints only for joints with friction in the model that it converts

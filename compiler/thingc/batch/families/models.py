@@ -43,8 +43,8 @@ Item = tuple[Mapping[str, Any], ParsedSettings]
 class ModelsOfMode:
     """Computes the MuJoCo models of one mode, with or without visual geometry, and with or without the floor.
 
-    A model that is computed by a plan is compared with a compiled model: for each plan, the first model, and then one in `verify` (None:
-    the first, second, fourth, eighth ...).
+    Some of the models that a plan computes are compared with compiled models. If `verify` is a number n, these are the first model of each
+    plan, and then one in n. If `verify` is None, these are the first, second, fourth, eighth and so on.
     """
 
     def __init__(
