@@ -27,7 +27,7 @@ Choices = tuple[tuple[str, str], ...]
 
 
 def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choices:
-    """Return the options `--set` whose paths are valid for a choice. Report all options with other paths."""
+    """Return the `--set` options with valid paths, sorted by path. Report all options with invalid paths."""
     sound: dict[str, str] = {}
     for path, text in choices.items():
         if parse(path) is None and not is_value(path):

@@ -1,4 +1,4 @@
-"""Resolve the joints of a document: kinds, references, limits, dynamics and drives. The module `mimics` resolves mimics."""
+"""Resolve the joints of a document: type, parent and child mount, limits, dynamics and drives. The module `mimics` resolves mimics."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ NO_DYNAMICS = Dynamics()
 
 
 def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) -> tuple[Any, Path] | None:
-    """Return the value of a key of a joint. Defaults for rotations do not apply to translations, and vice versa."""
+    """Return the value that a document specifies for a setting of a joint.
+
+    Default values for rotations do not apply to translations, and vice versa.
+    """
     said = layers.pick(key)
     if said is not None and said[1][0] == "defaults":
         return None if _of_others(scope, *said, key, coordinate) else said
@@ -43,7 +46,7 @@ def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) 
 
 
 def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimension) -> bool:
-    """Return whether a value has units of rotation although the joint translates, or vice versa."""
+    """Return whether the value of a joint setting has a unit of rotation although the joint translates, or vice versa."""
     own, other = (TURN, SLIDE) if coordinate == ANGLE else (SLIDE, TURN)
     value = scope.value(raw, path)
     return isinstance(value, Quantity) and not value.fits(own[key]) and value.fits(other[key])
@@ -52,7 +55,10 @@ def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimensi
 def _values(
     scope: Scope, name: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: tuple[str, ...],
 ) -> dict[str, float | None]:
-    """Return the values of keys whose values must be at least 0. Missing and invalid values are None. Report the invalid values."""
+    """Return the values of joint settings that must not be negative, such as `damping`.
+
+    Missing and invalid values are None. Report the invalid values.
+    """
     of = dimensions_of(coordinate)
     values: dict[str, float | None] = {}
     for key in keys:
@@ -62,8 +68,9 @@ def _values(
 
 
 def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: Places) -> bool:
-    """Resolve the joints of a document into `table.joints`, without mimics. For each joint, `places` records the component that the joint
-    places.
+    """Resolve the joints of a document, except for their mimics, and store them in `table.joints`.
+
+    Record in `places` which component each joint places.
 
     If the kind or a reference of a joint is invalid, the joint is None and its child, if any, is unplaced.
     Return whether any joint's child could not be read.
@@ -114,7 +121,7 @@ def _named(table: DocumentScope, scope: Scope, text: str) -> str | None:
 def _coordinates(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: DefaultLayers,
 ) -> tuple[Joint, ...]:
-    """Return the joint, or one joint per coordinate if the joint has several coordinates."""
+    """Resolve a joint and return a tuple with one element per coordinate of the joint."""
     scope, path, count = item.scope, item.path, len(kind.twists)
     lead = _lead(scope, item.spec, kind, item.name, path)
     axis = _axis(scope, item.spec, kind, item.name, path)
@@ -212,7 +219,10 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
 
 
 def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, code: Code) -> Vector | None:
-    """Return the unit vector along a vector in the document. Report an invalid vector (a zero vector with `code`) and return None."""
+    """Normalize a vector from the document to length 1.
+
+    Report an invalid vector, or a zero vector with the code `code`, and return None.
+    """
     axis = scope.vector(written, place, NUMBER, what)
     size = 0.0 if axis is None else hypot(*axis)
     if axis is None or size > 0.0:
@@ -225,7 +235,7 @@ def _resolve_joint(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[Reference, Reference],
     layers: DefaultLayers, number: int | None,
 ) -> Joint:
-    """Resolve a joint, or the coordinate `number` of a joint."""
+    """Resolve a joint with one coordinate, or the coordinate with index `number` of a joint with several coordinates."""
     scope, spec, path, name = item.scope, item.spec, item.path, CoordinateName(item.name)
     if number is not None:
         name = name.numbered(number)
@@ -261,7 +271,7 @@ def _resolve_joint(
 
 
 def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | None) -> None:
-    """Report a drive with an axis if its joint is not a ball joint."""
+    """Report a drive that specifies an axis although its joint is not a ball joint."""
     if said is not None and isinstance(said[0], DriveSpec) and said[0].axis is not None and said[1][0] == "joints":
         scope.error(
             Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive cannot have an `axis`", (*said[1], "axis"), key=True,
@@ -270,9 +280,9 @@ def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | 
 
 
 def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> Vector | None:
-    """Return the unit vector that replaces z. Return None if no vector is specified, or if the vector is invalid.
+    """Return the joint axis as a unit vector. Return None if the document does not specify an axis, or if the axis is invalid.
 
-    Report an invalid vector.
+    Report an invalid axis. Without an axis, the joint moves about the z axis of its parent mount.
     """
     if spec.axis is None:
         return None
@@ -289,7 +299,7 @@ def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
 
 
 def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> float | None:
-    """Return the advance per turn [m]. Return None if the joint has no lead, or if the lead is invalid. Report an invalid lead."""
+    """Return the lead of a screw joint, its advance per turn [m]. Return None for other joints. Report an invalid lead and return None."""
     if spec.lead is None:
         if kind.leads and not scope.doubts.touch(path):
             scope.error(
@@ -380,7 +390,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
 
 
 def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
-    """Return the cone limit of a ball joint."""
+    """Return the cone limit of a ball joint, which is its largest rotation angle [rad] from q = 0. Return None if there is no limit."""
     own = [(key, said[1]) for key in ("lower", "upper", "effort", "velocity") if (said := layers.pick(key)) and said[1][0] == "joints"]
     if own:
         scope.error(

@@ -1,4 +1,4 @@
-"""Links: components whose shapes are listed in the document, without a CAD model."""
+"""Data types of links, which are components whose shapes are listed in the document instead of being created by a CAD model."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NAMED = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LinkShape(OneLineRepr):
-    """A shape of a link, in its frame.
+    """A shape that a document lists for a link, in the frame of the link.
 
     `drawn` and `touches` enable display and collision. `pose` is the pose of a mesh file; primitives contain their own pose. `material`,
     `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) override the values of the link and its material, unless they are None.
@@ -45,12 +45,12 @@ class LinkShape(OneLineRepr):
 
     @property
     def word(self) -> str:
-        """The name of the shape for display."""
+        """The name of the shape in messages: the file name of a mesh, or the type of a primitive."""
         return self.solid.path if isinstance(self.solid, MeshFile) else self.solid.shape
 
     @property
     def said(self) -> tuple[object, ...]:
-        """Return all properties of the shape as plain values."""
+        """Return all properties of the shape as plain values, from which the text of the link's definition is computed."""
         solid, material = self.solid, self.material.name if self.material is not None else None
         pose = self.pose if isinstance(solid, MeshFile) else solid.pose
         shape = (solid.path, *solid.content) if isinstance(solid, MeshFile) else (solid.shape, solid.size)
@@ -58,14 +58,17 @@ class LinkShape(OneLineRepr):
                 *([self.name] if self.name else []))
 
     def mirrored(self, mirror: Mirror) -> LinkShape:
-        """Return the mirror image of the shape. A primitive equals its image in a mirrored frame. Mesh files are mirrored on reading."""
+        """Return the mirror image of the shape.
+
+        A primitive equals its image in a mirrored frame, and mesh files are mirrored when they are read.
+        """
         if isinstance(self.solid, MeshFile):
             return dataclasses.replace(self, solid=replace(self.solid, scale=mirror.vector(self.solid.scale)), pose=mirror.frame(self.pose))
         return dataclasses.replace(self, solid=replace(self.solid, pose=mirror.frame(self.solid.pose)))
 
 
 class LinkDefinition(OneLineRepr, FrozenStruct):
-    """The shapes of a link. Equal definitions are one node of the HAG.
+    """The definition of a link by its list of shapes. Equal definitions are one node of the hierarchical assembly graph.
 
     `text` is `link-` and 12 hex digits of the SHA-256 of the list of shapes (`link` if the list is empty). `label` is the display name. For
     a mirror image, `mirror` is the axis in the frame of the link, and `plain` is the original definition.
@@ -93,7 +96,7 @@ def mesh_files_of(definition: object) -> tuple[MeshFile, ...]:
 
 
 def link_of(shapes: tuple[LinkShape, ...]) -> LinkDefinition:
-    """Return the definition of a link with these shapes."""
+    """Create the definition of a link from a list of shapes."""
     if not shapes:
         return LinkDefinition(shapes=(), text="link", label="link")
     digest = hashlib.sha256(repr([one.said for one in shapes]).encode()).hexdigest()[:12]

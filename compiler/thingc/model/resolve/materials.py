@@ -1,4 +1,4 @@
-"""The materials in scope of a document: from material documents, from the document itself, and from the bd_materials library."""
+"""Resolve the materials that a document can use: from material documents, from the document itself, and from the bd_materials library."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def of_document(context: ResolveRun, document: Document) -> dict[str, Material |
 
 
 def _resolve_materials(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[str, Material | None]:
-    """Return the materials of one document. Materials that validation omitted get a placeholder density."""
+    """Resolve the materials that one document defines. Materials that validation omitted get a placeholder density."""
     materials: dict[str, Material | None] = {name: material(scope, name, entry, ("materials", name)) for name, entry in specs.items()}
     for name in scope.doubts.names("materials"):
         materials.setdefault(name, Material(name=name, density=_STAND_IN, origin=scope.origin(("materials", name), key=True)))
@@ -105,7 +105,10 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
 
 
 def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float | None, float | None, float | None]:
-    """Return sliding, torsional and rolling friction. Missing and invalid values are None. Report the invalid values."""
+    """Return the coefficients of sliding, torsional and rolling friction.
+
+    Missing and invalid values are None. Report the invalid values.
+    """
     if spec is None:
         return None, None, None
     slide = scope.number(spec.slide, (*path, "slide"), NUMBER, "sliding friction", least=0.0)
@@ -117,7 +120,10 @@ def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float
 
 
 def process(scope: Scope, layers: DefaultLayers) -> Process:
-    """Resolve each key of a process from the layers of defaults. Report and omit invalid keys."""
+    """Resolve the settings of a manufacturing process.
+
+    Missing settings come from the defaults in `layers`. Report and omit invalid settings.
+    """
 
     origins: dict[str, Origin] = {}
 

@@ -98,7 +98,7 @@ def _polynomial(
 
 
 class _Followed(FrozenStruct, kw_only=False):
-    """A coordinate that another coordinate can mimic: its name, its joint and its physical dimension."""
+    """The joint coordinate that another coordinate mimics: its name, its joint and its physical dimension."""
 
     name: CoordinateName
     joint: Joint

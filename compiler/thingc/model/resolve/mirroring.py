@@ -27,7 +27,7 @@ AT_MOUNT = Mirror("y")
 
 
 def mirrored(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
-    """Return the mirror image of an assembly along `axis` of its frame.
+    """Create the mirror image of an assembly, reflected along `axis` of the assembly's frame.
 
     If the assembly is already a mirror image along this axis, return the original.
 
@@ -51,7 +51,7 @@ def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | N
 
 
 def _mirrored(definition: AssemblyDefinition, axis: str, met: dict[int, AssemblyDefinition]) -> AssemblyDefinition:
-    """Return the mirror image of an assembly. `met` caches results, so equal definitions remain one object."""
+    """Create the mirror image of an assembly. `met` caches results, so equal definitions remain one object."""
     if definition.plain is not None:
         return definition.plain
     if id(definition) not in met:

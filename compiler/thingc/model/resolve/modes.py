@@ -28,7 +28,10 @@ from thingc.model.resolve.types import Cut, Hold, Mode, Reference, Standing
 
 
 def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold, ...]:
-    """Return the holds of a mode, merged per key with the holds of the modes that the mode extends. Report and omit invalid holds."""
+    """Return the mounts that a mode holds to the world.
+
+    They include the holds of the modes that the mode extends. Report and omit invalid holds.
+    """
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(layers.items):
         for text, said in (getattr(model, "hold", None) or {}).items():
@@ -48,7 +51,9 @@ def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Ho
 
 
 def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut, ...]:
-    """Return the joints at which a mode should cut loops, in the order of the document. A fixed joint can be cut only if it closes a loop.
+    """Return the joints at which a mode should cut kinematic loops, in the order of the document.
+
+    A fixed joint can be cut only if it closes a loop.
 
     Report and omit invalid joints.
     """
@@ -81,7 +86,9 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
 
 
 def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers, base: BaseType) -> Standing | None:
-    """Return the mounts in `standing_on` without duplicates, and their friction, if specified. Return None if there are no valid mounts.
+    """Return the mounts on which a mode stands (`standing_on`), and the friction of these mounts, if specified.
+
+    Return None if there are no valid mounts.
 
     Report invalid mounts.
     """
@@ -109,7 +116,10 @@ def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayer
 
 
 def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) -> list[Reference]:
-    """Return the mounts that match a pattern or a name. A name is an exported mount of the document or `component.mount`."""
+    """Return the mounts that match a pattern or a name.
+
+    The name is that of a mount that the document exports, or has the form `component.mount`.
+    """
     if not GLOB.search(text):
         reference = references.shown_mount(table, scope, text, path)
         return [reference] if reference is not None else []
@@ -169,7 +179,10 @@ def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
 
 
 def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[str]) -> DefaultLayers | None:
-    """Return the layers of a mode and of the modes that the mode extends. If one of these modes is invalid, report it and return None."""
+    """Return the settings of a mode, followed by the settings of the modes that the mode extends.
+
+    Report an invalid mode and return None.
+    """
     items: list[tuple[ModeSpec, Path]] = []
     step: str | None = name
     while step is not None:
@@ -231,7 +244,7 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
 
 
 def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: BaseType) -> dict[str, Pose]:
-    """Return the placements of the root in poses that have their own placement."""
+    """Return the placement of the root in the world for each pose with a different placement than the mode."""
     said, path = layers.pick("at_in") or ({}, ())
     poses: dict[str, Pose] = {}
     if said and base not in ("free", "held"):
@@ -247,7 +260,10 @@ def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: Base
 
 
 def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
-    """Return the placement of the root, and whether `on: floor` computes its height. A more specific `xyz` sets the height instead."""
+    """Return the pose of the root in the world, and whether its height is computed because of `on: floor`.
+
+    A more specific `xyz` sets the height instead.
+    """
     at = layers.sub("at")
     if not at:
         return NO_POSE, False
@@ -286,7 +302,10 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: 
 
 
 def _gravity(scope: Scope, layers: DefaultLayers) -> tuple[Vector, Origin]:
-    """Return the gravity and its place in the document. The place is empty for a keyword and for the default gravity."""
+    """Return the gravity vector [m/s^2] of a mode and its location in the document.
+
+    The location is empty for a keyword and for the default gravity.
+    """
     said = layers.pick("gravity")
     if said is None:
         return GRAVITY["floor"], ()
@@ -387,7 +406,7 @@ def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path
 
 
 def _adhesion(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, float], ...]:
-    """Return the force [N] per mount, merged per key with the forces of the modes that the mode extends."""
+    """Return the adhesion force [N] of each magnet mount. Forces include those of the modes that the mode extends."""
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(contacts.items):
         for text, raw in getattr(model, "adhesion", {}).items():
@@ -402,7 +421,7 @@ def _adhesion(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tu
 
 
 def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
-    """Return the specified values among `timestep` [s], `integrator`, `cone` and `impratio`."""
+    """Return the simulation settings that the document specifies, among `timestep` [s], `integrator`, `cone` and `impratio`."""
     settings: dict[str, float | str] = {}
     for key, dimension in (("timestep", TIME), ("integrator", None), ("cone", None), ("impratio", NUMBER)):
         said = layers.pick(key)
@@ -415,6 +434,6 @@ def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
 
 
 def step_origin(scope: Scope, layers: DefaultLayers) -> Origin:
-    """Return the place of `timestep` in the document, or an empty origin if `timestep` is not specified."""
+    """Return the location of the setting `timestep` in the document. Return an empty origin if `timestep` is not specified."""
     said = layers.pick("timestep")
     return scope.origin(said[1]) if said is not None else ()

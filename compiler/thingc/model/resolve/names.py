@@ -1,4 +1,4 @@
-"""Resolve `names:`, the names of a document's elements in files."""
+"""Resolve the section `names:` of a document, which specifies the names of elements in output files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from thingc.model.resolve.types import NamedKind, NameInFiles
 
 
 def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
-    """Yield the names in the document in order. Report and omit duplicates and names of unknown elements."""
+    """Yield the names of elements in output files, in the order of the document.
+
+    Report and omit duplicates and names of unknown elements.
+    """
     spec = table.spec.names
     if spec is None:
         return

@@ -9,7 +9,7 @@ from thingc.model.resolve.types import AssemblyDefinition
 
 
 def assemblies_of(model: AssemblyDefinition) -> Iterator[AssemblyDefinition]:
-    """Yield the model, then its nested definitions without duplicates."""
+    """Yield the definition of the top assembly, then the definitions of all nested assemblies without duplicates."""
     waiting, met = [model], {id(model)}
     for definition in waiting:
         yield definition
@@ -21,7 +21,9 @@ def assemblies_of(model: AssemblyDefinition) -> Iterator[AssemblyDefinition]:
 
 
 def decomposed(model: AssemblyDefinition) -> frozenset[str]:
-    """Return the texts of part definitions with a component that sets `collision: decompose`."""
+    """Return the definitions (as texts) of the parts that need a convex decomposition, because a component of the part sets `collision:
+    decompose`.
+    """
     return frozenset(
         one.definition.text for definition in assemblies_of(model) for one in definition.components
         if isinstance(one.definition, PartDefinition) and one.overrides.collision == "decompose"

@@ -26,7 +26,10 @@ _OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "proce
 
 
 def refuse_on_assembly(node: ComponentScope) -> None:
-    """Report overrides on a nested assembly, because an override could apply to any component of the assembly."""
+    """Report overrides such as `mass` on a nested assembly.
+
+    They are errors, because an override could apply to any component of the assembly.
+    """
     for key in _OF_PARTS:
         if key in node.spec.model_fields_set and getattr(node.spec, key) is not None:
             node.scope.error(
@@ -37,7 +40,10 @@ def refuse_on_assembly(node: ComponentScope) -> None:
 
 
 def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
-    """Return all overrides except the material and the BOM entry, merged key by key from the layers. Report and omit invalid keys."""
+    """Return the overrides of a component, such as mass and collision shape, but not its material.
+
+    Defaults in `layers` are merged key by key. Report and omit invalid values.
+    """
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual = layers.pick("collision"), layers.pick("visual")
     made, up = layers.sub("process"), _up(scope, layers)
@@ -100,13 +106,16 @@ def _up(scope: Scope, layers: DefaultLayers) -> Vector | None:
 
 
 def bom(layers: DefaultLayers) -> BomEntry:
-    """Return the entry of the bill of materials."""
+    """Return the entry of a component in the bill of materials, merged from the component's settings and the defaults in `layers`."""
     lines = layers.sub("bom")
     return BomEntry(**{key: said[0] for key in BomEntry.__struct_fields__ if (said := lines.pick(key)) is not None})
 
 
 def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:
-    """Return the specified material, or None. Report an unknown material, unless one of the material documents could not be read."""
+    """Return the material that the document specifies for a component, or None.
+
+    Report an unknown material, unless one of the material documents could not be read.
+    """
     said = layers.pick("material")
     if said is None:
         return None
@@ -123,7 +132,7 @@ def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | No
 
 
 def extra_mounts(node: ComponentScope) -> dict[str, ExtraMount]:
-    """Return the mounts added by the document.
+    """Return the mounts that the document adds to a component.
 
     Report a mount with an invalid pose and place it at the component's origin. Report a mount with a reserved name but return it, so that
     references to the mount remain valid.

@@ -28,7 +28,10 @@ Complain = Callable[..., None]
 
 
 def declared(context: ResolveRun, document: Document, spec: AssemblySpec) -> DeclaredParameters:
-    """Return the document's own values, cached for one run. Report errors."""
+    """Return the values of parameters in the document itself, without values that a parent sets.
+
+    Report errors. The result is cached for one run.
+    """
     known = context.declared.get(document.relative)
     if known is None:
         values, broken = worked_out(document, spec, {}, context.report, context.doubts(document))
@@ -87,7 +90,7 @@ def worked_out(
 
 
 def _used(raw: Any, spec: AssemblySpec) -> Iterator[str]:
-    """Yield the parameters that a value uses."""
+    """Yield the names of the parameters that the value of a parameter uses."""
     return iter([use.name for use in raw.names if use.name in spec.parameters] if isinstance(raw, Expression) else [])
 
 
@@ -107,7 +110,10 @@ def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], plac
 
 
 def canonical(values: Mapping[str, ExpressionValue]) -> tuple[tuple[str, Value], ...]:
-    """Return parameters sorted by name: SI floats, integral numbers as ints, booleans and strings unchanged."""
+    """Convert the values of parameters to their canonical form, sorted by name.
+
+    Numbers are in SI units, and integral numbers become ints.
+    """
     return tuple((name, plain(values[name])) for name in sorted(values))
 
 
@@ -115,7 +121,9 @@ def fitting(
     context: ResolveRun, document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue], what: str, complain: Complain,
     names: Collection[str] = (),
 ) -> dict[str, ExpressionValue]:
-    """Return the values in `given` that belong to known parameters, have the right physical dimension and are within bounds.
+    """Check values that are set for parameters of a document.
+
+    Return the values in `given` of known parameters with the right physical dimension, within their bounds.
 
     `names` are the names available to expressions at the location where the values are set.
     """
@@ -145,7 +153,7 @@ def fitting(
 
 
 class AssemblyParameters:
-    """The parameters of an assembly, for external callers.
+    """The parameters of an assembly document, with their default values, for callers outside the pass `resolve`.
 
     `name` is the name of the assembly, and `values` its own valid values. Invalid values are reported when the assembly is resolved.
     """
@@ -159,16 +167,21 @@ class AssemblyParameters:
         self.values = declared(self._context, documents.root, spec).values
 
     def given(self, texts: Mapping[str, str]) -> dict[str, ExpressionValue]:
-        """Return the valid values of all parameters. Strings set some of the parameters, as with `-p`."""
+        """Return the values of all valid parameters.
+
+        `texts` sets some of the parameters by strings such as `120 mm`, as with the option `-p`.
+        """
         root, context = self._context.documents.root, replace(self._context, report=Report())
         sound = from_command_line(context, root, self._spec, texts)
         values, _ = worked_out(root, self._spec, sound, Report(), context.doubts(root))
         return {name: value for name, value in values.items() if name in sound or name not in texts}
 
     def fitting(self, name: str, value: ExpressionValue, complain: Complain) -> ExpressionValue | None:
-        """Return a value for a parameter, or None if this value or the assembly's own value is invalid.
+        """Check a value for the parameter `name` and return it.
 
-        `complain` reports the invalid value.
+        Return None if this value, or the parameter's value in the document, is invalid.
+
+        The callback `complain` reports an invalid value.
         """
         return fitting(self._context, self._context.documents.root, self._spec, {name: value}, f"`{self.name}`", complain).get(name)
 
@@ -208,7 +221,7 @@ def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
 
 
 def _within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionValue, complain: Complain) -> bool:
-    """Return whether a value is within the bounds of its parameter."""
+    """Return whether a value is within the bounds `min` and `max` of its parameter. Report a value that is not."""
     if not isinstance(value, Quantity):
         return True
     for key, bound in _bounds(scope, spec, name).items():
@@ -227,7 +240,7 @@ def _beyond(key: str, value: Quantity, bound: Quantity) -> bool:
 
 
 def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> set[str]:
-    """Report invalid bounds, and the document's own values (in `scope`) that are out of bounds.
+    """Report invalid bounds of parameters, and parameter values in the document itself that are out of bounds.
 
     Return the names of values that are out of bounds. Expressions that depend on these values need no check.
     """
@@ -294,7 +307,10 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionVa
 def from_command_line(
     context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str],
 ) -> dict[str, ExpressionValue | Expression]:
-    """Parse `-p NAME=VALUE` as in the document, and return the values. Errors include the name of the parameter, but no location."""
+    """Parse options `-p NAME=VALUE` and return the values of parameters.
+
+    Error messages name the parameter instead of a location in a document.
+    """
     report = context.report
 
     def complain(name: str, code: Code, message: str, *, help: Hint | None = None, notes: object = ()) -> None:
@@ -326,7 +342,7 @@ def from_command_line(
 def _as_written(
     context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
 ) -> tuple[dict[str, ExpressionValue], dict[str, Expression]]:
-    """Parse strings of the command line as values and as expressions. Report invalid strings."""
+    """Parse parameter values from the command line, which may be expressions. Report invalid values."""
     table = declared(context, document, spec)
     given: dict[str, ExpressionValue] = {}
     expressions: dict[str, Expression] = {}

@@ -1,4 +1,4 @@
-"""Part definitions: check parameters against the part's schema, and parts from files."""
+"""Resolve part definitions: check parameters of parts against the schema of the part class, and resolve parts from CAD or mesh files."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _FAILURES: Mapping[FailureKind, Code] = {
 
 
 def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDefinition | None:
-    """Return the definition of a component with `part:`. Report an invalid part once per reference and return None."""
+    """Return the part definition of a component with the key `part:`. Report an invalid part once per reference and return None."""
     schema = context.schemas.get(reference)
     if schema is None:
         return None
@@ -66,7 +66,10 @@ def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDe
 
 
 def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
-    """Return the canonical parameters in the document. If there are unknown, invalid or missing parameters, report them and return None."""
+    """Return the parameters that the document sets for a part, in canonical form.
+
+    Report unknown, invalid or missing parameters and return None.
+    """
     scope, path = node.scope, (*node.path, "params")
     by_name = {parameter.name: parameter for parameter in schema.parameters}
     values: dict[str, Value] = {}
@@ -100,7 +103,7 @@ def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
 
 
 def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, path: Path) -> Value | None:
-    """Return the canonical value of a parameter. If the value does not match its schema, report an error and return None."""
+    """Check the value of a part parameter against its schema and return its canonical form. Report an invalid value and return None."""
     what = f"parameter `{parameter.name}` of `{schema.reference}`"
     written = scope.written(path)
     literal = written is not None and not written.lstrip().startswith("=")
@@ -281,7 +284,9 @@ FEWEST_FACES = 4
 
 
 def of_file(context: ResolveRun, node: ComponentScope, text: str) -> PartDefinition | None:
-    """Return the definition of a component with `file:`, including its `faces`, and its unit if the unit is not mm.
+    """Return the part definition of a component with the key `file:`.
+
+    It includes the named `faces`, and the unit of the file if the unit is not mm.
 
     Return None if the file cannot be used. `load` reports an unusable file, unless a choice sets the file.
     """

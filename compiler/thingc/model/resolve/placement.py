@@ -18,7 +18,10 @@ Places = dict[str, list[tuple[str, Span]]]
 
 
 def own_placements(context: ResolveRun, table: DocumentScope, places: Places) -> dict[str, Attach | At | None]:
-    """Return the placements specified by components. Report invalid placements. Their components remain unplaced."""
+    """Return the placements that components specify by `attach` or `at`.
+
+    Report invalid placements. Components with an invalid placement remain unplaced.
+    """
     placements: dict[str, Attach | At | None] = {}
     there = context.there(table)
     for node in table.nodes.values():
@@ -71,7 +74,7 @@ def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
 
 
 def _turned_around(table: DocumentScope, node: ComponentScope, name: str) -> bool:
-    """Return whether the first reference of `attach` is a mount of another component of the document."""
+    """Return whether the document swaps the two references of `attach`, because the first reference is a mount of another component."""
     first, dot, _ = name.partition(".")
     return bool(dot) and first in table.nodes and first != node.name and (node.table is None or first not in node.table.nodes)
 

@@ -1,4 +1,4 @@
-"""Plausible ranges of densities, sizes and masses, to detect unit errors."""
+"""Check whether densities, sizes and masses are in a plausible range, to detect wrong units."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _STEP = 1000.0
 
 
 class Implausible(FrozenStruct):
-    """An implausible value: a phrase for messages, after the owner's name, and the likely intended value in SI units (None if unknown)."""
+    """The description of an implausible value, and the value in SI units that was probably intended (None if unknown)."""
 
     words: str
     meant: float | None
@@ -58,7 +58,7 @@ def density_cure(doubt: Implausible) -> str | None:
 
 
 def said_by_file(definition: PartDefinition) -> bool:
-    """Return whether a part is from a file with a format that specifies the unit."""
+    """Return whether a part is imported from a file whose format specifies the unit of length."""
     return definition.reference.lower().endswith(SUFFIXES_WITH_UNIT)
 
 

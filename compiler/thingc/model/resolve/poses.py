@@ -1,4 +1,4 @@
-"""Resolve poses: names and patterns of joints, values, and poses of nested documents.
+"""Resolve the named poses of a document: joint names, patterns that match joints, positions of joints, and poses of nested documents.
 
 If several keys match a joint, an exact joint name takes precedence over a pattern, and a pattern takes precedence over a nested document's
 pose. Among keys of the same kind, the last one takes precedence.
@@ -27,7 +27,7 @@ Settings = dict[str, tuple[float, Origin]]
 
 
 def poses(table: DocumentScope, scope: Scope) -> None:
-    """Resolve the poses of a document into `table.poses`. Report and omit invalid keys."""
+    """Resolve the named poses of a document, and store them in `table.poses`. Report and omit invalid keys."""
     if not table.spec.poses:
         return
     joints: Joints = dict(table.all_joints())
@@ -61,7 +61,10 @@ def poses(table: DocumentScope, scope: Scope) -> None:
 
 
 def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName], raw: Any, path: Path, into: Settings) -> None:
-    """Set the coordinates `names` of a joint. The value is a list or a mapping keyed by index."""
+    """Set the positions of a joint with several coordinates.
+
+    The value in the document is a list or a mapping keyed by the index of the coordinate.
+    """
     ball = known[names[0]] if names else None
     if ball is not None and ball.kind.at_once:
         _turn_ball(scope, key, names, ball, raw, path, into)
@@ -84,7 +87,7 @@ def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName],
 
 
 def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint, raw: Any, path: Path, into: Settings) -> None:
-    """Set the coordinates of a ball joint from the rotation of its child relative to q = 0."""
+    """Set the coordinates of a ball joint. The value in the document is the rotation of the child mount relative to q = 0."""
     if not isinstance(raw, TurnSpec):
         scope.error(
             Code.POSE, f"joint `{key}` is a ball: its value in a pose must be `rpy` or `quat`", path, key=True,
@@ -196,7 +199,10 @@ def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: A
 
 
 def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
-    """Set the coordinates of joints with several coordinates that match a pattern. The value is a list or a mapping keyed by index."""
+    """Set the positions of all joints with several coordinates that match a pattern.
+
+    The value is a list or a mapping keyed by the index of the coordinate.
+    """
     coordinates: dict[str, list[CoordinateName]] = {}
     for name in known:
         if name.number is not None and fnmatchcase(name.joint, key):

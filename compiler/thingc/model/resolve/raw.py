@@ -1,4 +1,6 @@
-"""Raw attributes, which are copied unchanged to one target, and raw elements of MuJoCo models (`raw: {mjcf: {add: ...}}`)."""
+"""Resolve raw attributes, which are copied unchanged to one output format, and raw elements of MuJoCo models (`raw: {mjcf: {add:
+...}}`).
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,7 @@ _EXAMPLE = "`- fixed: {name: grip, in: [{joint: {joint: left, coef: 1}}]}`"
 
 
 def added(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
-    """Return every element under `raw: mjcf: add:`, section by section. Report all other entries."""
+    """Return the elements that `raw: {mjcf: {add: ...}}` adds to MuJoCo models, section by section. Report all invalid entries."""
     under = written.get("mjcf")
     sections = under.get(ADD) if isinstance(under, Mapping) else None
     if sections is None:
@@ -67,13 +69,16 @@ def added(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
 
 
 def named_kind(attributes: Mapping[str, str], name: str) -> str | None:
-    """Return the kind of element that an attribute of an added element refers to, or None."""
+    """Return the type of element (`body`, `joint`) to which an attribute of an added MuJoCo element refers.
+
+    Return None if the attribute is not a reference.
+    """
     said = attributes.get(_OBJECTS.get(name, ""))
     return {"xbody": "body"}.get(said, said) if said is not None else _KINDS.get(name)
 
 
 def text(value: object) -> str:
-    """Format a scalar for XML."""
+    """Format a number, a boolean or a string from a document as the value of an XML attribute."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return value if isinstance(value, str) else repr(value)
@@ -122,7 +127,7 @@ IN_PLACE = {"ros": "write them under `urdf`: the URDF in the ROS package contain
 
 
 def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
-    """Return every attribute under `raw:` in document order. Report unknown targets and protected attributes."""
+    """Return every raw attribute of the section `raw:` in document order. Report unknown output formats and protected attributes."""
     flattened: list[RawAttribute] = []
     for target, attributes in written.items():
         path: Path = ("raw", target)

@@ -81,7 +81,9 @@ BEGINNINGS_IN_USD: Mapping[str, str] = {
 
 
 def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
-    """Return why `raw` cannot set an attribute of URDF, SDF or USD, and what to use instead. Return None if `raw` can set the attribute.
+    """Return why the section `raw` cannot set an attribute of URDF, SDF or USD, and what to use instead.
+
+    Return None if `raw` can set the attribute.
 
     Setting the attribute would make the robot differ between formats. In SDF, an `axis` also contains non-geometric values. In USD, a type
     may precede the name.
@@ -95,16 +97,16 @@ def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
 
 
 def _instead_in_usd(name: str) -> str | None:
-    """Return the replacement for an attribute of USD, or None."""
+    """Return the document key that sets the value of a USD attribute, or None if the attribute is not protected."""
     if name.startswith("physics:"):
         return EVERYWHERE_IN_USD.get(name.removeprefix("physics:"))
     return next((instead for beginning, instead in BEGINNINGS_IN_USD.items() if name.startswith(beginning)), None)
 
 
 def fixed(path: tuple[str, ...]) -> tuple[str, str] | None:
-    """Return why `raw` cannot set an attribute of MJCF, and what to use instead. Return None if `raw` can set the attribute.
+    """Return why the section `raw` cannot set an attribute of MJCF, and what to use instead. Return None if `raw` can set the attribute.
 
-    The path starts below the target (`("body", "arm", "name")`).
+    `path` contains the keys below `mjcf`, for example `("body", "arm", "name")`.
     """
     kind, attribute = path[0] if path else "", path[-1] if path else ""
     if len(path) == 2 and kind in SECTIONS:

@@ -28,7 +28,10 @@ MAX_SUGGESTED = 1000
 
 
 def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | None:
-    """Replace `$i` (or `${i}`) of the enclosing `repeat`. If the string uses another index, report it and return None."""
+    """Replace the index `$i` or `${i}` of the enclosing `repeat` in a string.
+
+    If the string uses another index, report it and return None.
+    """
     if "$" not in text:
         return text
     unknown: list[str] = []
@@ -59,7 +62,7 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
 
 
 def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
-    """Return the place of the count of the enclosing `repeat`, if the string uses the index.
+    """Return the location of the enclosing `repeat` in the document, if the string at `path` uses the index of the repeat.
 
     Return an empty origin for the first item, which always exists.
     """
@@ -70,7 +73,7 @@ def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
 
 
 def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[str, ...] | None:
-    """Return the words of a reference, which must not be a pattern. If the reference is invalid, report it and return None."""
+    """Split a reference such as `hand.cap.pen` into its names. Report an invalid reference or a pattern and return None."""
     filled = indexed(scope, text, path, key=key)
     if filled is None:
         return None
@@ -96,7 +99,7 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
 
 
 def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Return the reference to a mount, `component.mount`. Report an invalid reference once and return None."""
+    """Resolve a reference to a mount of a component (`component.mount`). Report an invalid reference once and return None."""
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -109,7 +112,10 @@ def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: boo
 
 
 def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Return the reference to a mount or to an exported mount of this document. Report an invalid reference once and return None."""
+    """Resolve a reference to a mount of a component, or to a mount that this document exports.
+
+    Report an invalid reference once and return None.
+    """
     if text not in table.exports:
         if "." not in text and table.doubts.lacks("mounts"):
             return None
@@ -123,7 +129,7 @@ def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, ke
 
 
 def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Return the reference to a mount of the component itself, as in `attach`: `back`, or `cap.pen` inside an assembly."""
+    """Resolve the reference of `attach` to a mount of the component itself: `back`, or `cap.pen` if the component is an assembly."""
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -141,7 +147,7 @@ def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key:
 
 
 def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[Reference, ComponentScope] | None:
-    """Return the reference to a component. Report an invalid reference once and return None."""
+    """Resolve a reference to a component. Report an invalid reference once and return None."""
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -152,7 +158,7 @@ def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key:
 
 
 def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Return the reference to a component, a mount of a component, or an exported mount of this document.
+    """Resolve the root of a mode: a reference to a component, to a mount of a component, or to a mount that this document exports.
 
     Report an invalid reference once and return None.
     """
@@ -210,7 +216,9 @@ def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentSco
 
 
 def suggested(name: str, names: Iterable[str], *, what: str) -> Hint:
-    """Call `did_you_mean` with only the first names, because a comparison with 100 000 names takes seconds per error.
+    """Suggest a name that is similar to an unknown name.
+
+    Only the first names are compared, because 100 000 names take seconds per error.
 
     Formats differ in whether a key can be set to `none`. Here the key is left out, so for this name the help says so.
     """
@@ -241,7 +249,10 @@ def _unbuilt(prefixes: list[str], name: str) -> bool:
 
 
 def _descend(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> ComponentScope | None:
-    """Return the component at a path. Report a missing component once and return None."""
+    """Return the component to which a list of component names leads, through nested documents.
+
+    Report a missing component once and return None.
+    """
     node: ComponentScope | None = None
     inner: DocumentScope | None = table
     for depth, part in enumerate(parts):

@@ -1,4 +1,4 @@
-"""Unroll `repeat:`, and check names: reserved words, duplicates, and names that differ only in case."""
+"""Unroll components and joints with `repeat:`. Check names: reserved words, duplicates, and names that differ only in case."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Spec = TypeVar("Spec", ComponentSpec, JointSpec)
 
 
 class Unrolled(FrozenStruct, Generic[Spec], kw_only=False):
-    """A component or joint after unrolling, with the scope of its own index."""
+    """One component or joint after its `repeat` is unrolled. Its scope contains the value of the repeat's index."""
 
     name: str
     spec: Spec

@@ -1,6 +1,6 @@
 """The pass that converts validated documents to the model: parameters, expressions, units, references, defaults, repeats, patterns.
 
-Its inputs are `Settings` and `Sources`.
+The inputs of the pass are `Settings` and `Sources`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from thingc.model.resolve.types import AssemblyDefinition
 
 
 class Settings(FrozenStruct):
-    """The settings of a compilation: parameters, choices, and values at paths.
+    """The settings of a compilation that a user specifies outside the documents: parameters (`-p`) and values at paths (`--set`).
 
     `parameters` maps names to strings as for `-p` (`{"reach": "120 mm"}`). `choices` maps dotted paths in the root document to strings
     (`{"components.foot.part": "feet:Wide"}`). `quantities` replaces some of these strings by values.
@@ -32,7 +32,8 @@ class Settings(FrozenStruct):
 
 
 class Sources(FrozenStruct):
-    """Inputs of `resolve`: documents, their models (or the valid entries) by path in the workspace, and schemas of referenced parts.
+    """The inputs of the pass `resolve`: parsed documents, their validated models by path in the workspace, and the parameter schemas of
+    parts.
 
     `Sources` also contains a function that returns the SHA-256 of a file.
     """

@@ -1,4 +1,4 @@
-"""Evaluate the values of one document, including expressions, dimensions, bounds and layers of defaults."""
+"""Evaluate the values of one document: expressions, physical dimensions, bounds, and default values."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class TooManyErrors(Exception):
 
 
 class Scope(FrozenStruct):
-    """The names that expressions of a document (or of an item of a `repeat`) can use, and the report for errors.
+    """Evaluates the values of a document, or of one item of a `repeat`. Contains the names that expressions can use, and reports errors.
 
     `broken` contains invalid names that have been reported. Expressions with these names are invalid, without another message. `index` is
     the name of the repeat's index and its value in references (`$i`). All scopes of a run share `said`, which prevents duplicate reports of
@@ -52,7 +52,7 @@ class Scope(FrozenStruct):
     doubts: InvalidEntries = NO_DOUBTS
 
     def repeated(self, name: str, value: int) -> Scope:
-        """Return the scope of one item of a `repeat`."""
+        """Create the scope of one item of a `repeat`, in which expressions can use the index of the item."""
         return replace(self, names={**self.names, name: Quantity(float(value))}, broken=self.broken - {name}, index=(name, str(value)))
 
     # --- places ---------------------------------------------------------------------------------------------------
@@ -62,11 +62,11 @@ class Scope(FrozenStruct):
         return self.document.span(path, key=key)
 
     def origin(self, path: Path, *, key: bool = False) -> Origin:
-        """Return `span` as the origin of an element of this document."""
+        """Return the location of the value (or the key) at `path`, as the origin of an element of this document."""
         return (self.document.span(path, key=key),)
 
     def written(self, path: Path) -> str | None:
-        """Return the scalar at `path` as written, or None."""
+        """Return the text of the scalar at `path` as the document contains it. Return None if there is no scalar."""
         node = node_at(self.document.tree, path)
         return node.text if isinstance(node, ScalarNode) else None
 
@@ -98,7 +98,10 @@ class Scope(FrozenStruct):
     # --- values ---------------------------------------------------------------------------------------------------
 
     def value(self, raw: Any, path: Path) -> ExpressionValue | None:
-        """Evaluate the value of a field. Report an invalid value once and return None."""
+        """Evaluate a value of the document: a number, a quantity such as `20 mm`, or an expression.
+
+        Report an invalid value once and return None.
+        """
         if isinstance(raw, Quantity):
             return raw
         if isinstance(raw, Expression):
@@ -137,7 +140,9 @@ class Scope(FrozenStruct):
         self, raw: Any, path: Path, dimension: Dimension | tuple[Dimension, ...], what: str, *,
         above: float | None = None, least: float | None = None, most: float | None = None, notes: Iterable[Note] = (),
     ) -> float | None:
-        """Return the SI value of a field with one of these physical dimensions and within bounds. Report an invalid value and return None.
+        """Evaluate a number in a document, check its physical dimension and its bounds, and return it in SI units.
+
+        Report an invalid value and return None.
 
         `what` names the field in messages, with its article or name: "the mass", "`limit.lower` of joint `yaw`". `notes` explain why the
         field requires this physical dimension.
@@ -165,7 +170,7 @@ class Scope(FrozenStruct):
         return value
 
     def count(self, raw: Any, path: Path, what: str, *, least: int = 0) -> int | None:
-        """Return the value of a count field. Report an invalid value and return None."""
+        """Evaluate an integer such as the count of a `repeat`, and check its lower bound. Report an invalid value and return None."""
         value = self.number(raw, path, NUMBER, what, least=float(least))
         if value is None:
             return None
@@ -175,19 +180,22 @@ class Scope(FrozenStruct):
         return int(value)
 
     def vector(self, raw: Any, path: Path, dimension: Dimension, what: str) -> Vector | None:
-        """Return three SI values of one physical dimension, with lengths up to `FARTHEST`. Report invalid values and return None."""
+        """Evaluate a vector of three values with the same physical dimension, and return it in SI units.
+
+        Report invalid values and lengths above `FARTHEST`, and return None.
+        """
         least, most = (-FARTHEST, FARTHEST) if dimension == LENGTH else (None, None)
         x, y, z = (self.number(part, (*path, index), dimension, what, least=least, most=most) for index, part in enumerate(raw))
         return None if x is None or y is None or z is None else (x, y, z)
 
     def pose(self, spec: PoseSpec, path: Path) -> Pose | None:
-        """Return the pose at `path`. Report an invalid pose and return None."""
+        """Evaluate the position and the rotation that a document specifies at `path`. Report an invalid pose and return None."""
         translation = self.vector(spec.xyz, (*path, "xyz"), LENGTH, "`xyz`")
         rotation = self.rotation(spec, path)
         return None if translation is None or rotation is None else Pose(rotation=rotation, translation=translation)
 
     def rotation(self, spec: PoseSpec | TurnSpec, path: Path) -> Matrix | None:
-        """Return the rotation of the `quat` or `rpy` at `path`. Report an invalid rotation and return None."""
+        """Evaluate the rotation that a document specifies at `path` by `quat` or `rpy`. Report an invalid rotation and return None."""
         if isinstance(spec, TurnSpec) or spec.quat is None:
             angles = self.vector(spec.rpy, (*path, "rpy"), ANGLE, "`rpy`")
             return None if angles is None else placed((0.0, 0.0, 0.0), angles).rotation
@@ -206,14 +214,14 @@ class Scope(FrozenStruct):
         return rotation_of((w, x, y, z))
 
     def shown(self, value: ExpressionValue, path: Path) -> str:
-        """Format a value for messages: as written, in backticks, with the result of an expression."""
+        """Format a value for messages: the text in the document in backticks and, for an expression, its result."""
         text = (self.written(path) or words_of(value)).strip()
         return f"`{shortened(text)}`, which is {words_of(value)}" if text.startswith("=") else f"`{shortened(text)}`"
 
     def wrong_dimension(
         self, value: ExpressionValue, expected: tuple[Dimension, ...], what: str, path: Path, notes: Iterable[Note] = (),
     ) -> None:
-        """Report a value of the wrong physical dimension. The message contains both physical dimensions."""
+        """Report a value with the wrong physical dimension. The message contains the expected dimension and the dimension of the value."""
         message, help = dimension_message(value, expected, what, self.written(path), self.names)
         self.error(Code.DIMENSION, message, path, help=help, notes=notes)
 
@@ -221,7 +229,10 @@ class Scope(FrozenStruct):
 def dimension_message(
     value: ExpressionValue, expected: tuple[Dimension, ...], what: str, written: str | None, names: Collection[str] = (),
 ) -> tuple[str, Hint | None]:
-    """Return the message and the help for a value of the wrong physical dimension. `names` are the names that its expression can use."""
+    """Return the message and the help for a value with the wrong physical dimension.
+
+    `names` are the names that the value's expression can use.
+    """
     wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
     text = shortened((written if written is not None else words_of(value)).strip())
     help: Hint | None = expression_hint(value, names) if isinstance(value, str) else None
@@ -254,23 +265,32 @@ def _bound(value: float, dimension: Dimension) -> str:
 
 
 def numbered(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int | str] | None:
-    """Return an element of a list or of a mapping keyed by index, and its key. Return None if the element does not exist."""
+    """Return the element with index `number` of a list, or of a mapping whose keys are indices, and its key.
+
+    Return None if there is no such element.
+    """
     if isinstance(written, dict):
         return (written[str(number)], str(number)) if str(number) in written else None
     return (written[number], number) if number < len(written) else None
 
 
 class DefaultLayers(FrozenStruct, kw_only=False):
-    """Layers of default values: models of the same kind with the paths of their keys, most specific first."""
+    """Settings of an element and its layers of default values, with the most specific layer first.
+
+    Each layer has its path in the document.
+    """
 
     items: tuple[tuple[BaseModel, Path], ...]
 
     def pick(self, key: str, number: int | None = None) -> tuple[Any, Path] | None:
-        """Return the value of `key` (or of its element `number`) and its path. Return None if no layer has this key."""
+        """Return the value of a setting from the most specific layer that contains it, and the path of the value.
+
+        Return None if no layer contains the setting.
+        """
         return next(self._written(key, number), None)
 
     def sub(self, key: str, number: int | None = None) -> DefaultLayers:
-        """Return the mappings under `key` (and `number`). The caller merges the mappings key by key."""
+        """Return the layers of a setting that is a mapping, such as `limit`. Its keys are then merged from all layers."""
         return DefaultLayers(tuple((value, path) for value, path in self._written(key, number) if isinstance(value, BaseModel)))
 
     def _written(self, key: str, number: int | None) -> Iterator[tuple[Any, Path]]:

@@ -27,7 +27,7 @@ FOVY = numeric.radians(45.0)
 
 
 def sensors(table: DocumentScope, scope: Scope, tendons: Sequence[Tendon]) -> Iterator[Sensor]:
-    """Yield the sensors of a document with these `tendons`, in order. Report and omit invalid sensors."""
+    """Yield the resolved sensors of a document, in the order of the document. Report and omit invalid sensors."""
     by_name = {one.name: one for one in tendons}
     for name, spec in table.spec.sensors.items():
         sensor = _Reader(table, scope, name, spec).sensor(by_name)
@@ -44,7 +44,7 @@ class _Reader:
         self.sound = True
 
     def sensor(self, tendons: Mapping[str, Tendon]) -> Sensor | None:
-        """Return the sensor, or None if it is invalid."""
+        """Resolve all references and values of the sensor. Return None if the sensor is invalid."""
         spec = self.spec
         joint = self._joint() if spec.joint is not None or spec.type == "joint" else None
         tendon = self._tendon(spec.tendon, tendons) if spec.tendon is not None else None
@@ -78,7 +78,7 @@ class _Reader:
         return mount
 
     def _component(self, key: str, text: str | None) -> tuple[Reference, ...]:
-        """Return the reference to a component of a contact."""
+        """Resolve the reference to a component whose contacts the sensor measures."""
         if text is None:
             return ()
         place: Path = (*self.path, key)
@@ -93,7 +93,10 @@ class _Reader:
         return () if named is None else (named[0],)
 
     def _numbers(self, key: Literal["noise", "cutoff"], written: Any, of: Dimension | None) -> dict[str, float]:
-        """Return the noise or cutoff [SI] of each reading. A single value is valid only if exactly one reading accepts it."""
+        """Return the noise or the cutoff of each reading of the sensor, in SI units.
+
+        A single value is valid only if exactly one reading accepts it.
+        """
         if written is None:
             return {}
         able: dict[ReadingName, Dimension] = {}

@@ -1,4 +1,6 @@
-"""Insert values of `--set` into a document. Each value has a path (`joints.elbow.limit.upper`) and a string.
+"""Insert the values of options `--set` into a document.
+
+Each option has a path in the document (`joints.elbow.limit.upper`) and a value as a string.
 
 The string is parsed in the same way as a value in the document. The string may be a mapping or a list on one line (`{on: floor}`).
 Validation runs on the resulting tree, so the rules of documents apply. The location of the value is the option (`source.option_span`).
@@ -36,14 +38,14 @@ FIXED = {
 
 
 class PathNotFound(FrozenStruct, kw_only=False):
-    """The reason why a value cannot be set at a path, and the help."""
+    """The error for a `--set` option whose path does not exist in the document: the message and the help."""
 
     message: str
     help: Hint | None
 
 
 def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str]) -> tuple[Document, AssemblySpec]:
-    """Return the document and its model after inserting the strings `values` at their paths.
+    """Insert values, given as strings, at their paths in a document. Return the changed document and its validated model.
 
     If a value is invalid or the document itself has errors, report the errors and return both unchanged.
     """

@@ -1,4 +1,4 @@
-"""Resolve links, which list their geometry as shapes."""
+"""Resolve links, whose geometry is a list of primitive shapes and mesh files in the document."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from thingc.model.resolve.scope import DefaultLayers, Scope
 
 
 def of_link(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> LinkDefinition | None:
-    """Return the definition of a component that is a `link`. If a shape of the link is invalid, report the shape and return None."""
+    """Create the definition of a component that is a `link`. If a shape of the link is invalid, report the shape and return None."""
     shapes = [_shape(context, table, node.scope, spec, (*node.path, "shapes", index)) for index, spec in enumerate(node.spec.shapes)]
     sound = tuple(shape for shape in shapes if shape is not None)
     return link_of(sound) if len(sound) == len(shapes) else None
@@ -92,7 +92,10 @@ def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
 
 
 def primitive(scope: Scope, spec: ShapeSpec | VolumeSpec, path: Path, pose: Pose) -> Primitive | None:
-    """Return the primitive with half lengths, converted from the full lengths in the document. Report invalid lengths and return None."""
+    """Create a primitive shape such as a box.
+
+    Lengths in the document are full lengths, and those of the primitive are half lengths. Report invalid lengths and return None.
+    """
     at: Path = (*path, spec.kind)
     written = getattr(spec, spec.kind)
     sides: list[float | None]

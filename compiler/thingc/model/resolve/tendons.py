@@ -21,7 +21,7 @@ from thingc.model.resolve.types import Drive, PathStep, Tendon
 
 
 def tendons(table: DocumentScope, scope: Scope) -> Iterator[Tendon]:
-    """Yield the tendons of the document in order. Report and omit invalid tendons."""
+    """Yield the resolved tendons of a document, in the order of the document. Report and omit invalid tendons."""
     for name, spec in table.spec.tendons.items():
         path: Path = ("tendons", name)
         if spec.path is not None:

@@ -1,4 +1,4 @@
-"""Resolve tests of documents: names, units and ranges. Mounts of parts are resolved in `model/assembly/modes.py`."""
+"""Resolve the tests of a document: names of elements, units and ranges. The module `model/assembly/modes.py` resolves mounts of parts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Key = str | Path
 
 
 def tests(context: ResolveRun, table: DocumentScope, scope: Scope, modes: Sequence[Mode]) -> Iterator[Test]:
-    """Yield the tests of the document in order. Report and omit invalid tests."""
+    """Yield the resolved tests of a document, in the order of the document. Report and omit invalid tests."""
     around = context.around(table)
     by_name = {mode.name: mode for mode in modes}
     for name, written in table.spec.tests.items():
@@ -60,7 +60,9 @@ def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: s
 
 
 class Reader:
-    """Reads the specification of one test. The function `read` of each kind of test calls the methods of this class with keys.
+    """Reads the values and references in the specification of one test.
+
+    Each type of test has a function `read` that calls the methods of this class.
 
     `modes` contains the modes of the document by name. `chosen_modes` and `chosen_poses` are the modes and poses of the test. `every_pose`
     means all keyframes of the mode. `sound` becomes False when an error is reported.
@@ -77,15 +79,15 @@ class Reader:
         self.every_pose = False
 
     def at(self, key: Key) -> Path:
-        """Return the path of a value in the document."""
+        """Return the path in the document of a value of the test, given its key in the specification of the test."""
         return (*self.path, key) if isinstance(key, str) else (*self.path, *key)
 
     def origin(self, key: Key) -> Origin:
-        """Return the origin of a value."""
+        """Return the location in the document of a value of the test."""
         return self.scope.origin(self.at(key))
 
     def error(self, code: Code, message: str, key: Key, *, help: Hint | None = None, on_key: bool = False) -> None:
-        """Report an error at a value, or at its key if `on_key`. The test is then omitted."""
+        """Report an error at a value of the test, or at the key of the value if `on_key` is True. A test with an error is omitted."""
         self.sound = False
         self.scope.error(code, message, self.at(key), help=help, key=on_key)
 
@@ -95,7 +97,9 @@ class Reader:
         self, raw: Any, key: Key, dimension: Dimension, what: str | None = None, *, above: float | None = None,
         least: float | None = None, most: float | None = None, default: float = numeric.nan,
     ) -> float:
-        """Return a value in SI units, or the default for None. Report an invalid value and return NaN, so that all comparisons are false.
+        """Evaluate a number of the test and return it in SI units, or return `default` for None.
+
+        Report an invalid value and return NaN, so that all comparisons are false.
 
         `what` is the name of the value in messages, by default the key.
         """
@@ -112,13 +116,13 @@ class Reader:
         return value
 
     def vector(self, raw: Any, key: str, dimension: Dimension) -> Vector | None:
-        """Return a vector of three values in SI units. Report invalid values and return None."""
+        """Evaluate a vector of three values and return it in SI units. Report invalid values and return None."""
         vector = self.scope.vector(raw, self.at(key), dimension, f"`{key}`")
         self.sound = self.sound and vector is not None
         return vector
 
     def interval(self, said: Sequence[Any], key: Path, dimension: Dimension, what: str) -> tuple[float, float]:
-        """Return the two ends of an interval in ascending order."""
+        """Evaluate an interval of two values, and return its ends in SI units and in ascending order."""
         low, high = (self.number(value, (*key, index), dimension, what) for index, value in enumerate(said))
         if low > high:
             self.error(
@@ -128,7 +132,7 @@ class Reader:
         return low, high
 
     def bounds(self, low: Any, high: Any, dimension: Dimension, what: str) -> tuple[float | None, float | None]:
-        """Return the bounds `min` and `max` of a test. A bound that is not specified is None."""
+        """Evaluate the bounds `min` and `max` of a test, and return them in SI units. A bound that is not specified is None."""
         least = None if low is None else self.number(low, "min", dimension, f"`min` of {what}", least=0.0)
         most = None if high is None else self.number(high, "max", dimension, f"`max` of {what}", least=0.0)
         if least is not None and most is not None and least > most:
@@ -141,7 +145,7 @@ class Reader:
     # --- references -------------------------------------------------------------------------------------------------
 
     def mount(self, text: str | None, key: Key) -> Reference | None:
-        """Return the reference to a mount of a component, or to an exported mount."""
+        """Resolve a reference to a mount of a component, or to a mount that the document exports."""
         if text is None:
             return None
         mount = references.shown_mount(self.table, self.scope, text, self.at(key))
@@ -164,14 +168,14 @@ class Reader:
         return paths
 
     def choose(self, written: Any) -> None:
-        """Set the modes and poses of a test, if any."""
+        """Read the modes and poses in which the test runs, if the document specifies them."""
         if hasattr(written, "mode"):
             self.chosen_modes = self._modes(written.mode)
         if hasattr(written, "pose"):
             self.chosen_poses, self.every_pose = self._poses(written.pose)
 
     def _modes(self, said: str | list[str] | None) -> tuple[str, ...]:
-        """Return the specified modes, or the first mode by default."""
+        """Return the modes in which the test runs. By default, the test runs only in the first mode of the document."""
         if not self.modes:
             self.sound = False
             return ()
@@ -180,7 +184,7 @@ class Reader:
         return self._named(said, self.at("mode"), list(self.modes), "mode")
 
     def _poses(self, said: str | list[str] | None) -> tuple[tuple[str | None, ...], bool]:
-        """Return the specified poses, and whether the test runs in all keyframes of the mode."""
+        """Return the poses in which the test runs, and whether the test runs in all keyframes of each mode."""
         if said is None:
             return (None,), False
         if said == ALL and ALL not in self.table.poses:
@@ -202,7 +206,10 @@ class Reader:
         return tuple(name for name in known if name in names)
 
     def ranges(self, said: dict[str, Any], key: str) -> Iterator[JointRange]:
-        """Yield the joints of a sweep with their ranges. An exact name takes precedence over a pattern."""
+        """Yield the joints that the test moves through a range, each with its range.
+
+        An exact joint name takes precedence over a pattern.
+        """
         joints = dict(self.table.all_joints())
         movable = {name: joint for name, joint in joints.items() if joint is not None and _movable(joint)}
         chosen: dict[CoordinateName, tuple[Any, Path]] = {}
@@ -232,7 +239,7 @@ class Reader:
                 yield self._range(name, joint, *chosen[name])
 
     def _range(self, name: CoordinateName, joint: Joint, said: Any, key: Path) -> JointRange:
-        """Return the specified range of a joint.
+        """Return the range of positions through which the test moves a joint.
 
         By default, the range is the limits of the joint, or one turn for a joint without limits.
         """
@@ -256,7 +263,7 @@ class Reader:
 
 
 def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
-    """Return a single string or the strings of a list, with their locations."""
+    """Yield the strings of a value that is a string or a list of strings, each with its path in the document."""
     return [(said, path)] if isinstance(said, str) else [(text, (*path, index)) for index, text in enumerate(said)]
 
 
