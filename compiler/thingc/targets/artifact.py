@@ -1,4 +1,7 @@
-"""The result of an emitter: files by relative path, and losses, which are features that the target cannot express."""
+"""The result of an emitter: files by relative path, and export losses.
+
+An export loss is a feature of the robot that the target cannot express.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +53,7 @@ class Loss(FrozenStruct):
 
     @property
     def span(self) -> Span | None:
-        """The innermost location of the loss in the documents, or None."""
+        """The innermost location of the export loss in the documents, or None if the location is unknown."""
         return next(iter(self.origin), None)
 
     @staticmethod

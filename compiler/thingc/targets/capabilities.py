@@ -37,8 +37,8 @@ Sensor = TypeVar("Sensor")
 class Supported(FrozenStruct, Generic[By], kw_only=False):
     """A table cell for a feature that the format fully supports.
 
-    `how` is the name of the feature in the format, if it differs. `by` is the emitter's keyword for how the feature is written, or None if
-    it is always written in the same way.
+    `how` is the name of the feature in the format, if the format uses another name. `by` is the emitter's keyword for how the feature
+    is written. It is None if the feature is always written in the same way.
     """
 
     by: By
@@ -66,12 +66,13 @@ class Omitted(FrozenStruct, kw_only=False):
 
     @property
     def how(self) -> Literal["omitted"]:
-        """How the loss is reported: `omitted`."""
+        """The treatment of the feature in the reported export loss, which is `omitted`."""
         return "omitted"
 
 
 class Companion(FrozenStruct, kw_only=False):
-    """A table cell for a feature that does not belong in files of this format. It is not written, and no loss is reported."""
+    """A table cell for a feature that does not belong in files of this format. The feature is not written, and no export loss is reported.
+    """
 
 
 Written = Supported[By] | Lossy[By]
@@ -91,7 +92,7 @@ def written(cell: Cell[By]) -> By | None:
 class Joints(TypedDict, Generic[By]):
     """The joints that a format supports, by type of motion (see `joint_cell`).
 
-    A planar or ball base and a joint that cuts a loop use the same cells.
+    The same cells apply to a planar or ball base and to a joint that cuts a loop.
     """
 
     single: Written[By]
@@ -131,7 +132,7 @@ class Drives(TypedDict, Generic[By]):
 class LoopKinds(TypedDict, Generic[By]):
     """The loops that a format supports, by the motion that remains free at the cut.
 
-    A `hold` keeps a mount at its position in the world.
+    The cell `hold` concerns mounts that are held at their positions in the world.
     """
 
     hold: Cell[By]
@@ -268,7 +269,9 @@ def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Seque
 
 
 class _Lost:
-    """Yields a loss for each feature of a robot that a target does not fully support. Losses that are common to all modes have no mode."""
+    """Yields an export loss for each feature of a robot that a target does not fully support. An export loss that is common to all modes
+    has no mode.
+    """
 
     def __init__(self, target: str, says: AnyCapabilities, cut: bool) -> None:
         self.target = target
@@ -280,7 +283,7 @@ class _Lost:
             yield Loss.of(origin, self.target, mode, path, what + cell.words, cell.how)
 
     def of_joints(self, robot: Robot) -> Iterator[Loss]:
-        """Yield the losses for those joints of a mode that the target writes as joints."""
+        """Yield the export losses for the joints of a mode that the target writes as joints."""
         mates = robot.assembly.mates
         groups: list[tuple[str, Sequence[TreeJoint | JointEdge]]] = [
             (mates[body.joints[0].mate].name or body.joints[0].path, body.joints) for body in robot.bodies if body.joints
@@ -329,7 +332,7 @@ class _Lost:
                 yield from self(cell, None, path, f"the {what} of {value:.6g} {unit}", joint.origin)
 
     def of_mode(self, robot: Robot) -> Iterator[Loss]:
-        """Yield the losses of the base, the links, the loops and the settings of one mode."""
+        """Yield the export losses for the base, the links, the loops and the settings of one mode."""
         mode, modes = robot.mode, self.says["modes"]
         for closure in robot.closures:
             cell = self.says["loops"]["hold" if closure.hold else closure.kind]
@@ -387,7 +390,8 @@ class _Lost:
         )
 
     def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
-        """Yield the loss for a sensor or, if the sensor is written, the losses for its properties that are not written.
+        """Yield the export loss for a sensor that is not written. For a sensor that is written, yield the export losses for its
+        properties.
 
         For a rangefinder, `cutoff` is the range of the sensor and does not clip its values.
         """
@@ -400,7 +404,7 @@ class _Lost:
                 yield from self(of["cutoff"], None, sensor.path, "the cutoff", sensor.origin)
 
     def of_assembly(self, assembly: Assembly) -> Iterator[Loss]:
-        """Yield the losses common to all modes."""
+        """Yield the export losses that are common to all modes."""
         links = self.says["links"]
         for magnet in assembly.adhesions:
             origin = assembly.occurrences[magnet.occurrence].origin

@@ -3,8 +3,8 @@
 Emitters of targets with `Target.by_name` get the renamed robot and do not see the original names. A `/` in a custom name is written in the
 same way as a `/` in a path.
 
-The types of fields identify fields that contain paths (see `base/export_names.py`). Rules identify paths in other records (see
-`_Caller.rules`).
+This module finds paths in records by the types of their fields (see `base/export_names.py`). For other records, there are explicit
+rules (see `_Caller.rules`).
 """
 
 from __future__ import annotations

@@ -35,10 +35,9 @@ Takes = Callable[[Occurrence, Mesh | Primitive], bool]
 
 
 class MeshAsset(FrozenStruct):
-    """A mesh with its own file.
-
-    `mesh` is the mesh in the store (OBJ) [m], `volume` is the volume of its part [m^3], and `origin` is the origin of its first occurrence.
-    `own` is the content of the original mesh file, which MuJoCo reads. `scale` are the factors that convert the original mesh to metres.
+    """A mesh that a target writes to its own file. `mesh` is the mesh in the store (OBJ) [m], and `volume` is the volume of its part
+    [m^3]. `origin` is the place in the documents of the first occurrence that uses the mesh. `own` is the content of the original mesh
+    file, which MuJoCo reads. `scale` are the factors that convert the original mesh to metres.
     """
 
     name: str
@@ -55,14 +54,14 @@ class MeshAsset(FrozenStruct):
 
     @property
     def stored(self) -> StoredArtifact:
-        """The content of the mesh file."""
+        """The content of the mesh file, as a reference to the store."""
         return self.own or StoredArtifact(sha256=self.mesh.sha256, size=self.mesh.size)
 
 
 class Shape(FrozenStruct):
     """A shape in the frame of its occurrence: a mesh with the name `mesh`, or a primitive with a `size` [m] as in `Primitive`.
 
-    `name` is the custom name, prefixed with the path of its document.
+    `name` is the custom name of the shape, prefixed with the path of the document that defines it.
     """
 
     kind: Literal["mesh"] | PrimitiveShape
@@ -124,7 +123,9 @@ def numbered(name: str, index: int) -> str:
 
 
 def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
-    """Yield the name of each shape: its custom name if no other shape uses it, else the default name with a number."""
+    """Yield a unique name for each shape. This is the custom name of the shape if no other shape uses it. Otherwise, it is the default
+    name `usual` with a number.
+    """
     used: set[str | None] = {None}
     for index, shape in enumerate(shapes):
         yield numbered(usual, index) if shape.name in used else shape.name or ""
@@ -221,7 +222,9 @@ class _Collector:
         return Shapes(path=occurrence.path, origin=occurrence.origin, visual=visual, collision=touching)
 
     def collision(self, occurrence: Occurrence, stem: str) -> tuple[Shape, ...]:
-        """Return the collision shapes that `collision:` selects for an occurrence. Each piece that can collide has a shape."""
+        """Return the collision shapes that `collision:` selects for an occurrence. The result contains a shape for each piece that can
+        collide.
+        """
         choice = occurrence.overrides.collision
         if choice == "none":
             return ()

@@ -1,4 +1,7 @@
-"""`manifest.json`: the contents and sources of a build folder. thingc uses it to check and replace the folder."""
+"""Write `manifest.json`, which lists the contents and the sources of a build folder.
+
+thingc uses the manifest to check the folder and to replace it.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +26,8 @@ DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "t
 class BuildChoice(FrozenStruct):
     """The options of a build that the manifest records.
 
-    `modes` are names in document order. `emit` (targets) and `compat` (readers of MuJoCo models) are names in the order of their tables.
-    Values of parameters and choices are strings.
+    `modes` contains the names of the modes in document order. `emit` contains the names of targets, and `compat` the names of programs
+    that read MuJoCo models. Both are in the order of their tables. Values of parameters and choices are strings.
     """
 
     modes: tuple[str, ...]
@@ -98,7 +101,7 @@ def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
 
 
 def sha256_of(content: Content) -> str:
-    """Return the hexadecimal SHA-256 of the content of a file. For a stored file, the hash is already known."""
+    """Return the hexadecimal SHA-256 of the content of a file. The hash of a file in the store is not computed again."""
     return content.sha256 if isinstance(content, StoredArtifact) else hashlib.sha256(content).hexdigest()
 
 

@@ -43,14 +43,16 @@ FREE = (7, 6)
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return `modes.json` with the chosen modes in document order. The file contains addresses in the MJCF models."""
+    """Write `modes.json`, which describes the chosen modes in document order. The file contains addresses of joint values in the MJCF
+    models.
+    """
     between = separator(request.compat)
     described = {robot.mode.name: describe(robot, request.memo, between) for robot in request.robots}
     return Artifacts(files={"modes.json": json_writer.encode(described)})
 
 
 def alone(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
-    """Return `modes.json` as an artifact of the first target, for a build without MJCF models."""
+    """Write `modes.json` for a build without MJCF models. The file is returned as an artifact of the first target."""
     return {targets[0]: emit(called(request))}
 
 
@@ -59,23 +61,24 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
 
     Names of links and of MuJoCo joints have the path separator `separator`, as in the model.
 
-    - `root` is the path of the site on which the mode stands, `base` is `fixed | held | free | planar | ball`, `gravity` [m/s^2] is in the
-      world, `X_world_root` is the pose of the root link in this mode (4 x 4, by rows). `X_world_at` exists only for a `planar` or `ball`
-      base: it is the frame in whose x-y plane the base moves, or about whose origin it rotates.
-    - `links` are in the order of the bodies of the model, with the root link first. `X_root_link` is the pose of the link's frame in the
-      root link's frame at q = 0. `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] are in the link's frame.
-    - `joints` are in the order of the model. `parent` and `child` are links as in this mode's tree; `reversed` means that they are swapped
-      in the document. `coordinates` are in the document's order. `in_model` has the names of a coordinate's joints in MuJoCo, each with its
-      motion per unit of q. `qpos` and `dof` are their addresses in `MjData.qpos` and `.qvel`, after a free base's 7 and 6. Each coordinate
-      of a ball has the addresses of the whole ball, a quaternion and an angular velocity.
-    - `holds` are additional mounts held to the world, by path: `link` has the mount, `anchor` is the mocap body that holds it. `carries` is
-      `force` if only the mount's origin is held, so that it can rotate, else `force and torque`. `X_LM` is the mount in the link, `X_WM`
-      its pose in the world.
-    - `poses` are q by joint path, with the mode's own pose first. If there are any: `bases` are `X_world_root` of the poses in which a free
-      base is elsewhere, and `standing_on` are the mounts on which the mode stands.
-    - If there are loops, `cuts` are the joints that close them, which are not joints of this model. `X_PA` and `X_CB` are the frames that
-      meet, with A on the parent moving by `coordinates` as above, and the offsets in `X_PA`. `residuals` is the error [m, rad] of the worst
-      loop in each pose.
+    - `root` is the path of the site on which the mode stands. `base` is `fixed | held | free | planar | ball`. `gravity` [m/s^2] is a vector
+      in the world frame. `X_world_root` is the pose of the root link in this mode (4 x 4, by rows). `X_world_at` exists only for a `planar`
+      or `ball` base. It is the frame in whose x-y plane the base moves, or about whose origin the base rotates.
+    - `links` lists the links in the order of the bodies of the model, with the root link first. `X_root_link` is the pose of the link's
+      frame in the root link's frame at q = 0. `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] are in the link's frame.
+    - `joints` lists the joints in the order of the model. `parent` and `child` are links as in this mode's tree; `reversed` means that they
+      are swapped in the document. `coordinates` are in the document's order. `in_model` contains the names of the MuJoCo joints of a
+      coordinate, each with its motion per unit of q. `qpos` and `dof` are the addresses of these joints in `MjData.qpos` and `.qvel`. A
+      free base comes first and has 7 and 6 entries. Each coordinate of a ball has the addresses of the whole ball, a quaternion and an
+      angular velocity.
+    - `holds` lists additional mounts that are held to the world, by path. `link` is the link of the mount, and `anchor` is the mocap body
+      that holds the mount. `carries` is `force` if only the mount's origin is held, so that the mount can rotate, else `force and torque`.
+      `X_LM` is the pose of the mount in the link, and `X_WM` is its pose in the world.
+    - `poses` contains the values of q by joint path for each pose. The mode's own pose comes first. `bases` contains `X_world_root` of the
+      poses in which a free base is elsewhere. `standing_on` contains the mounts on which the mode stands.
+    - `cuts` lists the joints that close the loops of the mode. These joints are not joints of this model. `X_PA` is the frame A on the
+      parent, which moves by `coordinates` as described above and includes the offsets. `X_CB` is the frame B on the child, which must
+      coincide with A. `residuals` contains the error [m, rad] of the worst loop in each pose.
     """
     names = [robot.assembly.links[body.link].name.replace("/", separator) for body in robot.bodies]
     memo = memo or Memo()
@@ -111,7 +114,7 @@ def _hold(closure: Closure, names: Sequence[str], separator: str) -> dict[str, o
 
 
 def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[JsonFragment]:
-    """Return the JSON entries of the links of a mode, in order. `names` are the names of the bodies."""
+    """Return the JSON entries of the links of a mode, in the order of the bodies. `names` contains the names of the bodies."""
     links: list[JsonFragment] = []
     at_zero: list[Pose] = []
     for name, body in zip(names, robot.bodies, strict=True):

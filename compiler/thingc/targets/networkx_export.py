@@ -23,9 +23,9 @@ Graph: TypeAlias = Any
 def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
     """Convert the hierarchical assembly graph to a graph of networkx.
 
-    Nodes are texts of definitions with `label`, `reference`, `kind`, `quantity` (their number in the robot), and for a mirror image
-    `mirror` and `mirrors` (the text of the original). Edges go from an assembly to its components. The key of an edge is the component; its
-    attributes are `mounts` and `joint`.
+    The nodes are the texts of definitions. Their attributes are `label`, `reference`, `kind` and `quantity`, which is the number of
+    these parts in the robot. A mirror image also has `mirror` and `mirrors`, which is the text of the original. Edges go from an
+    assembly to its components. The key of an edge is the component; its attributes are `mounts` and `joint`.
     """
     graph = networkx.MultiDiGraph(name=hag.label)
     for one in hag.definitions:
@@ -41,8 +41,9 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
 def mate_graph(assembly: Assembly) -> Graph:
     """Return a graph whose nodes are the occurrences of an assembly and whose edges are the mates between them.
 
-    Nodes are paths of occurrences with `definition` (its text), `link` and `mass` [kg]. Edges go from the parent of a mate to its child.
-    The key of an edge is `mount -> mount`; its attributes are `parent_mount`, `child_mount`, `joint` (omitted if rigid) and `loop`.
+    Each node is the path of an occurrence. The attributes of a node are `definition` (the text of its definition), `link` and `mass`
+    [kg]. Edges go from the parent of a mate to its child. The key of an edge is `mount -> mount`; its attributes are `parent_mount`,
+    `child_mount`, `joint` (omitted if rigid) and `loop`.
     """
     graph = networkx.MultiDiGraph(name=assembly.name)
     names = [occurrence.path for occurrence in assembly.occurrences]
@@ -59,8 +60,9 @@ def mate_graph(assembly: Assembly) -> Graph:
 def link_graph(assembly: Assembly) -> Graph:
     """Return a graph whose nodes are the links of an assembly and whose edges are the joints between them.
 
-    Nodes are names of links with `mass` [kg] and `occurrences`. Edges go from the document's parent of a joint to its child. The key of an
-    edge is the path of the joint; its attributes are `kind`, `coordinates` (their paths) and `loop`.
+    Each node is the name of a link. The attributes of a node are `mass` [kg] and `occurrences`. Edges go from the document's parent of
+    a joint to its child. The key of an edge is the path of the joint; its attributes are `kind`, `coordinates` (their paths) and
+    `loop`.
     """
     graph = networkx.MultiDiGraph(name=assembly.name)
     for link in assembly.links:
@@ -84,7 +86,7 @@ def _said(**attributes: Any) -> dict[str, Any]:
 def graphml(graph: Graph) -> str:
     """Convert a graph to GraphML text. The attributes of the graph must not contain lists.
 
-    Edge ids are numbers, because ids must be unique in a file. The attribute `name` contains the key.
+    The ids of edges are numbers, because ids must be unique in a file. The attribute `name` of an edge contains its key in the graph.
     """
     spoken = networkx.MultiDiGraph(**_displayable(graph.graph))
     for node, attributes in graph.nodes(data=True):
@@ -106,10 +108,8 @@ def plain(graph: Graph) -> dict[str, Any]:
 
 
 class Loop(FrozenStruct):
-    """A loop that is cut at joint `cut`.
-
-    `through` are the other joints of the loop, from the parent of the cut joint to its child, each with the reason why it was not cut. The
-    reasons are empty if a rigid mate closes the loop.
+    """A kinematic loop that is cut at the joint `cut`. `through` contains the other joints of the loop, each with the reason why it was
+    not cut. They are ordered from the parent of the cut joint to its child. The reasons are empty if a rigid mate closes the loop.
     """
 
     cut: str

@@ -1,4 +1,5 @@
-"""The table of all targets. Each target declares itself, and its emitter is imported when it is needed.
+"""The table of all targets. The package of each target contains its declaration. The emitter of a target is imported when it is first
+needed.
 
 A folder beside this module is a target if its `__init__.py` has a `TARGET`. Other packages can add targets through the entry-point group
 `thingc.emitters`, with the same function signature.
@@ -49,7 +50,9 @@ ALL = "all"
 
 
 def written() -> re.Pattern[str]:
-    """Return a pattern for all paths in a build folder that targets, including installed ones, may write."""
+    """Return a regular expression that matches every path in a build folder that a target may write. Targets of installed packages are
+    included.
+    """
     patterns = [pattern for target in TARGETS.values() for pattern in target.writes]
     for name in targets():
         if name not in TARGETS:
@@ -72,7 +75,10 @@ def module_of(target: str) -> str:
 
 
 def _stated(target: str) -> tuple[str, ...]:
-    """Return the `WRITES` of an installed target. Raises `ImportError`."""
+    """Return the file patterns in `WRITES` of a target from an installed package.
+
+    Raises `ImportError`.
+    """
     stated = getattr(import_module(module_of(target)), "WRITES", ())
     return (stated,) if isinstance(stated, str) else tuple(stated)
 
@@ -132,7 +138,10 @@ def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts
 
 
 def emitter(target: str) -> Emitter:
-    """Return the function that writes a target. Raises `KeyError` for an unknown target, and `ImportError` if its package is broken."""
+    """Return the function that writes the files of a target.
+
+    Raises `KeyError` for an unknown target, and `ImportError` if its package is broken.
+    """
     functions = [_function(name) for name in (TARGETS[target].emitters if target in TARGETS else (_installed()[target],))]
     return functions[0] if len(functions) == 1 else partial(_joined, functions)
 

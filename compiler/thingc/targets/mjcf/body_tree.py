@@ -44,7 +44,7 @@ def model(robot: Robot, geometry: Geometry, memo: Memo | None = None) -> Element
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield the losses specific to this mode, for example from cut or reversed joints and from sensors."""
+    """Yield the export losses that concern only this mode, for example of cut or reversed joints and of sensors."""
     for joint in _joints(robot):
         if joint.reversed and joint.kind.at_once and joint.dynamics.friction and joint.path.endswith("_0"):
             what = "the dry friction: MuJoCo limits torques about the axes of the child in the tree, which is the parent in the document"

@@ -42,7 +42,7 @@ def sites(robot: Robot) -> Mapping[str, Site]:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield the losses for frames between two joints of a body, except the frames of the omitted links."""
+    """Yield an export loss for each frame between two joints of a body. Frames on the omitted links themselves are not included."""
     paths = {one.path for one in robot.assembly.occurrences}
     for site in robot.sites:
         if joins(robot, site.body) and site.path not in paths:

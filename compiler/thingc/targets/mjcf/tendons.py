@@ -101,7 +101,7 @@ def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield a loss for each tendon that a mode omits."""
+    """Yield an export loss for each tendon that a mode omits."""
     there = present(robot)
     for one in robot.assembly.tendons:
         if one not in there:

@@ -36,7 +36,7 @@ class MovingJoint(FrozenStruct):
 
     @property
     def interface(self) -> str | None:
-        """The command interface: `position`, `velocity` or `effort`, or None."""
+        """The command interface of the joint in ros2_control: `position`, `velocity`, `effort`, or None for a joint without drive."""
         return None if self.drive is None else INTERFACES[self.drive.kind]
 
 

@@ -1,6 +1,4 @@
-"""Convert the joints of a mode to joints of SDF.
-
-A joint rotates about axes or slides along axes through a fixed point of its child. In the pose of the file, joints are at 0.
+"""Convert the joints of a mode to SDF joints. A joint of SDF rotates about axes, or slides along axes, through a fixed point of its child.
 
 SDF has rotations, slides, screws, balls, and two rotations about intersecting axes (`universal`). Any other joint with several coordinates
 becomes a chain of joints with almost massless links between them. In the pose of the file all joints are at 0, and loops and holds are

@@ -48,7 +48,9 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
-    """Yield the losses of one mode, whose zero state in the file is `zero`. Losses common to all modes have no mode."""
+    """Yield the export losses of one mode. `zero` is the state of the mode in which all joints of the SDF file are at 0. An export loss
+    that is common to all modes has no mode.
+    """
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"], closed=zero.closed):
         yield from _of_joint(connection, len(chain(connection, zero.q)))

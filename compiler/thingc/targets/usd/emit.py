@@ -46,7 +46,8 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
-    """Yield the losses of one mode in addition to those from `CAPABILITIES`. Losses common to all modes have no mode."""
+    """Yield the export losses of one mode that do not follow from `CAPABILITIES`. An export loss that is common to all modes has no mode.
+    """
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"]):
         if (number := len(chain(connection))) > 1:
@@ -99,7 +100,7 @@ def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, 
 
 
 def _closed(robot: Robot) -> bool:
-    """Return whether loops and holds are closed at q = 0, with the base in the mode's pose."""
+    """Return whether the loops and holds of a mode are closed at q = 0, with the base in the pose that the mode specifies."""
     if not robot.closures:
         return True
     joints, base = joints_of(robot.assembly), robot.bodies[0].X_PL
