@@ -61,9 +61,9 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
 
     Names of links and of MuJoCo joints have the path separator `separator`, as in the model.
 
-    - `root` is the path of the site on which the mode stands. `base` is `fixed | held | free | planar | ball`. `gravity` [m/s^2] is a vector
-      in the world frame. `X_world_root` is the pose of the root link in this mode (4 x 4, by rows). `X_world_at` exists only for a `planar`
-      or `ball` base. It is the frame in whose x-y plane the base moves, or about whose origin the base rotates.
+    - `root` is the path of the site on which the mode stands. `base` is `fixed | held | free | planar | ball`. `gravity` [m/s^2] is
+      in the world frame. `X_world_root` is the pose of the root link in this mode (4 x 4, by rows). `X_world_at` exists only for a
+      `planar` or `ball` base. It is the frame in whose x-y plane the base moves, or about whose origin the base rotates.
     - `links` lists the links in the order of the bodies of the model, with the root link first. `X_root_link` is the pose of the link's
       frame in the root link's frame at q = 0. `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] are in the link's frame.
     - `joints` lists the joints in the order of the model. `parent` and `child` are links as in this mode's tree; `reversed` means that they
