@@ -117,10 +117,10 @@ class Workers:
             self._processes.append(self._start(flags, self.jobs if self.forking else 1))
 
     def begin(self, requests: Iterable[Mapping[str, Any]]) -> None:
-        """Send requests to the workers without waiting for answers. A later call of `run` with the same requests then gets the answers
-        sooner.
+        """Send requests to the workers without waiting for answers.
 
-        The method does nothing if workers cannot fork. If no worker starts, `run` raises the error later.
+        A later call of `run` with the same requests then gets the answers sooner. The method does nothing if workers cannot fork. If no
+        worker starts, `run` raises the error later.
         """
         if self.forking:
             with contextlib.suppress(WorkerBroken):
@@ -231,11 +231,10 @@ class Workers:
         return known, answer, True
 
     def _answered(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any] | None]:
-        """Find the request to which a worker's answer belongs. Return its number and the request, and remove `id` and `span` from the
-        answer.
+        """Find the request to which a worker's answer belongs.
 
-        The request is None if it was cancelled. It is also None if `begin` sent the request and `run` has not requested it yet. In this
-        case, the answer is stored.
+        Return its number and the request, and remove `id` and `span` from the answer. The request is None if it was cancelled. It is
+        also None if `begin` sent the request and `run` has not requested it yet. In this case, the answer is stored.
         """
         number: int = answer["id"]
         if number in self._begun.values():

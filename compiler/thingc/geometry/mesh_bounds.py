@@ -100,8 +100,9 @@ def is_text(stl: bytes) -> bool:
 
 
 def unfold(root: _T, parts: Callable[[_T], Iterable[_T]]) -> None:
-    """Raise `BadMesh` if `root` places more than `INSTANCES` objects, or contains itself. The function `parts` returns the objects that an
-    object contains.
+    """Raise `BadMesh` if `root` places more than `INSTANCES` objects, or contains itself.
+
+    The function `parts` returns the objects that an object contains.
     """
     known: dict[_T, int] = {}
 

@@ -52,10 +52,9 @@ class PartSource(Protocol):
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None,
     ) -> Mapping[str, PartRecord | PartFailure]:
-        """Build or load parts, and return the record or failure of each part definition by its text. A definition without an available
-        record has no entry.
+        """Build or load parts, and return the record or failure of each part definition by its text.
 
-        `likely` returns the expected slicings, for parts that are built.
+        A definition without an available record has no entry. `likely` returns the expected slicings, for parts that are built.
         """
 
     def slice(

@@ -79,8 +79,9 @@ class Moments(OneLineRepr, FrozenStruct):
 
     @property
     def properties(self) -> MassProperties:
-        """Convert the moments to mass properties at density 1. The mass is the volume [m^3]. The inertia [m^5] is about the centre of
-        mass.
+        """Convert the moments to mass properties at density 1.
+
+        The mass is the volume [m^3]. The inertia [m^5] is about the centre of mass.
         """
         if self.volume <= 0.0:
             return MassProperties(mass=0.0)

@@ -46,10 +46,10 @@ class Supported(FrozenStruct, Generic[By], kw_only=False):
 
 
 class Lossy(FrozenStruct, Generic[By], kw_only=False):
-    """A table cell for a feature that the format supports only partly. The feature is written as `by` specifies, and a `Loss` with the
-    given `how` is reported.
+    """A table cell for a feature that the format supports only partly.
 
-    `words` is appended to the description of the loss and begins with a comma or colon.
+    The feature is written as `by` specifies, and a `Loss` with the given `how` is reported. `words` is appended to the description of
+    the loss and begins with a comma or colon.
     """
 
     by: By
@@ -58,8 +58,9 @@ class Lossy(FrozenStruct, Generic[By], kw_only=False):
 
 
 class Omitted(FrozenStruct, kw_only=False):
-    """A table cell for a feature that the format does not support, so that nothing is written. `words` is appended to the description of
-    the `Loss`.
+    """A table cell for a feature that the format does not support, so that nothing is written.
+
+    `words` is appended to the description of the `Loss`.
     """
 
     words: str = ""
@@ -71,7 +72,9 @@ class Omitted(FrozenStruct, kw_only=False):
 
 
 class Companion(FrozenStruct, kw_only=False):
-    """A table cell for a feature that does not belong in files of this format. The feature is not written, and no export loss is reported.
+    """A table cell for a feature that does not belong in files of this format.
+
+    The feature is not written, and no export loss is reported.
     """
 
 
@@ -184,8 +187,9 @@ class Links(TypedDict):
 
 
 class ContactShapes(TypedDict, Generic[By]):
-    """The collision shapes that a format supports. `mesh` is a non-convex mesh that is not replaced by its convex hull. Visual primitives
-    use the same cells.
+    """The collision shapes that a format supports.
+
+    `mesh` is a non-convex mesh that is not replaced by its convex hull. Visual primitives use the same cells.
     """
 
     box: Cell[By]
@@ -269,8 +273,9 @@ def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Seque
 
 
 class _Lost:
-    """Yields an export loss for each feature of a robot that a target does not fully support. An export loss that is common to all modes
-    has no mode.
+    """Yields an export loss for each feature of a robot that a target does not fully support.
+
+    An export loss that is common to all modes has no mode.
     """
 
     def __init__(self, target: str, says: AnyCapabilities, cut: bool) -> None:
@@ -390,10 +395,10 @@ class _Lost:
         )
 
     def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
-        """Yield the export loss for a sensor that is not written. For a sensor that is written, yield the export losses for its
-        properties.
+        """Yield the export loss for a sensor that is not written.
 
-        For a rangefinder, `cutoff` is the range of the sensor and does not clip its values.
+        For a sensor that is written, yield the export losses for its properties. For a rangefinder, `cutoff` is the range of the sensor
+        and does not clip its values.
         """
         cell, of = self.says["sensors"][sensor.kind], self.says["of_sensors"]
         yield from self(cell, None, sensor.path, "this sensor", sensor.origin)

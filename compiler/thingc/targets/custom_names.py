@@ -32,8 +32,9 @@ AS_WRITTEN = frozenset({AssemblyDefinition, Component, Definition, FileNames, Li
 
 
 def called(request: EmitRequest) -> EmitRequest:
-    """Apply the custom names of the documents to the robot in a request. If the documents contain no custom names, return the same
-    request.
+    """Apply the custom names of the documents to the robot in a request.
+
+    If the documents contain no custom names, return the same request.
     """
     names = request.assembly.names
     if names is None:

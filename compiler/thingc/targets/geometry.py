@@ -35,9 +35,11 @@ Takes = Callable[[Occurrence, Mesh | Primitive], bool]
 
 
 class MeshAsset(FrozenStruct):
-    """A mesh that a target writes to its own file. `mesh` is the mesh in the store (OBJ) [m], and `volume` is the volume of its part
-    [m^3]. `origin` is the place in the documents of the first occurrence that uses the mesh. `own` is the content of the original mesh
-    file, which MuJoCo reads. `scale` are the factors that convert the original mesh to metres.
+    """A mesh that a target writes to its own file.
+
+    `mesh` is the mesh in the store (OBJ) [m], and `volume` is the volume of its part [m^3]. `origin` is the place in the documents of
+    the first occurrence that uses the mesh. `own` is the content of the original mesh file, which MuJoCo reads. `scale` are the factors
+    that convert the original mesh to metres.
     """
 
     name: str
@@ -123,8 +125,9 @@ def numbered(name: str, index: int) -> str:
 
 
 def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
-    """Yield a unique name for each shape. This is the custom name of the shape if no other shape uses it. Otherwise, it is the default
-    name `usual` with a number.
+    """Yield a unique name for each shape.
+
+    This is the custom name of the shape if no other shape uses it. Otherwise, it is the default name `usual` with a number.
     """
     used: set[str | None] = {None}
     for index, shape in enumerate(shapes):
@@ -170,11 +173,10 @@ def inputs_of(assembly: Assembly) -> tuple[object, ...]:
 
 
 def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report, *, own: bool = False) -> Geometry:
-    """Compute the visual and collision shapes of every occurrence. The function `takes` returns whether the target accepts a collision
-    shape.
+    """Compute the visual and collision shapes of every occurrence.
 
-    With `own`, meshes have the content of their original mesh files, if known. If meshes of two definitions have the same file name in
-    `folder`, an error is reported.
+    The function `takes` returns whether the target accepts a collision shape. With `own`, meshes have the content of their original
+    mesh files, if known. If meshes of two definitions have the same file name in `folder`, an error is reported.
     """
     return _Collector(folder, takes, report, own).collect(assembly)
 
@@ -222,8 +224,9 @@ class _Collector:
         return Shapes(path=occurrence.path, origin=occurrence.origin, visual=visual, collision=touching)
 
     def collision(self, occurrence: Occurrence, stem: str) -> tuple[Shape, ...]:
-        """Return the collision shapes that `collision:` selects for an occurrence. The result contains a shape for each piece that can
-        collide.
+        """Return the collision shapes that `collision:` selects for an occurrence.
+
+        The result contains a shape for each piece that can collide.
         """
         choice = occurrence.overrides.collision
         if choice == "none":

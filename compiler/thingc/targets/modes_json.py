@@ -43,8 +43,9 @@ FREE = (7, 6)
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Write `modes.json`, which describes the chosen modes in document order. The file contains addresses of joint values in the MJCF
-    models.
+    """Write `modes.json`, which describes the chosen modes in document order.
+
+    The file contains addresses of joint values in the MJCF models.
     """
     between = separator(request.compat)
     described = {robot.mode.name: describe(robot, request.memo, between) for robot in request.robots}

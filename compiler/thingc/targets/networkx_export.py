@@ -108,8 +108,10 @@ def plain(graph: Graph) -> dict[str, Any]:
 
 
 class Loop(FrozenStruct):
-    """A kinematic loop that is cut at the joint `cut`. `through` contains the other joints of the loop, each with the reason why it was
-    not cut. They are ordered from the parent of the cut joint to its child. The reasons are empty if a rigid mate closes the loop.
+    """A kinematic loop that is cut at the joint `cut`.
+
+    `through` contains the other joints of the loop, each with the reason why it was not cut. They are ordered from the parent of the
+    cut joint to its child. The reasons are empty if a rigid mate closes the loop.
     """
 
     cut: str

@@ -27,10 +27,10 @@ PREFIXES = {"urdf": ("drake",), "sdf": ("drake", "gz")}
 
 
 def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sdf"], files: Sequence[Element], report: Report) -> None:
-    """Apply the raw attributes of the documents to the XML files of a target. There is one file per chosen mode. Report attributes that
-    match no file.
+    """Apply the raw attributes of the documents to the XML files of a target.
 
-    An element that only some modes have gets its attributes in these modes.
+    There is one file per chosen mode. Report attributes that match no file. An element that only some modes have gets its attributes in
+    these modes.
     """
     for attribute in assembly.raw:
         if attribute.target == target:

@@ -50,8 +50,9 @@ ALL = "all"
 
 
 def written() -> re.Pattern[str]:
-    """Return a regular expression that matches every path in a build folder that a target may write. Targets of installed packages are
-    included.
+    """Return a regular expression that matches every path in a build folder that a target may write.
+
+    Targets of installed packages are included.
     """
     patterns = [pattern for target in TARGETS.values() for pattern in target.writes]
     for name in targets():
@@ -100,10 +101,9 @@ def unknown(words: Sequence[str]) -> tuple[tuple[int, str, Hint], ...]:
 
 
 def chosen(words: Sequence[str]) -> tuple[str, ...]:
-    """Parse the target names in arguments such as `mjcf`, `mjcf,urdf` and `all`. Return the targets in the order in which a build writes
-    them.
+    """Parse the target names in arguments such as `mjcf`, `mjcf,urdf` and `all`.
 
-    Without arguments, return the default targets.
+    Return the targets in the order in which a build writes them. Without arguments, return the default targets.
     """
     wanted = {word for text in words for word in text.split(",")}
     return tuple(target for target in targets() if (wanted & {target, ALL} if words else target not in TARGETS or TARGETS[target].unasked))

@@ -129,8 +129,9 @@ class XmlText(FrozenStruct):
     lines: tuple[Element | None, ...]
 
     def element_at(self, line: int) -> Element | None:
-        """Return the element whose opening tag is on a line (counted from 1). If there is none, return the element on the nearest line
-        above.
+        """Return the element whose opening tag is on a line (counted from 1).
+
+        If there is none, return the element on the nearest line above.
         """
         for index in range(min(line, len(self.lines)) - 1, -1, -1):
             if self.lines[index] is not None:

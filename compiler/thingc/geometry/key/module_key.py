@@ -110,7 +110,9 @@ class ModuleSources:
         self._read: dict[str, ModuleSource | None] = {}
 
     def source(self, name: str) -> ModuleSource | None:
-        """Return the source of the content-tracked module `name`. Return None if the module has no source file or is not content-tracked.
+        """Return the source of the content-tracked module `name`.
+
+        Return None if the module has no source file or is not content-tracked.
         """
         if name not in self._read:
             module = self.finder.find(name)

@@ -108,8 +108,9 @@ class Finder:
         self._part_modules: list[str] | None = None
 
     def find(self, name: str) -> Module:
-        """Find the module with the absolute, dotted name `name`. If the module does not exist, the returned `Module` has the kind
-        `absent`.
+        """Find the module with the absolute, dotted name `name`.
+
+        If the module does not exist, the returned `Module` has the kind `absent`.
         """
         module = self._found.get(name)
         if module is None:

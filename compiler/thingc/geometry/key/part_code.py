@@ -148,8 +148,9 @@ class PartCode:
 
 
 def file_state(definition: PartDefinition, workspace: Workspace, results: Results) -> str | PartFailure:
-    """Return the state of a part file, such as a STEP file, in the form of the module `file_states`. Return a failure if the file does not
-    exist.
+    """Return the state of a part file, such as a STEP file, in the form of the module `file_states`.
+
+    Return a failure if the file does not exist.
     """
     path = os.path.join(workspace.root, definition.reference)
     if os.path.isabs(definition.reference) or not workspace.contains(path):

@@ -96,8 +96,9 @@ class Results:
     # --- last builds, for `thingc why` -------------------------------------------------------------------------------
 
     def last(self, text: str) -> BuildKey | None:
-        """Return the build key that a part definition had when it was last built or reused in this workspace. Return None if there is no
-        such key.
+        """Return the build key that a part definition had when it was last built or reused in this workspace.
+
+        Return None if there is no such key.
         """
         key = self.store.get_json("last", self._of(text))
         ingredients = self.store.get_json("build_key", key) if isinstance(key, str) else None

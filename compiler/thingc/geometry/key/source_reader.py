@@ -163,8 +163,9 @@ def _imported(statement: ast.Import | ast.ImportFrom) -> list[tuple[str, str]]:
 
 
 def _names(tree: ast.Module) -> dict[str, tuple[str, int, str]]:
-    """Return the names that a module's top-level statements may bind. Each name maps to its kind, its line, and the origin of an imported
-    name.
+    """Return the names that a module's top-level statements may bind.
+
+    Each name maps to its kind, its line, and the origin of an imported name.
     """
     names: dict[str, tuple[str, int, str]] = {}
     waiting: list[ast.AST] = list(tree.body)

@@ -58,10 +58,9 @@ class Lock(FrozenStruct):
     _schemas: dict[str, PartSchema] = {}
 
     def schema(self, reference: str) -> PartSchema | None:
-        """Return the schema of the part `module:Class` from the lock, without the location of the class. Return None if the lock does not
-        contain it.
+        """Return the schema of the part `module:Class` from the lock, without the location of the class.
 
-        Raises `BadLock`.
+        Return None if the lock does not contain it. Raises `BadLock`.
         """
         thing = self.things.get(reference)
         if thing is None:

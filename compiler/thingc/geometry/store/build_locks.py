@@ -48,8 +48,9 @@ class BuildLocks:
         return True
 
     def wait(self, key: str, limit: float) -> bool:
-        """Wait until no other process holds the lock of a build key, and take the lock. Return False if this takes longer than `limit`
-        [s].
+        """Wait until no other process holds the lock of a build key, and take the lock.
+
+        Return False if this takes longer than `limit` [s].
         """
         end, pause = time.monotonic() + limit, SHORTEST
         while not self.take(key):

@@ -246,9 +246,11 @@ def _checksum(kind: str, name: str, payload: bytes) -> bytes:
 
 
 class Outbox(Store):
-    """A replacement for the store in a process that must not write to the store. The outbox reads from the store in the folder `root`.
-    `put` keeps blobs in memory and appends them to one file in `folder`, because one file per blob would be slower. A process with
-    write access moves the blobs to the store with `deliver`. JSON documents are not supported.
+    """A replacement for the store in a process that must not write to the store.
+
+    The outbox reads from the store in the folder `root`. `put` keeps blobs in memory and appends them to one file in `folder`, because
+    one file per blob would be slower. A process with write access moves the blobs to the store with `deliver`. JSON documents are not
+    supported.
     """
 
     __slots__ = ("_held", "_path")

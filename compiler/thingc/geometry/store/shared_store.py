@@ -86,8 +86,9 @@ class SharedStore(Store):
         return super().size(sha256)
 
     def get_json(self, kind: str, key: str) -> Any | None:
-        """Return the JSON value that is stored under a kind and a key. If the local folder does not contain it, fetch it from the URL.
-        Return None if it does not exist.
+        """Return the JSON value that is stored under a kind and a key.
+
+        If the local folder does not contain it, fetch it from the URL. Return None if it does not exist.
         """
         value = super().get_json(kind, key)
         if value is None and kind in SHARED:

@@ -36,10 +36,10 @@ class SliceCache:
         self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]], run: Run, timeout: float,
         broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> Records:
-        """Return part records with the slices that are `wanted`, by the text of their definition. Slices that are not in the store are
-        computed. Records without a mesh are unchanged.
+        """Return part records with the slices that are `wanted`, by the text of their definition.
 
-        `run` sends requests to the workers; `broken` converts a failed answer to a `PartFailure`.
+        Slices that are not in the store are computed. Records without a mesh are unchanged. `run` sends requests to the workers;
+        `broken` converts a failed answer to a `PartFailure`.
         """
         sliced: Records = dict(records)
         texts = {text: frozenset(slicings) for text, slicings in wanted.items() if slicings and _lacks(records.get(text), slicings)}

@@ -159,11 +159,10 @@ def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
 
 
 def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
-    """Create the Thing of a part with the given parameters, which are in the units of part code. For a shape class or function, its
-    `result` is the shape.
+    """Create the Thing of a part with the given parameters, which are in the units of part code.
 
-    Raises `ParameterError` before any geometry is created, `TypeError` if a function does not return a shape, and exceptions of the part's
-    own code.
+    For a shape class or function, its `result` is the shape. Raises `ParameterError` before any geometry is created, `TypeError` if a
+    function does not return a shape, and exceptions of the part's own code.
     """
     if isinstance(part, type) and issubclass(part, Thing):
         return make(part, family_signature(part).bind((), parameters), {})
@@ -182,8 +181,9 @@ def mounts_of(thing: Thing) -> dict[str, MountPoint]:
 
 
 def references_of(thing: Thing) -> tuple[str, ...]:
-    """Return the names of the reference geometry that a Thing provides in addition to mounts. Public attributes come first, then methods
-    and properties of its classes.
+    """Return the names of the reference geometry that a Thing provides in addition to mounts.
+
+    Public attributes come first, then methods and properties of its classes.
     """
     if isinstance(thing, _ShapePart):
         return ()

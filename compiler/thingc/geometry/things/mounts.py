@@ -141,11 +141,10 @@ def origin_of(thing: Thing) -> MountPoint:
 
 
 def adopt(thing: Thing, name: str, value: Any) -> Any:
-    """Prepare a value that is assigned to the attribute `name` of a Thing during its construction. Mounts in the value then belong to the
-    Thing.
+    """Prepare a value that is assigned to the attribute `name` of a Thing during its construction.
 
-    A mount of another Thing is copied at its place. Otherwise the function returns the same object. Raises `ValueError` for a forbidden
-    name of a mount.
+    Mounts in the value then belong to the Thing. A mount of another Thing is copied at its place. Otherwise the function returns the
+    same object. Raises `ValueError` for a forbidden name of a mount.
     """
     return _mapped(name, value, lambda own_name, mount: _owned(thing, own_name, mount))
 

@@ -266,8 +266,9 @@ def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
 
 
 def _kind_of_annotation(annotation: Any, where: str, shown: str) -> tuple[str, float | None, float | None, tuple[Value, ...]]:
-    """Read the kind, the minimum, the maximum and the choices of a parameter from its annotation. Bounds of nested `Annotated` are
-    combined.
+    """Read the kind, the minimum, the maximum and the choices of a parameter from its annotation.
+
+    Bounds of nested `Annotated` are combined.
     """
     annotation = getattr(annotation, "__value__", annotation)
     marks: tuple[object, ...] = ()

@@ -71,11 +71,11 @@ class Thing(Framed, metaclass=ThingType):
         return cast("Self", TransformResolver(self, location))
 
     def adjust(self, **changes: float | bool | str) -> Self:
-        """Return a Thing of the same class with changed parameters. Examples of changes are `depth=30`, `width__add=0.2` and
-        `height__mul=1.02`.
+        """Return a Thing of the same class with changed parameters.
 
-        `adjust` can also change a parameter of a parent class that this class sets: the class stays the same, and the parent's `__init__`
-        runs with the changed value. Raises `ParameterError` for an invalid value, `CallError` for an unknown name.
+        Examples of changes are `depth=30`, `width__add=0.2` and `height__mul=1.02`. `adjust` can also change a parameter of a parent
+        class that this class sets: the class stays the same, and the parent's `__init__` runs with the changed value. Raises
+        `ParameterError` for an invalid value, `CallError` for an unknown name.
         """
         self._must_be_finished("adjust")
         return cast("Self", adjusted(self, changes))

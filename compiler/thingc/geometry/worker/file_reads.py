@@ -119,8 +119,9 @@ class FileReadRecorder:
         return sorted((self.relative(path), state) for path, state in self.states.items())
 
     def relative(self, path: str) -> str:
-        """Convert an absolute path to a path relative to the workspace, with `/` as separator. A path outside of the workspace is
-        unchanged.
+        """Convert an absolute path to a path relative to the workspace, with `/` as separator.
+
+        A path outside of the workspace is unchanged.
         """
         if path.startswith(self.workspace):
             return path[len(self.workspace) :].replace(os.sep, "/")

@@ -25,8 +25,9 @@ from thingc.geometry.worker.loading import PartImporter
 
 
 class NoPart(Exception):
-    """Raised if a part cannot be described or built. The exception contains the kind of the failure (see `PartFailure`), the message, and
-    the file and line if known.
+    """Raised if a part cannot be described or built.
+
+    The exception contains the kind of the failure (see `PartFailure`), the message, and the file and line if known.
     """
 
     def __init__(self, kind: FailureKind, message: str, candidates: Iterable[str] = (), place: tuple[str, int] | None = None) -> None:
@@ -155,8 +156,9 @@ class PartSession:
         return named
 
     def failure(self, subject: str, fault: BaseException) -> PartFailure:
-        """Convert an exception of part code to a `PartFailure` that refers to the innermost line in the authors' files. `MemoryError` is
-        re-raised.
+        """Convert an exception of part code to a `PartFailure` that refers to the innermost line in the authors' files.
+
+        `MemoryError` is re-raised.
         """
         from thingc.geometry.things.parameters import ParameterError, SignatureError
 
@@ -192,10 +194,9 @@ def _exception_text(fault: BaseException) -> str:
 
 
 def _python_suggests(fault: BaseException) -> str | None:
-    """Return the suggestion that Python would print for an exception, such as `Did you mean: 'MountPoint'?`. Return None if Python has no
-    suggestion.
+    """Return the suggestion that Python would print for an exception, such as `Did you mean: 'MountPoint'?`.
 
-    Python computes suggestions only for uncaught exceptions.
+    Return None if Python has no suggestion. Python computes suggestions only for uncaught exceptions.
     """
     with contextlib.redirect_stderr(io.StringIO()) as captured_output:
         sys.__excepthook__(type(fault), fault, fault.__traceback__)

@@ -153,8 +153,10 @@ def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def answered(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Perform a request. Return its `answer` and its `span`, or a failure if the store is unusable. `span` contains the start and the end
-    time of the work (`time.monotonic`). For a part, the start is the time at which its class was loaded.
+    """Perform a request.
+
+    Return its `answer` and its `span`, or a failure if the store is unusable. `span` contains the start and the end time of the work
+    (`time.monotonic`). For a part, the start is the time at which its class was loaded.
     """
     from thingc.geometry.store.local import StoreUnusable
 
@@ -226,10 +228,9 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
-    """Slice a part that was just built with its likely settings (`LikelySlicing`). Return pairs of the settings and the result as JSON
-    values.
+    """Slice a part that was just built with its likely settings (`LikelySlicing`).
 
-    Failed slicings are omitted.
+    Return pairs of the settings and the result as JSON values. Failed slicings are omitted.
     """
     from thingc.geometry.print_slices import Slicing
     from thingc.geometry.record import Mesh

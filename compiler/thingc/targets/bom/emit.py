@@ -122,11 +122,10 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
 
 
 def csv_text(rows: tuple[BomRow, ...]) -> str:
-    """Format the bill of materials as CSV (RFC 4180) with a header line and line feeds as line ends. The mass is per piece [kg]; unknown
-    values are empty.
+    """Format the bill of materials as CSV (RFC 4180) with a header line and line feeds as line ends.
 
-    A cell that a spreadsheet would evaluate begins with `'` (see `format_cell`). The table has no row of totals, so a spreadsheet can sum
-    its columns.
+    The mass is per piece [kg]; unknown values are empty. A cell that a spreadsheet would evaluate begins with `'` (see `format_cell`).
+    The table has no row of totals, so a spreadsheet can sum its columns.
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")

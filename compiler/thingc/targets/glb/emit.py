@@ -171,8 +171,9 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
 
 
 def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
-    """Return a frame whose z axis lies on the axis of rotation, or along the direction of motion, of a twist. For a ball, return a frame
-    at its centre with unchanged axes.
+    """Return a frame whose z axis lies on the axis of rotation, or along the direction of motion, of a twist.
+
+    For a ball, return a frame at its centre with unchanged axes.
     """
     return shifted(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
 

@@ -45,8 +45,9 @@ def quantities(hag: Hag) -> dict[str, int]:
     return counted
 
 def how(edge: DefinitionEdge) -> str:
-    """Describe the placement of a component on one line, such as `joint yaw: yaw_seat -> yaw_servo.rotor`. Return "" for the base
-    component.
+    """Describe the placement of a component on one line, such as `joint yaw: yaw_seat -> yaw_servo.rotor`.
+
+    Return "" for the base component.
     """
     parts = [f"joint {edge.joint}"] if edge.joint is not None else []
     if edge.mounts:
@@ -54,8 +55,9 @@ def how(edge: DefinitionEdge) -> str:
     return escape_control(": ".join(parts))
 
 def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
-    """Return each mirror image in the graph with the text of its original definition. Mirror images without their original in the graph
-    are omitted.
+    """Return each mirror image in the graph with the text of its original definition.
+
+    Mirror images without their original in the graph are omitted.
     """
     texts = {definition.text for definition in hag.definitions}
     return [(one, one.plain.text) for one in hag.definitions if one.plain is not None and one.plain.text in texts]

@@ -67,10 +67,10 @@ class Route(FrozenStruct):
 
 
 class Drawing(FrozenStruct):
-    """The finished layout of a graph. It contains the boxes in the given order, the routes in the order of the lines, and the size of the
-    drawing.
+    """The finished layout of a graph.
 
-    The origin of the drawing is (0, 0).
+    It contains the boxes in the given order, the routes in the order of the lines, and the size of the drawing. The origin of the
+    drawing is (0, 0).
     """
 
     width: float
@@ -195,7 +195,9 @@ def _separation(a: _Item, b: _Item) -> float:
 
 
 def _set_heights(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> None:
-    """Set the vertical positions of all items. Each item is placed as near to its neighbours as the order and the minimum distances allow.
+    """Set the vertical positions of all items.
+
+    Each item is placed as near to its neighbours as the order and the minimum distances allow.
     """
     for column in columns:
         for above, k in zip(column, column[1:]):
@@ -235,8 +237,9 @@ def _nearest(wanted: Sequence[float], weights: Sequence[float], separations: Seq
 
 
 def _ports(items: Sequence[_Item], k: int, neighbours: Sequence[int]) -> dict[int, float]:
-    """Return the vertical position at which each line meets the side of a box. The positions have the same order as the other ends of the
-    lines.
+    """Return the vertical position at which each line meets the side of a box.
+
+    The positions have the same order as the other ends of the lines.
     """
     ordered = sorted(neighbours, key=lambda n: (items[n].y, n))
     room = max(items[k].size.height - 14.0, 0.0)

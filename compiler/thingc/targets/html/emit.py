@@ -27,15 +27,18 @@ class Page(FrozenStruct):
     glb: bytes
 
     def html(self, *, live: str | None = None, editor: str | None = None, against: Page | None = None) -> bytes:
-        """Return the HTML text of the page. If `live` is given, it identifies a version, and the page asks its server for changes since
-        that version. `editor` is a URL template for opening a file in an editor, with `{file}` (the path in the workspace) and
-        `{line}`. `against` is the page of another robot for a comparison.
+        """Return the HTML text of the page.
+
+        If `live` is given, it identifies a version, and the page asks its server for changes since that version. `editor` is a URL
+        template for opening a file in an editor, with `{file}` (the path in the workspace) and `{line}`. `against` is the page of
+        another robot for a comparison.
         """
         return _framed(self.name, self.data, self.glb, live=live, editor=editor, against=against)
 
     def news(self) -> bytes:
-        """Return the data and meshes of the page as a JSON message that updates a live page. `robot` and `geometry` must come from the
-        same build.
+        """Return the data and meshes of the page as a JSON message that updates a live page.
+
+        `robot` and `geometry` must come from the same build.
         """
         return f'{{"robot": {self.data}, "geometry": "{base64.b64encode(self.glb).decode()}"}}'.encode()
 

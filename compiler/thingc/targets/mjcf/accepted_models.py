@@ -55,8 +55,9 @@ _BOX_SIDES = (
 
 
 class AcceptedModels:
-    """A cache in the store of the models that MuJoCo has accepted. The cached results are valid for these `meshes` and for one version of
-    MuJoCo.
+    """A cache in the store of the models that MuJoCo has accepted.
+
+    The cached results are valid for these `meshes` and for one version of MuJoCo.
     """
 
     def __init__(self, store: Store, version: str, meshes: Sequence[MeshAsset]) -> None:
@@ -174,8 +175,9 @@ def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Se
 
 
 def taken(assembly: Assembly, report: Report, memo: Memo) -> tuple[Geometry, tuple[Loss, ...]]:
-    """Return the visual and collision shapes of every occurrence, and the export losses of MJCF. Report shapes that MuJoCo does not
-    accept.
+    """Return the visual and collision shapes of every occurrence, and the export losses of MJCF.
+
+    Report shapes that MuJoCo does not accept.
     """
     shapes, losses, said = memo("geometry", lambda _: _collected(assembly), inputs_of(assembly))
     for diagnostic in said.diagnostics:

@@ -29,8 +29,9 @@ OPTION = {"cone": "elliptic", "impratio": "100"}
 
 
 def contact(assembly: Assembly) -> dict[str, str]:
-    """Return the attributes of the default class for geoms with adhesion. Attributes that raw attributes set for all geoms or all
-    collision geoms are omitted.
+    """Return the attributes of the default class for geoms with adhesion.
+
+    Attributes that raw attributes set for all geoms or all collision geoms are omitted.
     """
     stated = {path[3] for path in _raw(assembly) if len(path) == 4 and path[0] == "default" and path[1] != "visual" and path[2] == "geom"}
     return {name: value for name, value in CONTACT.items() if name not in stated}

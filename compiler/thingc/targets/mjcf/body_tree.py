@@ -37,8 +37,9 @@ that mimics a light hinge lags by seconds instead of 20 ms.
 
 
 def model(robot: Robot, geometry: Geometry, memo: Memo | None = None) -> Element:
-    """Create the `<mujoco>` element for the robot in one mode, before raw attributes are applied. Unchanged elements are reused from
-    `memo`.
+    """Create the `<mujoco>` element for the robot in one mode, before raw attributes are applied.
+
+    Unchanged elements are reused from `memo`.
     """
     return _Builder(robot, geometry, memo or Memo()).build()
 

@@ -156,8 +156,9 @@ def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tupl
 
 
 def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tuple[str, Pose]]) -> float:
-    """Return the distance [m] at q = 0 between a point of the parent and a point of the child. MuJoCo uses this distance as the reference
-    length of the constraint.
+    """Return the distance [m] at q = 0 between a point of the parent and a point of the child.
+
+    MuJoCo uses this distance as the reference length of the constraint.
     """
     assert closure.parent is not None
     X_WL: list[Pose] = []

@@ -82,8 +82,9 @@ def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
 
 
 def ball(name: str, joint: TreeJoint) -> tuple[Element, ...]:
-    """Return the `joint` element of a ball joint. The argument `joint` can be any coordinate of the ball joint, because its coordinates
-    differ only in their axes.
+    """Return the `joint` element of a ball joint.
+
+    The argument `joint` can be any coordinate of the ball joint, because its coordinates differ only in their axes.
     """
     attributes: dict[str, XmlValue] = {"name": name, "type": "ball"}
     if any(joint.twist.anchor):

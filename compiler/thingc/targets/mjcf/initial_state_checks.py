@@ -42,8 +42,9 @@ def key(text: str, robot: Robot) -> str:
 
 
 def apart(text: str) -> tuple[str, ...]:
-    """Return the parts of a model's XML that have no effect on the initial state. The function `key` does not include these parts in its
-    digest.
+    """Return the parts of a model's XML that have no effect on the initial state.
+
+    The function `key` does not include these parts in its digest.
     """
     head, _, rest = text.partition("<mujoco ")
     return (head, rest.partition(">")[0], *_INDIFFERENT.findall(rest))
@@ -144,10 +145,10 @@ class InitialState(FrozenStruct):
 
 
 def look(model: Any, robot: Robot) -> InitialState:
-    """Check the initial state of a compiled scene (an `mujoco.MjModel`). The contacts are checked in the start pose, and the gains in all
-    keyframes.
+    """Check the initial state of a compiled scene (an `mujoco.MjModel`).
 
-    The check ends early if the model needs more memory for a step than MuJoCo has allocated.
+    The contacts are checked in the start pose, and the gains in all keyframes. The check ends early if the model needs more memory for
+    a step than MuJoCo has allocated.
     """
     import mujoco
 
@@ -332,7 +333,9 @@ def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[st
 
 
 def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
-    """Describe a velocity gain that is too large. Return the fault, a remedy, and the armature [kg m^2 or kg] that would remove the fault.
+    """Describe a velocity gain that is too large.
+
+    Return the fault, a remedy, and the armature [kg m^2 or kg] that would remove the fault.
     """
     rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
     does = "makes the joint oscillate with growing amplitude" if gains.too_stiff else "reverses the velocity of the joint in one step"
@@ -344,8 +347,9 @@ def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
 
 
 def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
-    """Describe a position gain, or the spring of a joint without a position gain, that is too stiff. Return the fault, a remedy, and the
-    armature.
+    """Describe a position gain, or the spring of a joint without a position gain, that is too stiff.
+
+    Return the fault, a remedy, and the armature.
     """
     turn, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
     kp = gains.stiffness - spring

@@ -58,8 +58,9 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
 
 def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
-    """Yield a message for each element or attribute that documents must not add. MuJoCo must not read them, because they could change
-    other elements.
+    """Yield a message for each element or attribute that documents must not add.
+
+    MuJoCo must not read them, because they could change other elements.
     """
     for name, value in ((element.tag, ""), *element.attributes.items()):
         why = unwritable(name, value)
@@ -113,8 +114,9 @@ class _Target:
         return None
 
     def made(self, wanted: RawElement) -> Element | tuple[str, str]:
-        """Create the MJCF element for a raw element of a document. If it refers to a missing element, return the kind and the name of the
-        missing element.
+        """Create the MJCF element for a raw element of a document.
+
+        If it refers to a missing element, return the kind and the name of the missing element.
         """
         made = Element(tag=wanted.tag, attributes=dict(wanted.attributes), origin=wanted.origin)
         for name, value in wanted.attributes.items():

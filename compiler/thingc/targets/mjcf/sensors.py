@@ -153,9 +153,10 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield an export loss for each sensor, or property of a sensor, that a mode does not support. These are unsupported sensors, forces
-    that are not measured at the mount, and accelerations of a fixed base. (MuJoCo's accelerometer reads 0 on a fixed body, and 9.81
-    m/s^2 on any other body at rest.)
+    """Yield an export loss for each sensor, or property of a sensor, that a mode does not support.
+
+    These are unsupported sensors, forces that are not measured at the mount, and accelerations of a fixed base. (MuJoCo's accelerometer
+    reads 0 on a fixed body, and 9.81 m/s^2 on any other body at rest.)
     """
     for sensor in robot.assembly.sensors:
         missing = _missing(robot, sensor)

@@ -33,8 +33,9 @@ def pulled(robot: Robot) -> tuple[LinkedTendon, ...]:
 
 
 def tendons(robot: Robot, section: Element) -> None:
-    """Add the tendons of the robot to the MJCF model. A tendon over joints becomes a `fixed` tendon, and a tendon along a path becomes a
-    `spatial` tendon.
+    """Add the tendons of the robot to the MJCF model.
+
+    A tendon over joints becomes a `fixed` tendon, and a tendon along a path becomes a `spatial` tendon.
     """
     for one in present(robot):
         attributes: dict[str, XmlValue] = {"name": one.path}
@@ -90,8 +91,9 @@ def drives(robot: Robot, section: Element) -> None:
 
 
 def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
-    """Yield the control value of each tendon drive for joint positions `q` [rad or m]. The value is the tendon length for a position
-    drive, otherwise 0.
+    """Yield the control value of each tendon drive for joint positions `q` [rad or m].
+
+    The value is the tendon length for a position drive, otherwise 0.
     """
     for one in pulled(robot):
         if one.actuator is None or one.actuator.kind != "position":

@@ -29,8 +29,9 @@ MANY = 20_000_000
 
 
 class Candidate(FrozenStruct):
-    """The MJCF files of a mode. `model` is the XML text of the element `root` with the comment `heading`. The scene includes the model
-    under the file name `file`.
+    """The MJCF files of a mode.
+
+    `model` is the XML text of the element `root` with the comment `heading`. The scene includes the model under the file name `file`.
     """
 
     mode: str
@@ -273,8 +274,9 @@ def in_memory(data: Mapping[str, bytes]) -> Any:
 
 
 def _without_threads(text: str) -> str:
-    """Change the XML text of a model so that MuJoCo compiles the model without threads. This is faster for cached meshes and for
-    tetrahedra.
+    """Change the XML text of a model so that MuJoCo compiles the model without threads.
+
+    This is faster for cached meshes and for tetrahedra.
     """
     return text if " usethread=" in text else text.replace("<compiler ", '<compiler usethread="false" ', 1)
 

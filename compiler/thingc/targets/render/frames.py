@@ -175,8 +175,9 @@ def _box(points: Array, margin: float) -> Box:
 
 
 def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet: tuple[int, int], scale: float) -> Box:
-    """Return a free box for a name: the free box nearest to the origin in the picture. If all boxes overlap, return the box that overlaps
-    the least.
+    """Return a free box for a name: the free box nearest to the origin in the picture.
+
+    If all boxes overlap, return the box that overlaps the least.
     """
     best: tuple[float, Box] | None = None
     others = np.array(taken)

@@ -43,11 +43,10 @@ class Camera(FrozenStruct, eq=False):
 
 
 def directions(azimuth: float, elevation: float, upright: Array) -> Array:
-    """Return the axes of a camera that looks along `azimuth` and `elevation` [rad]. The rows (3 x 3) are its right, up and backward
-    directions.
+    """Return the axes of a camera that looks along `azimuth` and `elevation` [rad].
 
-    The rows of `upright` (3, 3) are the direction of azimuth 0, the direction of azimuth 90 degrees, and up. As in MuJoCo's viewer, a
-    negative elevation looks down, and the horizon is level.
+    The rows (3 x 3) are its right, up and backward directions. The rows of `upright` (3, 3) are the direction of azimuth 0, the
+    direction of azimuth 90 degrees, and up. As in MuJoCo's viewer, a negative elevation looks down, and the horizon is level.
     """
     c, s = math.cos(elevation), math.sin(elevation)
     forward = np.array([c * math.cos(azimuth), c * math.sin(azimuth), s]) @ upright
@@ -56,10 +55,10 @@ def directions(azimuth: float, elevation: float, upright: Array) -> Array:
 
 
 def upright(gravity: Array) -> Array:
-    """Return the directions relative to which azimuths and elevations are measured, as rows (3, 3). `gravity` (3,) is in the world, whose
-    floor is z = 0.
+    """Return the directions relative to which azimuths and elevations are measured, as rows (3, 3).
 
-    On a floor the directions are x, y and z. If z = 0 is a wall, azimuth 0 looks straight at the wall. Without gravity, z is up.
+    `gravity` (3,) is in the world, whose floor is z = 0. On a floor the directions are x, y and z. If z = 0 is a wall, azimuth 0 looks
+    straight at the wall. Without gravity, z is up.
     """
     size = float(np.linalg.norm(gravity))
     up = -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])

@@ -96,8 +96,9 @@ def meetings(
 
 
 def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
-    """Return a copy of a URDF that contains only the collision shapes, and the names of their mesh files. Masses and joint limits are
-    arbitrary.
+    """Return a copy of a URDF that contains only the collision shapes, and the names of their mesh files.
+
+    Masses and joint limits are arbitrary.
     """
     bare = Element(tag="robot", attributes=tree.attributes)
     compiler = {"fusestatic": "false", "strippath": "false", "meshdir": "", "boundmass": "1", "boundinertia": "1", "balanceinertia": "true"}
@@ -131,8 +132,9 @@ def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
 
 
 class _Sampler:
-    """Searches for collisions in random configurations of a MuJoCo model. It stores the addresses of the independent joints and the mimic
-    joints.
+    """Searches for collisions in random configurations of a MuJoCo model.
+
+    It stores the addresses of the independent joints and the mimic joints.
     """
 
     def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:

@@ -48,8 +48,10 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
-    """Yield the export losses of one mode. `zero` is the state of the mode in which all joints of the SDF file are at 0. An export loss
-    that is common to all modes has no mode.
+    """Yield the export losses of one mode.
+
+    `zero` is the state of the mode in which all joints of the SDF file are at 0. An export loss that is common to all modes has no
+    mode.
     """
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"], closed=zero.closed):

@@ -65,10 +65,9 @@ In ODE the torque is `3 pi / 16` of the coefficient times the radius times the n
 
 
 def model(robot: Robot, geometry: Geometry, zero: ZeroState, report: Report) -> tuple[Element, tuple[Loss, ...]]:
-    """Create the `<sdf>` element of a mode in the state `zero`, in which all joints are at 0. Also return an export loss for each changed
-    name.
+    """Create the `<sdf>` element of a mode in the state `zero`, in which all joints are at 0.
 
-    Duplicate names of links or of joints are reported.
+    Also return an export loss for each changed name. Duplicate names of links or of joints are reported.
     """
     builder = _Builder(robot, geometry, zero, report)
     return builder.build(), tuple(builder.losses)

@@ -35,8 +35,9 @@ def in_background(work: Callable[[], Value]) -> Future[Value]:
 
 
 class _Begun(FrozenStruct):
-    """A STEP file that the CAD kernel is writing. `file` is a future for the finished file (None if there is no file). `losses` contains
-    the export losses of the target.
+    """A STEP file that the CAD kernel is writing.
+
+    `file` is a future for the finished file (None if there is no file). `losses` contains the export losses of the target.
     """
 
     file: Future[StoredFile] | None
@@ -44,8 +45,9 @@ class _Begun(FrozenStruct):
 
 
 def begin(request: EmitRequest) -> None:
-    """Start to write the STEP file in the process of the CAD kernel while other targets are written. The function `emit` waits for the
-    file.
+    """Start to write the STEP file in the process of the CAD kernel while other targets are written.
+
+    The function `emit` waits for the file.
     """
     request.made["step"] = _begun(request)
 

@@ -57,8 +57,9 @@ def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES
 
 
 def mujoco_extension(robot: Robot) -> Element:
-    """Return a `<mujoco>` element with the options that MuJoCo reads from a URDF file. Without these options, MuJoCo drops fixed links and
-    visual shapes.
+    """Return a `<mujoco>` element with the options that MuJoCo reads from a URDF file.
+
+    Without these options, MuJoCo drops fixed links and visual shapes.
     """
     section = Element(tag="mujoco", attributes={}, origin=robot.mode.origin)
     section.add("compiler", {"fusestatic": "false", "discardvisual": "false", "strippath": "false", "meshdir": ""})
@@ -167,8 +168,9 @@ class _Builder:
                     assert_never(form)
 
     def _ends(self, move: Move) -> tuple[float, float]:
-        """Return the lower and upper limit of a URDF joint. For a mimic joint without limits, they are computed from the limits of its
-        leader.
+        """Return the lower and upper limit of a URDF joint.
+
+        For a mimic joint without limits, they are computed from the limits of its leader.
         """
         limit, thread = move.joint.limit, 1.0 if move.follows is None else move.follows[1]
         offset = 0.0
@@ -180,8 +182,9 @@ class _Builder:
         return (-UNBOUNDED if lower is None else lower), (UNBOUNDED if upper is None else upper)
 
     def _strength(self, move: Move) -> dict[str, XmlValue]:
-        """Return the effort and velocity limits of a URDF joint. For the slide of a screw, they are computed from the limits of the
-        rotation, which has the drive.
+        """Return the effort and velocity limits of a URDF joint.
+
+        For the slide of a screw, they are computed from the limits of the rotation, which has the drive.
         """
         joint = move.joint
         if joint.kind.at_once and joint.mate >= 0:

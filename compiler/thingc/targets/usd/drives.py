@@ -52,8 +52,10 @@ def equip(prim: Prim, joint: UsdJoint, robot: Robot) -> None:
 
 
 def _drive(prim: Prim, freedom: Freedom) -> None:
-    """Add the drive of a motion, with its gains, to the USD prim of a joint. A motor has no gains, because the simulator sets its force.
-    For other drives, the target is q = 0, or the nearest value within the limits.
+    """Add the drive of a motion, with its gains, to the USD prim of a joint.
+
+    A motor has no gains, because the simulator sets its force. For other drives, the target is q = 0, or the nearest value within the
+    limits.
     """
     drive = freedom.joint.actuator
     if drive is None or written(CAPABILITIES["drives"][drive_cell(freedom.joint, drive)]) is None:
@@ -96,8 +98,9 @@ AXIS = "rotZ"
 
 
 def articulation(prim: Prim) -> None:
-    """Add the PhysX properties of an articulation to its root prim. The links of the articulation collide with each other, except for
-    filtered pairs.
+    """Add the PhysX properties of an articulation to its root prim.
+
+    The links of the articulation collide with each other, except for filtered pairs.
     """
     prim.schemas.append("PhysxArticulationAPI")
     prim.say("bool physxArticulation:enabledSelfCollisions", "1")

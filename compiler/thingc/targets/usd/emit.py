@@ -46,7 +46,9 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
-    """Yield the export losses of one mode that do not follow from `CAPABILITIES`. An export loss that is common to all modes has no mode.
+    """Yield the export losses of one mode that do not follow from `CAPABILITIES`.
+
+    An export loss that is common to all modes has no mode.
     """
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"]):

@@ -78,8 +78,9 @@ def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], floa
 
 
 def _circumcentre(edges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the point that has the same distance from 0 and from the ends of all vectors `edges` `(k, n)`. The point is in the span of
-    these vectors.
+    """Compute the point that has the same distance from 0 and from the ends of all vectors `edges` `(k, n)`.
+
+    The point is in the span of these vectors.
     """
     squares = (edges * edges).sum(axis=1)
     try:

@@ -143,8 +143,9 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
 
 
 def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
-    """Return the `file` and `line` of the author's class, or an empty dict if they are unknown. This location is used for errors without a
-    line.
+    """Return the `file` and `line` of the author's class, or an empty dict if they are unknown.
+
+    This location is used for errors without a line.
     """
     import inspect
 

@@ -91,7 +91,9 @@ def _clean(entry: float) -> float:
 
 
 def transformation(placement: Pose) -> gp_Trsf:
-    """Convert a pose in metres to a transformation of the CAD kernel, with its translation in mm. This function is the inverse of `pose`.
+    """Convert a pose in metres to a transformation of the CAD kernel, with its translation in mm.
+
+    This function is the inverse of `pose`.
     """
     from OCP.gp import gp_Trsf
 

@@ -57,8 +57,9 @@ class Measures(FrozenStruct):
 
 
 def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
-    """Yield the subshapes of one kind, such as `TopAbs_FACE`, in the order in which the shape contains them. A shared subshape is yielded
-    twice.
+    """Yield the subshapes of one kind, such as `TopAbs_FACE`, in the order in which the shape contains them.
+
+    A shared subshape is yielded twice.
     """
     explorer = TopExp_Explorer(shape, kind)
     while explorer.More():
@@ -96,14 +97,13 @@ def _boxes_touch(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> bo
 
 
 def measure(shape: TopoDS_Shape) -> Measures:
-    """Compute the volume, area, centre of mass, inertia and bounding box of the solids in a shape. The integrals use GProp of OCCT, which
-    is Gauss quadrature on the faces.
+    """Compute the volume, area, centre of mass, inertia and bounding box of the solids in a shape.
 
-    Fixed-order integration is exact to rounding on whole faces of simple surfaces, but errs by 1e-5 on a cylinder with a cross hole.
-    Adaptive integration stops when the volume is accurate, and leaves 1e-11 in the inertia of a plain cylinder. Therefore both are
-    computed, and the fixed-order result is used if they agree. On planes bounded by lines and circles, and on round surfaces bounded by
-    parameter lines (u or v constant), fixed-order integration is always exact. Adaptive integration takes fifty times as long, and is
-    skipped on these faces.
+    The integrals use GProp of OCCT, which is Gauss quadrature on the faces. Fixed-order integration is exact to rounding on whole faces
+    of simple surfaces, but errs by 1e-5 on a cylinder with a cross hole. Adaptive integration stops when the volume is accurate, and
+    leaves 1e-11 in the inertia of a plain cylinder. Therefore both are computed, and the fixed-order result is used if they agree. On
+    planes bounded by lines and circles, and on round surfaces bounded by parameter lines (u or v constant), fixed-order integration is
+    always exact. Adaptive integration takes fifty times as long, and is skipped on these faces.
     """
     box = bounding_box(shape)
     apex = gp_Pnt(*((low + high) / 2.0 for low, high in zip(*box, strict=True)))
@@ -188,10 +188,10 @@ def _within_own_lines(face: TopoDS_Face) -> bool:
 
 
 def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp_GProps:
-    """Compute an integral over faces in the same way as `BRepGProp` computes it for a shape. `accuracy` applies to faces where plain
-    integration is not exact.
+    """Compute an integral over faces in the same way as `BRepGProp` computes it for a shape.
 
-    `kind` is the class that integrates over one face. The volume of a face is the volume between the face and the `apex`.
+    `accuracy` applies to faces where plain integration is not exact. `kind` is the class that integrates over one face. The volume of a
+    face is the volume between the face and the `apex`.
     """
     total = GProp_GProps(apex)
     for face, exact in faces:
@@ -206,8 +206,9 @@ def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp
 
 
 def _better(kind: Any, once: _Faces, twice: _Faces, apex: gp_Pnt) -> GProp_GProps:
-    """Compute an integral with and without adaptive integration on the faces of `twice`. If the results agree, return the result without
-    it.
+    """Compute an integral with and without adaptive integration on the faces of `twice`.
+
+    If the results agree, return the result without it.
     """
     sure = _integral(kind, once, apex)
     plain = GProp_GProps(apex)

@@ -93,8 +93,9 @@ def _from_trimesh(path: str, suffix: str, data: bytes) -> Triangles:
 
 
 def _welded(corners: NDArray[np.float64]) -> Triangles:
-    """Create a triangle mesh from the corners of its triangles by merging equal corners into vertices. `corners` has three rows for each
-    triangle.
+    """Create a triangle mesh from the corners of its triangles by merging equal corners into vertices.
+
+    `corners` has three rows for each triangle.
     """
     unique, inverse = np.unique(corners + 0.0, axis=0, return_inverse=True)
     return without_slivers(unique, np.asarray(inverse).reshape(-1, 3).astype(np.int64))

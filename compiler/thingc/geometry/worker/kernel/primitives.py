@@ -161,8 +161,9 @@ def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, flo
 
 
 def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
-    """Merge equal positions on a line, and return the lower and the upper of the two positions that remain. Return None unless exactly two
-    remain.
+    """Merge equal positions on a line, and return the lower and the upper of the two positions that remain.
+
+    Return None unless exactly two remain.
     """
     ordered = sorted(places)
     low, high = ordered[0], ordered[-1]
@@ -180,10 +181,9 @@ def _made(shape: PrimitiveShape, size: tuple[float, ...], rotation: Matrix, cent
 
 
 def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
-    """Return the smallest rotation whose columns are the given axes in any order and with any sign. Also return the index of the axis in
-    each column.
+    """Return the smallest rotation whose columns are the given axes in any order and with any sign.
 
-    `axes` contains the axes as rows. The smallest rotation has the largest trace.
+    Also return the index of the axis in each column. `axes` contains the axes as rows. The smallest rotation has the largest trace.
     """
     rotations: list[tuple[Matrix, tuple[int, ...]]] = []
     for order in itertools.permutations(range(3)):

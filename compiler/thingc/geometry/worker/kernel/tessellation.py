@@ -66,8 +66,9 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
 
 
 class _Face(FrozenStruct, kw_only=False):
-    """A face of a shape. `edges` contains its edges, each with a number that is equal for a shared edge. `plane` is True if the face is
-    flat.
+    """A face of a shape.
+
+    `edges` contains its edges, each with a number that is equal for a shared edge. `plane` is True if the face is flat.
     """
 
     face: TopoDS_Face
@@ -119,8 +120,9 @@ def _compound(faces: Iterable[TopoDS_Face]) -> TopoDS_Compound:
 
 
 class _Points:
-    """The points of a mesh under construction. `places` contains their positions [mm]. The points with the numbers `ones[i]` and
-    `others[i]` are the same vertex.
+    """The points of a mesh under construction.
+
+    `places` contains their positions [mm]. The points with the numbers `ones[i]` and `others[i]` are the same vertex.
     """
 
     def __init__(self) -> None:
@@ -156,10 +158,9 @@ class _Points:
         return np.asarray(corners.reshape(-1, 3)[:, (0, 2, 1) if turned else (0, 1, 2)] + offset)
 
     def rings(self, face: _Face) -> list[list[int]] | None:
-        """Return the boundary of a plane face, and of its holes, as lists of point numbers. Seen from outside, the face is to the left of
-        its boundary.
+        """Return the boundary of a plane face, and of its holes, as lists of point numbers.
 
-        Return None if the order of its edges is ambiguous.
+        Seen from outside, the face is to the left of its boundary. Return None if the order of its edges is ambiguous.
         """
         chains: dict[int, tuple[list[int], int]] = {}
         for edge, number in zip(face.edges, face.numbers, strict=True):
@@ -267,8 +268,9 @@ def _direction(direction: gp_Dir) -> tuple[float, float, float]:
 
 
 def _across(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cross products `(n,)` of pairs of plane vectors `(n, 2)`. The product is positive if the second vector is to the left of
-    the first.
+    """Return the cross products `(n,)` of pairs of plane vectors `(n, 2)`.
+
+    The product is positive if the second vector is to the left of the first.
     """
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
