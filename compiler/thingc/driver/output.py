@@ -45,10 +45,7 @@ class Blobs(Protocol):
 
 
 class OutputError(Exception):
-    """Raised if a build folder cannot be written. `message` is the reason, and `hint` is the help text.
-
-    The command line exits with code 2.
-    """
+    """Raised if a build folder cannot be written. `message` is the reason, and `hint` is the help text."""
 
     code = Code.OUTPUT
 
@@ -64,7 +61,6 @@ class OutputError(Exception):
 
 class UnexpectedFilesError(OutputError):
     """Raised if a build folder contains files that thingc did not write, or that have changed since. thingc does not delete such files.
-
     `names` are the sorted paths of these files, relative to `folder`.
     """
 
@@ -106,10 +102,8 @@ def write_build(
 
     `files` maps paths in the build folder to contents. It includes a `manifest.json`, which lists all other files and contains the path of
     `document` in the workspace. The contents of stored files are read from `store`, whose exceptions are not caught. `parent` is created if
-    necessary. If the build folder is a symbolic link, the target of the link is replaced.
-
-    `on_wait` is called before waiting for another build of the same folder. `force` overwrites files that thingc did not write or that have
-    changed, if the folder contains a build of the same document.
+    necessary. If the build folder is a symbolic link, the target of the link is replaced. `on_wait` is called before waiting for another
+    build of the same folder. `force` overwrites files that thingc did not write or that have changed, in a build of the same document.
 
     Raises `UnexpectedFilesError` if the folder contains anything other than an unchanged build of the same document. Raises `OutputError`
     for errors of the operating system, and `ValueError` for a path outside the folder. After an exception, the folder is unchanged.
@@ -182,10 +176,7 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
 
 
 def _move_into(folder: str, fresh: str, names: Sequence[str]) -> None:
-    """Move the files and folders `names` from the folder `fresh` to `folder`, which must not contain them.
-
-    If an exception occurs, the files and folders that have already been moved are deleted.
-    """
+    """Move the files and folders `names` from `fresh` to `folder`. After an exception, `folder` contains none of them."""
     try:
         for name in names:
             os.rename(os.path.join(fresh, name), os.path.join(folder, name))
@@ -343,10 +334,7 @@ def _mend(folder: str) -> None:
 
 
 def _refuse_unexpected(folder: str, document: str, also: Collection[str], known: Digests, *, force: bool) -> UnexpectedFiles:
-    """Return the unexpected files in a build folder that the option `force` allows to overwrite.
-
-    Raises `UnexpectedFilesError` for all others.
-    """
+    """Return the unexpected files that the option `force` overwrites. Raises `UnexpectedFilesError` for other unexpected files."""
     if not os.path.lexists(folder):
         return UnexpectedFiles(None, ())
     if not os.path.isdir(folder):
@@ -471,18 +459,12 @@ def _manifest(folder: str) -> dict[str, Any] | None:
 
 
 def _is_plain(path: str) -> bool:
-    """Return whether a path is a regular file. Symbolic links, and special files such as pipes, are not regular files.
-
-    Raises `OSError` if the path does not exist.
-    """
+    """Return whether a path is a regular file, and not a symbolic link or a pipe. Raises `OSError` if the path does not exist."""
     return stat.S_ISREG(os.lstat(path).st_mode)
 
 
 def _listing(folder: str) -> list[str]:
-    """Return the paths of all files in a folder and its subfolders, relative to the folder, with `/` as separator.
-
-    Links are not followed.
-    """
+    """Return the relative paths of all files in a folder, with `/` as separator. Symbolic links are not followed."""
     files: list[str] = []
     waiting = [""]
     while waiting:
