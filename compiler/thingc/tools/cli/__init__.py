@@ -1,1 +1,1 @@
-"""The command line: one module per command, imported when the command is used."""
+"""The command line interface of thingc. Each command has a module, which is imported only when the command is used."""

@@ -1,4 +1,4 @@
-"""`thingc add`: add a stub of a part, assembly, mode, joint or test to a document, preserving comments and layout."""
+"""Implementation of `thingc add`, which adds a part, assembly, mode, joint or test to a document, and preserves its comments and layout."""
 
 from __future__ import annotations
 
@@ -125,7 +125,10 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
 def _write(
     arguments: argparse.Namespace, options: Options, documents: Documents | None, addition: DocumentEdit, memo: Memo | None = None,
 ) -> int:
-    """Write the files and the document unless the result has errors. `memo` caches the documents. Raises `ReplacementRefused`."""
+    """Write the changed document and the new files to disk, unless the changed document has errors. Raises `ReplacementRefused`.
+
+    `memo` caches documents that were already parsed.
+    """
     with provisional(addition.files) as keep:
         diagnostics: list[Diagnostic] = []
         changes: dict[str, Change] = {}
@@ -150,7 +153,10 @@ def _wrong(diagnostics: Sequence[Diagnostic]) -> bool:
 
 
 def _with_addition(root: Document, addition: DocumentEdit) -> Document:
-    """Return the document with the addition, in canonical layout if it had this layout. Raises `WrongCommandLine` if this is impossible."""
+    """Return the text of the document with the new element. If the document had the canonical layout, the result has it, too.
+
+    Raises `WrongCommandLine` if the element cannot be added.
+    """
     document = root
     try:
         for keys in addition.placed:
@@ -172,7 +178,7 @@ def _article(what: str) -> str:
 def _say(
     arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[str] = (), texts: Mapping[str, str] | None = None,
 ) -> int:
-    """Print the elements that were added, or the errors. `texts` are the contents of the changed documents."""
+    """Print the elements that were added to the document, or the errors. `texts` are the contents of the changed documents."""
     if arguments.format == "text":
         console.say(*done)
     return console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, added=list(done))

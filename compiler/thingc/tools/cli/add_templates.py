@@ -1,4 +1,4 @@
-"""Stubs of `thingc add`: valid parts, assemblies, modes, joints and tests for a given document."""
+"""Templates for `thingc add`. They create parts, assemblies, modes, joints and tests that are valid in the given document."""
 
 from __future__ import annotations
 
@@ -40,7 +40,10 @@ NAME = r"[A-Za-z][A-Za-z0-9_]*"
 
 
 class DocumentEdit(FrozenStruct, dict=True):
-    """An edit of a document. `values` maps keys to new values, `placed` are the keys to remove first, and `files` are new files."""
+    """The changes with which `thingc add` adds an element to a document.
+
+    `values` maps keys to new values. `placed` lists the keys to remove first. `files` are new files to write.
+    """
 
     values: Mapping[Keys, Written]
     placed: tuple[Keys, ...] = ()
@@ -48,7 +51,7 @@ class DocumentEdit(FrozenStruct, dict=True):
 
 
 def _part(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
-    """Create a component of an existing part, or of a new class."""
+    """Create the component for a part. The part is an existing class, or a new class that this function writes."""
     report = Report()
     workspace = Workspace.find(os.path.abspath("document") if documents is None else documents.root.path, report)
     if workspace is None:
@@ -76,7 +79,10 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 
 
 def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geometry: GeometryService, reference: str) -> DocumentEdit:
-    """Create a component of an existing part. `thingc check` reports errors in the part, not this function."""
+    """Create the component for an existing part.
+
+    If the code of the part has errors, this function ignores them, and `thingc check` reports them.
+    """
     if documents is None:
         message = f"`{shortened(reference)}` already exists; to place it, add a document"
         raise console.WrongCommandLine(message, "write --to robot.yaml")
@@ -98,7 +104,10 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
 
 
 def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
-    """Return the default mount for --on: the mount `usual` if it exists, or the only mount. Raises `WrongCommandLine`."""
+    """Return the mount to use if the option `--on` does not name one: the mount `usual` if it exists, or else the only mount.
+
+    Raises `WrongCommandLine` if the component has several other mounts.
+    """
     if usual in mounts or not mounts:
         return usual
     if len(mounts) > 1:
@@ -108,7 +117,7 @@ def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
 
 
 def _new_part(arguments: argparse.Namespace, documents: Documents | None, reference: str, path: str) -> DocumentEdit:
-    """Add a class to the new or existing module at `path`, and create a component with this class."""
+    """Add a new part class to the module at `path`, which is created if it does not exist. Create the component with this class."""
     told, _, given = reference.partition(":")
     module, name = _identifier(told), _class_name(given)
     if keyword.iskeyword(name) or name in _bound(parse_python(new_part("_", None))):
@@ -131,7 +140,7 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
 
 
 def _reference(word: str) -> str:
-    """Derive the reference of a new part from the name of its class: `front_bracket:FrontBracket`."""
+    """Return the reference `module:Class` of a new part, given the name of its class: `front_bracket:FrontBracket`."""
     name = _class_name(word)
     return f"{_snake(name)}:{name}"
 
@@ -146,7 +155,7 @@ def _snake(name: str) -> str:
 
 
 def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
-    """Create a component of another document, existing or new."""
+    """Create the component that nests another document. If the document does not exist, it is created."""
     path = _nested_path(arguments.name, None if documents is None else documents.root.path)
     there = os.path.lexists(path)
     if documents is None and there:
@@ -165,9 +174,10 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Doc
 
 
 def _nested_path(name: str, beside: str | None) -> str:
-    """Return the path of a document in the folder of `beside`, with the suffix of `beside` unless another suffix exists.
+    """Return the path of a nested document in the folder of the document `beside`.
 
-    If the name has the suffix of a document, it is a path.
+    If `name` has the suffix of a document, it is a path. Otherwise, the function appends the suffix of `beside`, unless a document with
+    another suffix exists.
     """
     if name.lower().endswith(DOCUMENT_SUFFIXES):
         return os.path.abspath(name)
@@ -177,7 +187,10 @@ def _nested_path(name: str, beside: str | None) -> str:
 
 
 def _own_mount(path: str) -> str:
-    """Return the default mount of a nested document. `thingc check` reports errors in the document, not this function."""
+    """Return the mount by which a nested document is attached by default.
+
+    If the document has errors, `thingc check` reports them, not this function.
+    """
     try:
         with open(path, "rb") as stream:
             tree = read_tree(path, stream.read(), Report())
@@ -217,7 +230,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 
 
 def _format_plain(plain: object) -> Written:
-    """Format the values of a new element as they are written in documents."""
+    """Format the values of a new element as plain YAML values, in the same way as in documents that users write."""
     if isinstance(plain, dict):
         return {key: _format_plain(one) for key, one in plain.items()}
     return [_format_plain(one) for one in plain] if isinstance(plain, list) else str(plain)
@@ -279,7 +292,10 @@ def _section(tree: MappingNode | None, section: str) -> dict[str, object]:
 
 
 def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = ()) -> dict[str, object]:
-    """Return the contents of a mode, merged with the modes that it extends. `thingc check` reports missing modes and cycles."""
+    """Return the contents of a mode, merged with the contents of the modes that it extends.
+
+    If a mode is missing or extends itself, `thingc check` reports it.
+    """
     mode = modes.get(name)
     if not isinstance(mode, dict) or name in above:
         return {}
@@ -296,7 +312,11 @@ def _base(root: Document) -> str:
 
 
 def _placement_keys(arguments: argparse.Namespace, root: Document, name: str, mount: str) -> dict[str, Written]:
-    """Return the placement of a new component: its mount --by (default: `mount`) is on --on, at the frame --at, or above the base."""
+    """Return the keys that place a new component in a document, according to the options `--by`, `--on` and `--at`.
+
+    The mount `--by` of the component (default: `mount`) is attached to the mount `--on` or to the frame `--at`. Without these options, the
+    component is placed above the base.
+    """
     _new(root, "components", name, hint="choose another name with --name")
     if arguments.on is not None:
         return {"attach": {arguments.by or mount: arguments.on}}
@@ -306,14 +326,15 @@ def _placement_keys(arguments: argparse.Namespace, root: Document, name: str, mo
 
 
 def _shaped(root: Document) -> bool:
-    """Return whether the document has components other than frames."""
+    """Return whether the document has a component that is not a frame."""
     return any(isinstance(one, dict) and "frame" not in one for one in _section(root.tree, "components").values())
 
 
 def _weight(documents: Documents) -> dict[str, Written]:
-    """Return the keys that give mass to a part without material and mass: a material of the document if possible, else a mass.
+    """Return the keys that specify the mass of a part that has neither a material nor a mass.
 
-    Materials for printing have precedence. The result is empty if `defaults` of the document specify a material.
+    The result is a material that the document defines, preferably a material for printing, or else a mass. The result is empty if
+    `defaults` of the document specify a material.
     """
     root = documents.root
     if node_at(root.tree, ("defaults", "component", "material")) is not None:
@@ -328,12 +349,12 @@ def _weight(documents: Documents) -> dict[str, Written]:
 
 
 def _params(arguments: argparse.Namespace, key: str = "params") -> dict[str, Written]:
-    """Return the arguments of a part (key `params`) or of an assembly (key `parameters`)."""
+    """Return the arguments of a part (under the key `params`) or of a nested assembly (under the key `parameters`)."""
     return {key: settings(arguments.param)} if arguments.param else {}
 
 
 def _new(root: Document, section: str, name: str, hint: str = "choose another name") -> str:
-    """Return the name of a new element. Raises `WrongCommandLine` if the section already contains the name."""
+    """Return the name of a new element of a document section. Raises `WrongCommandLine` if the section already contains this name."""
     _identifier(name)
     taken = {known.lower(): known for known in _section(root.tree, section)}
     if name.lower() in taken:
@@ -353,7 +374,7 @@ def _identifier(name: str) -> str:
 
 
 def _installed(module: str) -> bool:
-    """Return whether Python has a module of this name. A new module would shadow it."""
+    """Return whether Python can already import a module with this name. A new module with the same name would shadow it."""
     return module in sys.stdlib_module_names or getattr(importlib.util.find_spec(module), "origin", None) is not None
 
 
@@ -361,7 +382,7 @@ def _installed(module: str) -> bool:
 
 
 def _bound(module: ast.Module) -> set[str]:
-    """Return the names defined by imports, classes and functions of a module, and `module.*` for a star import."""
+    """Return the names that the imports, classes and functions of a module define. For a star import, the result contains `module.*`."""
     names: set[str] = set()
     for node in module.body:
         if isinstance(node, (ast.Import, ast.ImportFrom)):
@@ -373,7 +394,7 @@ def _bound(module: ast.Module) -> set[str]:
 
 
 def _appended(path: str, name: str, text: str) -> Change:
-    """Return the edit that appends the class in `text` to a module and adds missing imports."""
+    """Return the edit that appends the class with the source code `text` to a Python module, and adds the imports that the class needs."""
     with open(path, "rb") as stream:
         data = stream.read()
     before = data.decode()

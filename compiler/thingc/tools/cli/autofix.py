@@ -1,4 +1,6 @@
-"""`thingc check --fix`: apply unambiguous fixes to documents, then report the remaining errors."""
+"""Implementation of `thingc check --fix`, which fixes errors in documents if there is only one possible fix, and reports the remaining
+errors.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +26,9 @@ ReportOf = Callable[[Environment, Compilation], Report]
 
 
 def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Options, report_of: ReportOf) -> int:
-    """Fix documents, and return the exit code, which is 0 if all errors were fixed (with `--diff`: can be fixed).
+    """Fix errors in documents, and return the exit code, which is 0 if all errors were fixed.
 
-    The function `report_of` checks a document and returns its report.
+    With `--diff`, it is 0 if they can be fixed. The function `report_of` checks one document and returns its report.
     """
     try:
         if not arguments.fix:
@@ -75,7 +77,7 @@ def _autofix(
 
 
 class _Disk:
-    """A cache of file contents, which are read once."""
+    """Caches the contents of files, so that each file is read only once."""
 
     def __init__(self) -> None:
         self.known: dict[str, bytes | None] = {}

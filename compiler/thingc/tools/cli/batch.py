@@ -1,4 +1,4 @@
-"""`thingc batch`: build every variant of a `variants/1` document in the same way as `thingc build`."""
+"""Implementation of `thingc batch`, which builds every variant of a `variants/1` document in the same way as `thingc build`."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _again(arguments: argparse.Namespace) -> str:
-    """Return the command that continues the batch with the same options."""
+    """Return the command line that continues an interrupted batch with the same options."""
     pictures = {ALL: "all", 0: "none"}.get(arguments.pictures, arguments.pictures)
     said = {
         "-o": arguments.output, "--limit": arguments.limit, "--layout": arguments.layout, "--timeout": arguments.timeout,
@@ -135,7 +135,7 @@ def _again(arguments: argparse.Namespace) -> str:
 
 
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the targets of `--emit`, or an empty tuple without this option. Raises `WrongCommandLine`."""
+    """Return the targets that the option `--emit` names. Return an empty tuple without this option. Raises `WrongCommandLine`."""
     for _, message, hint in unknown(words):
         raise console.WrongCommandLine(message, hint)
     return chosen(words) if words else ()
@@ -162,13 +162,16 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
 
 
 class _Show:
-    """Displays the progress of a batch: updates one line on a terminal, else prints a line every `PAUSE` seconds."""
+    """Displays the progress of a batch on the terminal in one line.
+
+    If the output is not a terminal, a line is printed every `PAUSE` seconds.
+    """
 
     def __init__(self) -> None:
         self.said = time.monotonic()
 
     def __call__(self, progress: Progress) -> None:
-        """Show the progress of the batch."""
+        """Update the displayed progress of the batch."""
         counts = ", ".join(f"{count} {STATUSES[status]}" for status, count in sorted(progress.counts.items())) or "none yet"
         left = progress.left
         estimate = f", {_time(left)} left" if left is not None else ""
@@ -181,7 +184,7 @@ class _Show:
 
 
 def _draw(done: int, count: int) -> None:
-    """Show the number of rendered pictures, only on a terminal."""
+    """Display how many pictures have been rendered. The progress is displayed only on a terminal."""
     console.say_in_place(f"{done} of {counted(count, 'picture')}")
 
 
@@ -199,7 +202,7 @@ def _page(arguments: argparse.Namespace, options: Options) -> int:
 
 
 def _pictures(text: str) -> int:
-    """Parse the value of `--pictures` (an argparse type)."""
+    """Parse the value of the option `--pictures`. This function is an argparse type."""
     if text in ("none", "all"):
         return 0 if text == "none" else ALL
     try:
@@ -245,7 +248,10 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
 
 
 def _complaints(folder: str) -> list[str]:
-    """Format one line per diagnostic code of refused or failed variants, with the number of variants and the first message."""
+    """Summarize the errors of the variants that were refused or failed.
+
+    Each diagnostic code gets one line with the number of variants and the first message.
+    """
     lines = [line for line in in_order(folder) if line["status"] in ("refused", "failed")]
     counts = Counter(line["code"] for line in lines)
     first = {line["code"]: line for line in reversed(lines)}
@@ -275,7 +281,7 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
 
 
 def _unpack(arguments: argparse.Namespace, options: Options) -> int:
-    """Write the build folder of one variant and print its path."""
+    """Write the build folder of one variant of the batch, and print the path of the folder."""
     planned = plan(arguments.document, options=options)
     folder = planned.folder_in(arguments.output)
     begun(planned.relative, folder, "build the batch first, without --unpack")
@@ -290,7 +296,7 @@ def _unpack(arguments: argparse.Namespace, options: Options) -> int:
 
 
 def _adopt(arguments: argparse.Namespace, options: Options) -> int:
-    """Write the values of a variant to the assembly document, as `thingc set` does."""
+    """Write the parameter values of one variant to the assembly document, in the same way as `thingc set`."""
     planned = plan(arguments.document, options=options)
     adopted = find_variant(planned, arguments.adopt, planned.folder_in(arguments.output))
     if adopted is None:

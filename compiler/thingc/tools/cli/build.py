@@ -1,4 +1,7 @@
-"""`thingc build`: compile a document and write the build folder. The commands `watch` and `why` use the same options."""
+"""Implementation of `thingc build`, which compiles a document and writes the build folder.
+
+`thingc watch` and `thingc why` use the same options.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
-    """Build the robot, or reuse an earlier build if nothing has changed. Return the diagnostics, and the result or None.
+    """Build the robot, or reuse an earlier build if nothing has changed. Return the diagnostics, and the result or None after errors.
 
     If an earlier build is up to date but lacks some targets, this function adds the missing targets to the build folder. Raises
     `UnknownChoice` and `OutputError`.
@@ -95,7 +98,7 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
 
 
 def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> BuildRequest:
-    """Return the build request specified by the command line."""
+    """Return the build request that the arguments of the command line specify."""
     return BuildRequest(
         targets=targets, modes=arguments.mode, output=arguments.output, strict=arguments.strict,
         deny_loss=arguments.deny_loss, force=arguments.force, twice=getattr(arguments, "twice", False),
@@ -103,7 +106,7 @@ def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> BuildReq
 
 
 def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
-    """Build the robot, write the build folder, and cache the result under `key`."""
+    """Build the robot and write the build folder. Store the result in the cache under `key`."""
     built = build_document.build(environment, wish)
     diagnostics = list(built.diagnostics)
     if built.files is None:
@@ -120,7 +123,7 @@ def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list
 
 
 def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
-    """Return the data that is reported about a build."""
+    """Return the data that describes a build in the JSON output of the command."""
     lost = Counter(loss.target for loss in built.losses if loss.how != CARRIED)
     return {
         "folder": folder, "artifacts": sorted(built.files or ()), "modelled": built.compilation.modelled,
@@ -129,7 +132,7 @@ def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
 
 
 def _stands(answer: Mapping[str, Any], store: Store) -> bool:
-    """Return whether the folder of an earlier build is unchanged and was not left incomplete."""
+    """Return whether the build folder of an earlier build is complete and has not been changed since."""
     folder = answer["folder"]
     if build_folder(*answer["place"]) != folder or unswept(folder):
         return False
@@ -157,13 +160,13 @@ def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
 
 
 def in_words() -> str:
-    """Return a text that lists all targets with their descriptions, for `--help`."""
+    """Return a text for the output of `--help` that lists all targets with their descriptions."""
     unasked, asked = ([f"{name} ({one.says})" for name, one in TARGETS.items() if one.unasked == kind] for kind in (True, False))
     return f"Targets: {', '.join(unasked)}; and, only with --emit, {', '.join(asked)}."
 
 
 def add_emit(parser: argparse.ArgumentParser) -> None:
-    """Add the option `--emit`."""
+    """Add the option `--emit` to a parser. It selects the targets to build."""
     asked = [name for name, target in TARGETS.items() if not target.unasked]
     parser.add_argument(
         "--emit", metavar="T", action="append", default=[],
@@ -172,7 +175,7 @@ def add_emit(parser: argparse.ArgumentParser) -> None:
 
 
 def add_compat(parser: argparse.ArgumentParser) -> None:
-    """Add the option `--compat`."""
+    """Add the option `--compat` to a parser. It names the programs with which the outputs must be compatible."""
     parser.add_argument(
         "--compat", metavar="C", action="append", default=[],
         help=f"also check the MuJoCo models with this program: {', '.join(CONSUMERS)} (may be repeated; default: those of the workspace)",
@@ -180,7 +183,7 @@ def add_compat(parser: argparse.ArgumentParser) -> None:
 
 
 def add_building(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the content and location of the build folder."""
+    """Add the options that control the content and the location of the build folder to a parser."""
     parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="build only this mode (may be repeated; default: all)")
     add_emit(parser)
@@ -192,8 +195,9 @@ def add_building(parser: argparse.ArgumentParser) -> None:
 
 
 def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list[Diagnostic]]:
-    """Return the targets, and errors in targets specified by the workspace. Raises `WrongCommandLine` for errors in `--emit` and
-    `--compat`.
+    """Return the targets to build, and the errors in the targets that the settings of the workspace specify.
+
+    Raises `WrongCommandLine` for errors in the options `--emit` and `--compat`.
     """
     for _, message, hint in unknown(arguments.emit):
         raise console.WrongCommandLine(message, hint)

@@ -1,4 +1,4 @@
-"""`thingc check`: report all errors and warnings of documents."""
+"""Implementation of `thingc check`, which reports all errors and warnings in documents."""
 
 from __future__ import annotations
 
@@ -79,7 +79,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options: Options) -> tuple[list[Diagnostic], list[str]]:
-    """Check each untrusted document in a sandboxed process. Return the diagnostics, and the documents without diagnostics."""
+    """Check each document of an untrusted workspace in a sandboxed process.
+
+    Return the diagnostics, and the documents without diagnostics.
+    """
     from thingc.tools.cli.sandboxed_check import confined
 
     diagnostics: list[Diagnostic] = []
@@ -103,7 +106,7 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
 def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:
     """Append the diagnostics of all documents to `diagnostics`. Return all diagnostics, and the documents without warnings and errors.
 
-    This function does not report an allowance as unused if one of the documents needs the allowance.
+    An allowance (the key `allow`) is not reported as unused if one of the checked documents needs it.
     """
     needed = {d.span for said in found.values() for d in said if d.code is Code.UNNEEDED and d.severity is Severity.NOTE}
     good: list[str] = []
@@ -116,7 +119,10 @@ def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]
 
 
 def findings(environment: Environment, compilation: Compilation, *, strict: bool) -> list[Diagnostic]:
-    """Return the diagnostics of one document, and a note for each allowance that it needs (see `_merged`)."""
+    """Check one document and return its diagnostics.
+
+    The result includes a note for each allowance that the document needs (see `_merged`).
+    """
     report = report_of(environment, compilation)
     needed = sorted((one.where for one in report.needed), key=lambda where: (where.file, where.line, where.column))
     notes = [Diagnostic(code=Code.UNNEEDED, severity=Severity.NOTE, message="is required", span=where) for where in needed]
@@ -130,7 +136,7 @@ def _concerned_without_code(files: Sequence[str]) -> list[str]:
 
 
 def without_code(document: str, options: Options, *, strict: bool) -> list[Diagnostic]:
-    """Check one document without running code of its workspace. The caller must limit time and memory."""
+    """Check one document without running part code of its workspace. The caller must limit the time and the memory of the check."""
     with Environment(document, replace(options, lock=True, code=False)) as environment:
         return findings(environment, pipeline.check(environment), strict=strict)
 
@@ -140,9 +146,9 @@ def _packed(document: str, options: Options, strict: bool) -> list[dict[str, obj
 
 
 def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None) -> int:
-    """Print the diagnostics and return the exit code.
+    """Print the diagnostics in the requested format, and return the exit code.
 
-    If the command line contains folders, `of` is the number of documents.
+    If the command line contains folders, `of` is the number of documents that were checked.
     """
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug)
     if arguments.format == "text":
@@ -154,7 +160,10 @@ def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: 
 
 
 def check(document: str, options: Options, *, strict: bool = False) -> list[Diagnostic]:
-    """Check one document, or return the cached diagnostics if nothing has changed since an earlier run."""
+    """Check one document and return its diagnostics.
+
+    If nothing has changed since an earlier check, the diagnostics are read from the cache.
+    """
     store = store_of(options)
     key = up_to_date.key_of("check", document, {"parameters": dict(options.parameters), "choices": dict(options.choices), "strict": strict})
     earlier = up_to_date.load(store, key)
@@ -172,7 +181,7 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
 
 
 def report_of(environment: Environment, compilation: Compilation) -> Report:
-    """Return the report of a checked document, including the variants of a variants document."""
+    """Check one document and return its report. If the document is a variants document, its variants are checked, too."""
     if compilation.documents is None or compilation.documents.root.kind != "variants":
         return compilation.report
     from thingc.batch.variants_document import read_plan

@@ -1,1 +1,1 @@
-"""`thingc diff`: compare a robot between two states of its documents."""
+"""Implementation of `thingc diff`, which compares two states of a robot, for example in two commits."""

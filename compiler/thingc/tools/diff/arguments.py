@@ -1,4 +1,4 @@
-"""Parse the command line of `thingc diff`: the two sides and the documents to compare."""
+"""Parse the command line of `thingc diff`: the old and the new side of the comparison, and the documents to compare."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CHECKOUT = "working tree"
 
 
 class UnknownComparison(Exception):
-    """Raised for an argument that is not a valid side. `hint` is an instruction for the user."""
+    """Raised if an argument of `thingc diff` does not specify anything that can be compared. `hint` is an instruction for the user."""
 
     def __init__(self, message: str, hint: Hint) -> None:
         super().__init__(message)
@@ -48,7 +48,10 @@ class ComparisonRequest(FrozenStruct):
 
 
 def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
-    """Parse the arguments of `thingc diff`. `documents` are the arguments after `--`. Raises `UnknownComparison` and `NotARepository`."""
+    """Parse the arguments of `thingc diff`, and return the two sides and the documents to compare.
+
+    `documents` are the arguments after `--`. Raises `UnknownComparison` and `NotARepository`.
+    """
     words = list(words)
     if len(words) > 2:
         raise UnknownComparison(f"expected two states, found {len(words)} arguments", "write the documents to compare after `--`")
@@ -85,7 +88,11 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
 
 
 def _sides(word: str) -> list[Side]:
-    """Parse an argument to one side, or to two sides for `main..HEAD` and `main...HEAD`. Three dots select the merge base and HEAD."""
+    """Parse one argument of `thingc diff` to the sides that it specifies.
+
+    The arguments `main..HEAD` and `main...HEAD` specify two sides. Three dots select the merge base and HEAD. Every other argument
+    specifies one side.
+    """
     if os.path.isfile(word):
         if os.path.basename(word).endswith(LOCK_FILE):
             return [Side(kind="lock", name=word, place=os.path.abspath(word))]

@@ -1,4 +1,4 @@
-"""Convert a linked assembly to mates, occurrences, links and bill of materials rows of a snapshot."""
+"""Convert a linked assembly to the entries of a snapshot: mates, occurrences, links, sensors, tendons and rows of the bill of materials."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from thingc.tools.diff.snapshot import Edge, Fact, LinkOf, Named, OccurrenceSnap
 
 
 def edges_of(assembly: Assembly) -> Iterator[Edge]:
-    """Yield the mates of an assembly as edges between the paths of components."""
+    """Yield each mate of an assembly as an edge of a graph. The edge connects the paths of two components."""
     paths = [occurrence.path for occurrence in assembly.occurrences]
     for mate in assembly.mates:
         kind = mate.joints[0].kind.name if mate.joints else "fixed" if mate.name is not None else ""
@@ -24,7 +24,10 @@ def edges_of(assembly: Assembly) -> Iterator[Edge]:
 
 
 def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapshot]:
-    """Yield the occurrences in document order. Without `whole`, geometry, mounts, poses and full mass properties are omitted."""
+    """Yield the occurrences (parts and frames) of an assembly in document order.
+
+    If `whole` is false, omit geometry, mounts, poses and full mass properties.
+    """
     placed = {mate.child: mate for mate in _placing(assembly)}
     for occurrence in assembly.occurrences:
         mate = placed.get(occurrence.index)
@@ -40,7 +43,7 @@ def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapsh
 
 
 def _placing(assembly: Assembly) -> Iterator[Mate]:
-    """Yield the mates that do not close loops. The parent of each yielded mate is closer to the base than the child."""
+    """Yield the mates that form the spanning tree of the assembly. The parent of each mate is closer to the base than its child."""
     beside: dict[int, list[tuple[int, Mate]]] = {}
     for mate in assembly.mates:
         if mate.loop is None:
@@ -57,7 +60,7 @@ def _placing(assembly: Assembly) -> Iterator[Mate]:
 
 
 def shape_of(record: PartRecord | None) -> PartShape | None:
-    """Return the geometry of a part, or None if it has none."""
+    """Return the geometry of a part. Return None for an occurrence without geometry."""
     if record is None or record.box is None:
         return None
     drawn = record.meshes.get("visual")
@@ -70,13 +73,13 @@ def shape_of(record: PartRecord | None) -> PartShape | None:
 
 
 def _mounts(occurrence: Occurrence) -> dict[str, Pose]:
-    """Return the mounts of an occurrence's part, except `origin` and mounts added by the document, which are elements of their own."""
+    """Return the mounts that the class of a part defines. The mount `origin` and mounts added by the document are omitted."""
     added = occurrence.component.mounts
     return {name: mount.pose for name, mount in occurrence.mounts.items() if name not in added and name != "origin"}
 
 
 def links_of(assembly: Assembly) -> Iterator[LinkOf]:
-    """Yield the links, with the paths of their members."""
+    """Yield the links of an assembly. Each link contains the paths of the occurrences that belong to the link."""
     paths = [occurrence.path for occurrence in assembly.occurrences]
     for link in assembly.links:
         yield LinkOf(
@@ -85,7 +88,7 @@ def links_of(assembly: Assembly) -> Iterator[LinkOf]:
 
 
 def rows_of(assembly: Assembly) -> Iterator[Row]:
-    """Yield the rows of the bill of materials with the paths of their occurrences."""
+    """Yield the rows of the bill of materials. Each row contains the paths of the parts that it counts."""
     for row, pieces in with_pieces(assembly):
         stem = None
         for occurrence in pieces:
@@ -99,7 +102,7 @@ def rows_of(assembly: Assembly) -> Iterator[Row]:
 
 
 def sensor_values(assembly: Assembly, sensor: LinkedSensor) -> Iterator[tuple[tuple[str, ...], Value]]:
-    """Yield the properties of a sensor with their keys. If a property is not set, its value is None."""
+    """Yield the key and the value of each property of a sensor. The value of a property that is not set is None."""
     yield ("type",), sensor.kind
     for key, mount in (("at", sensor.at), ("in", sensor.seen_from)):
         if mount is not None:
@@ -132,7 +135,7 @@ def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
 
 
 def _step_value(step: TendonStep) -> Value:
-    """Convert a step of the path of a tendon to a value that can be compared."""
+    """Convert one step of the path of a tendon to a value that can be compared with the value of another step."""
     if step.divisor is not None:
         return step.divisor
     mounts = tuple(mount.path.replace("/", ".") for mount in (step.mount, step.side) if mount is not None)

@@ -1,4 +1,4 @@
-"""Read build folders and locks as snapshots. These snapshots lack information that only documents contain."""
+"""Create snapshots from build folders and lock files. These snapshots lack information that only documents contain."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ OF_LOCKS = "content of documents, which is not in a lock file"
 
 
 class UnreadableSide(Exception):
-    """Raised for a folder or file that cannot be compared. The message contains the reason; for locks, `diagnostics` contain it."""
+    """Raised if a build folder or a file cannot be compared.
+
+    The message contains the reason. For a lock file, `diagnostics` contains the errors.
+    """
 
     def __init__(self, message: str, diagnostics: tuple[Diagnostic, ...] = ()) -> None:
         super().__init__(message)
@@ -30,9 +33,10 @@ class UnreadableSide(Exception):
 
 
 def snapshot_of_build(folder: str) -> Snapshot:
-    """Read a build folder: components with definitions and masses, modes, joints, the bill of materials and print files.
+    """Create a snapshot from a build folder, which contains the outputs of `thingc build`. Raises `UnreadableSide`.
 
-    Raises `UnreadableSide`.
+    The snapshot contains the components with their definitions and masses, the modes, the joints, the bill of materials and the print
+    files.
     """
     manifest = _json(folder, MANIFEST, dict)
     modes, rows = _json(folder, "modes.json", dict, {}), _json(folder, "bom.json", list, [])
@@ -74,7 +78,7 @@ def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[
 
 
 def outline(snapshot: Snapshot) -> Snapshot:
-    """Reduce the snapshot of a document to the information that a build folder also contains."""
+    """Remove from the snapshot of a document all information that a build folder does not contain, so that both can be compared."""
     things = [_component(path, one.definition) for path, one in snapshot.occurrences.items()]
     for (what, _), thing in snapshot.things.items():
         if what == "joint" and "type" in thing.facts:
@@ -90,9 +94,9 @@ def outline(snapshot: Snapshot) -> Snapshot:
 
 
 def snapshot_of_lock(path: str) -> Snapshot:
-    """Read a lock file: parameters of each part with defaults and bounds, and properties and shapes of all its definitions.
+    """Create a snapshot from a lock file. Raises `UnreadableSide`.
 
-    Raises `UnreadableSide`.
+    The snapshot contains the parameters of each part with defaults and bounds, and the properties and shapes of all its definitions.
     """
     report = Report()
     lock = read_lock_file(path, report)
@@ -127,7 +131,7 @@ def _stated(text: str, facts: Mapping[str, Value], file: str) -> SnapshotElement
 
 
 def _said(record: PartRecord) -> dict[str, Value]:
-    """Return the declared properties of a part, without its shape."""
+    """Return the properties that a part declares in a lock file, such as its material. The shape is not included."""
     said: dict[str, Value] = {"material": record.material, "color": record.color}
     for key, stated in (("mass", record.mass), ("com", record.com), ("density", record.density)):
         if stated is not None:

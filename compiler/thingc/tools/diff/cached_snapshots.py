@@ -1,4 +1,4 @@
-"""Compile a document and take its snapshot. Test results are cached in the store."""
+"""Compile a document and take a snapshot of the robot. The results of document tests are cached."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ASSETS = "mjcf/assets/"
 
 
 class BrokenDocument(Exception):
-    """Raised if a document does not compile. `diagnostics` are its errors."""
+    """Raised if a document cannot be compiled. `diagnostics` contains its errors."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__(counted(len(diagnostics), "error"))
@@ -33,9 +33,9 @@ class BrokenDocument(Exception):
 
 
 class Subject:
-    """A compiled document. Its tests run on demand. On exit, this context manager ends the workers.
+    """A context manager that compiles a document for a comparison, and runs the tests in the document on demand.
 
-    Raises `BrokenDocument` if the document does not compile.
+    The context manager stops the worker processes on exit. Raises `BrokenDocument` if the document has errors.
     """
 
     def __init__(self, document: str, options: Options) -> None:
@@ -55,11 +55,11 @@ class Subject:
 
     @property
     def store(self) -> Store:
-        """The store of parts and of cached test results."""
+        """The cache of built parts and of test results."""
         return self._environment.store
 
     def tested(self) -> Snapshot:
-        """Return the snapshot with test results. The store caches the results."""
+        """Run the tests in the document, and return the snapshot of the robot with the test results. The results are cached."""
         key = self._key()
         earlier = self.store.get_json("diff-tests", key)
         if earlier is not None:
@@ -70,7 +70,7 @@ class Subject:
         return replace(self.snapshot, outcomes=outcomes)
 
     def model(self) -> tuple[str, dict[str, bytes]]:
-        """Return the MuJoCo model of the first mode as XML, and its meshes by file name."""
+        """Return the MuJoCo model of the first mode of the robot as XML text, and its meshes keyed by file name."""
         compilation = replace(self._compilation, robots=self._compilation.robots[:1])
         read = pipeline.emit(self._environment, compilation, ["mjcf"], verify=0)["mjcf"].contents(self.store)
         robot = compilation.robots[0]
@@ -96,7 +96,7 @@ class Subject:
         )
 
     def _key(self) -> str:
-        """Return a hash of the dependencies of test results: documents, parts, settings and the version of thingc."""
+        """Return the cache key of the test results: a hash of the documents, the parts, the settings and the version of thingc."""
         documents, assembly = self._compilation.documents, self._compilation.assembly
         assert documents is not None and assembly is not None
         parts = sorted({

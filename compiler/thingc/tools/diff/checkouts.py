@@ -1,4 +1,4 @@
-"""Write the documents of both sides to folders where they can be compiled, and compare them."""
+"""Write the documents of the old and the new revision to folders in which they can be compiled, and compare them."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from thingc.tools.diff.surface_distance import SurfaceDistances
 
 
 class Checkout(OneLineRepr, FrozenStruct):
-    """A document, a build folder or a lock file of one side of a comparison, at an absolute path.
+    """The absolute path of a document, build folder or lock file on one side of a comparison.
 
-    If the files were written from a revision, `revision` is its name. If the files already existed, `revision` is None.
+    If the files were written from a git revision, `revision` is the name of the revision. If the files already existed, `revision` is None.
     """
 
     path: str
@@ -35,7 +35,7 @@ class Checkout(OneLineRepr, FrozenStruct):
     kind: SideKind = "document"
 
     def home(self, file: str) -> str:
-        """Return the path in the working tree that corresponds to a file of this side."""
+        """Return the path in the user's working tree that corresponds to the path of a file in this checkout."""
         if self.revision is None:
             return file
         inside = os.path.relpath(file, self.revision.root)
@@ -43,8 +43,9 @@ class Checkout(OneLineRepr, FrozenStruct):
 
 
 class DocumentPair(OneLineRepr, FrozenStruct):
-    """A document that exists on both sides of a comparison. `name` is its path on the command line. If a side does not contain the
-    document, it is None.
+    """The old and the new version of a document. `name` is the path of the document on the command line.
+
+    If the document does not exist on one side of the comparison, the version of this side is None.
     """
 
     name: str
@@ -53,7 +54,10 @@ class DocumentPair(OneLineRepr, FrozenStruct):
 
 
 class BrokenSide(OneLineRepr, FrozenStruct):
-    """A side that does not compile: its diagnostics, whose file names contain the name of the side, and the contents of these files."""
+    """One side of a comparison that cannot be compiled. It contains the diagnostics and the contents of the files that they refer to.
+
+    The file names in the diagnostics contain the name of the side.
+    """
 
     name: str
     diagnostics: tuple[Diagnostic, ...]
@@ -61,9 +65,9 @@ class BrokenSide(OneLineRepr, FrozenStruct):
 
 
 def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[DocumentPair]:
-    """Return the documents to compare, in folders that exist until `stack` closes. `code` specifies whether code may run.
+    """Return pairs of document versions to compare. The files are in folders that exist until the exit stack `stack` closes.
 
-    Raises `UnknownComparison` and `NotARepository`.
+    `code` specifies whether the comparison may run part code. Raises `UnknownComparison` and `NotARepository`.
     """
     if asked.old.kind in ("document", "build", "lock"):
         old, new = (Checkout(path=side.place, kind=side.kind) for side in (asked.old, asked.new))
@@ -106,7 +110,7 @@ def _laid(repository: Repository, state: Revision | None, path: str) -> Checkout
 
 
 def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequence[Revision | None], here: str) -> list[str]:
-    """Return the documents below the working folder that depend on a changed file, except nested documents without modes."""
+    """Return the documents below the working folder that depend on a file that changed. Nested documents without modes are omitted."""
     changed = changed_paths(here, asked.old.place, *filter(None, [asked.new.place]), trusted=repository.trusted)
     if not changed:
         return []
@@ -125,10 +129,10 @@ def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequenc
 
 
 def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False) -> Comparison | BrokenSide:
-    """Compare a document on both sides. If `tests` is true, compare test results; if `draw` is true, render pictures of the changes.
+    """Compare the old and the new version of a document. Return the comparison, or the side that cannot be compiled.
 
-    Source locations refer to files in the checkout. If a side does not compile, the file names start with the name of the side. Raises
-    `UnknownComparison`.
+    If `tests` is true, compare test results. If `draw` is true, render pictures of the changes. Source locations refer to files in the
+    checkout. If a side cannot be compiled, the file names start with the name of the side. Raises `UnknownComparison`.
     """
     assert both.old is not None and both.new is not None, "there is nothing to compare it with"
     with ExitStack() as stack:
@@ -148,7 +152,10 @@ def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[
 
 
 def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options, *, tests: bool) -> Comparison:
-    """Compare two documents. If one side is a build folder or a lock, compare only the information that both sides contain."""
+    """Compare two versions of a document.
+
+    If one version is a build folder or a lock file, compare only the information that both versions contain.
+    """
     if not isinstance(old, Subject) or not isinstance(new, Subject):
         before, after = (outline(one.snapshot) if isinstance(one, Subject) else one for one in (old, new))
         return compare(before, after)
@@ -160,7 +167,10 @@ def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options
 
 
 def _snapshot(laid: Checkout) -> Snapshot:
-    """Read a build folder or a lock. Raises `UnknownComparison`, and `BrokenDocument` for a lock with errors."""
+    """Create a snapshot from a build folder or a lock file.
+
+    Raises `UnknownComparison`, and `BrokenDocument` for a lock file with errors.
+    """
     try:
         return snapshot_of_build(laid.path) if laid.kind == "build" else snapshot_of_lock(laid.path)
     except UnreadableSide as fault:
@@ -170,9 +180,10 @@ def _snapshot(laid: Checkout) -> Snapshot:
 
 
 def _subject(laid: Checkout, options: Options) -> Subject:
-    """Compile a document. After a failure with only some files of a revision, write all files of the revision and retry.
+    """Compile a document of one side of the comparison. Raises `BrokenDocument`.
 
-    Raises `BrokenDocument`.
+    If the compilation fails, and only some files of a git revision were written, the function writes all files of the revision and tries
+    again.
     """
     try:
         return Subject(laid.path, options)
@@ -193,7 +204,10 @@ def _at_home(change: Change, both: DocumentPair) -> Change:
 
 
 def _broken(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide:
-    """Convert the errors of a side. The name of a file in a revision has the syntax of git, such as `main:arm.yaml`."""
+    """Prepare the errors of one side of a comparison for printing.
+
+    The name of a file in a revision has the syntax of git, such as `main:arm.yaml`.
+    """
     texts: dict[str, str] = {}
 
     def named(span: Span | None) -> Span | None:

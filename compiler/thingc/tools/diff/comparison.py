@@ -1,4 +1,4 @@
-"""Compare two snapshots of a robot, and find all changes and the causes of each change."""
+"""Compare two snapshots of a robot. Find all changes, and find the changes in documents that caused each of them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ SHAPES = 1e-7
 
 
 class _Following:
-    """Finds the consequences of changes in documents, such as changes of masses, and adds them to the result."""
+    """Finds the changes of computed results, such as masses, that follow from changes in the documents, and adds these changes to the
+    comparison.
+    """
 
     def __init__(self, pairing: NameMapping, changes: DocumentChanges, farthest: Farthest) -> None:
         self.pairing, self.changes, self.farthest = pairing, changes, farthest
@@ -40,7 +42,7 @@ class _Following:
         self._moved: dict[str, tuple[str, ...]] = {}
 
     def all(self) -> None:
-        """Add all consequences in an order in which each cause precedes its consequences."""
+        """Add all changes that follow from changes in the documents. Each cause is added before the changes that it causes."""
         for old, new in self.occurrences:
             self._geometry(old, new)
             self._mounts(old, new)
@@ -68,9 +70,9 @@ class _Following:
     # --- parts -------------------------------------------------------------------------------------------------------
 
     def _made(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> dict[str, None]:
-        """Return the changes of the definition or of the parameters of a part that may have changed the part's shape.
+        """Return the changes in the definition or the parameters of a part that may have changed the shape of the part.
 
-        If only the code of the part has changed, the result is empty.
+        If only the code of the part changed, the result is empty.
         """
         paths = (old.path, new.path)
         return self.changes.causes("component", paths, MADE) | self.changes.causes("parameter", paths, ("params.",))
@@ -136,7 +138,7 @@ class _Following:
     # --- places ------------------------------------------------------------------------------------------------------
 
     def _places(self) -> None:
-        """Compare the poses of parts and frames at q = 0, relative to the base of the old robot."""
+        """Compare the poses of parts and frames at q = 0. Both poses are relative to the base of the old robot."""
         base = next((occurrence for occurrence in self.old.occurrences.values() if occurrence.parent is None), None)
         there = self.pairing.path("component", base.path) if base is not None else None
         if base is None or there is None or base.place is None or there not in self.new.occurrences:
@@ -158,7 +160,10 @@ class _Following:
                 self._add("component", (old.path, new.path), difference, because, change="moved")
 
     def _mover(self, path: str) -> tuple[str, ...]:
-        """Return the causes of a part's new pose. A cause is a change on the path from the part to the base in the new robot."""
+        """Return the changes that caused the new pose of a part.
+
+        They are changes on the path from the part to the base in the new robot.
+        """
         if path not in self._moved:
             self._moved[path] = ()
             occurrence = self.new.occurrences[path]
@@ -183,7 +188,7 @@ class _Following:
         )
 
     def _hung(self, occurrence: OccurrenceSnapshot) -> dict[str, None]:
-        """Return the changes that affect the attachment of a part: changes of the mate or joint, the two mounts, and the two parts."""
+        """Return the changes that affect how a part is attached: changes of the mate or joint, of the two mounts, and of the two parts."""
         ends = [occurrence.path, *([occurrence.parent] if occurrence.parent is not None else [])]
         above = [path for end in ends for path in above_of(end)]
         causes = self.changes.causes("mate", above) | self.changes.causes_of_mounts(above)
@@ -197,7 +202,7 @@ class _Following:
     # --- links and the whole robot -----------------------------------------------------------------------------------
 
     def _links(self) -> None:
-        """Compare the names and frames of links, and the masses of links that consist of several parts."""
+        """Compare the names and frames of the links. If a link consists of several parts, compare its mass, too."""
         olds, news = ({link.frame: link for link in side.links} for side in (self.old, self.new))
         for old, new in self.occurrences:
             one, other = olds.get(old.path), news.get(new.path)
@@ -233,7 +238,7 @@ class _Following:
             self._add("geometry", ("", ""), ("robot.reach", one, other), moved or self.changes.structure())
 
     def _coordinates(self) -> None:
-        """Compare the order of coordinates in each mode. Ignore coordinates that only one of the robots has."""
+        """Compare the order of the joint coordinates in each mode. Coordinates that exist in only one of the two robots are ignored."""
         joints = [path for what, path in self.old.things if what == "joint"]
         known = {path: there for path in joints if (there := self.pairing.path("joint", path)) is not None}
         for mode, names in self.old.coordinates.items():
@@ -250,7 +255,7 @@ class _Following:
     # --- outputs -----------------------------------------------------------------------------------------------------
 
     def _rows(self) -> None:
-        """Compare the bill of materials by definition, and the print files."""
+        """Compare the rows of the bill of materials that have the same definition, and compare the print files."""
         olds, news = _by_definition(self.old.rows), _by_definition(self.new.rows)
         renumbered: list[tuple[str, Row, Row]] = []
         causes: dict[str, None] = {}
@@ -282,7 +287,10 @@ class _Following:
         self._prints()
 
     def _listed(self, members: Sequence[str]) -> dict[str, None]:
-        """Return the changes in the number of pieces or in their definition."""
+        """Return the changes by the user that explain a change of a row of the bill of materials.
+
+        `members` are the paths of the parts that the row counts.
+        """
         materials = [
             occurrence.material for side in (self.old, self.new) for path in members
             if (occurrence := side.occurrences.get(path)) is not None and occurrence.material is not None
@@ -351,7 +359,10 @@ class _Following:
 
 
 def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Difference]:
-    """Return the differences between two mass properties. If a body is massless, ignore its centre and inertia."""
+    """Return the differences between the mass properties of the old and the new body.
+
+    If one of the bodies is massless, ignore centre and inertia.
+    """
     told: list[tuple[str, DisplayValue, DisplayValue]] = []
     if not _near(old.mass, new.mass):
         told.append((f"{prefix}mass", old.mass, new.mass))
@@ -364,7 +375,7 @@ def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Diffe
 
 
 def _reach(robot: Snapshot) -> float:
-    """Return the largest distance [m] of a frame or mount from the origin of the base at q = 0."""
+    """Return the largest distance [m] between the origin of the base and the frames and mounts of the robot at q = 0."""
     base = next(occurrence.place for occurrence in robot.occurrences.values() if occurrence.parent is None)
     assert base is not None
     back = base.inverse()
@@ -376,7 +387,7 @@ def _reach(robot: Snapshot) -> float:
 
 
 def _near(old: DisplayValue, new: DisplayValue, scale: float = 0.0) -> bool:
-    """Return whether two values are equal within the precision of volume integrals."""
+    """Return whether two values are equal within the numerical precision of the volume integrals that computed them."""
     if isinstance(old, tuple) and isinstance(new, tuple):
         scale = max(scale, largest(old), largest(new))
         return len(old) == len(new) and all(_near(one, other, scale) for one, other in zip(old, new, strict=True))
@@ -409,7 +420,10 @@ def _by_definition(rows: Iterable[Row]) -> dict[str, list[Row]]:
 
 
 def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None]) -> list[tuple[Row | None, Row | None]]:
-    """Pair the rows with the same definition: first rows with a common piece, then the remaining rows in order."""
+    """Match rows of the old and the new bill of materials that have the same definition.
+
+    Match rows with a common piece first, then the rest in order.
+    """
     left, pairs = list(news), []
     rest: list[Row] = []
     for old in olds:
@@ -426,10 +440,10 @@ def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None])
 
 
 class Comparison(OneLineRepr, FrozenStruct):
-    """The changes of one robot: first changes in documents, then their consequences.
+    """The result of comparing two states of one robot: the changes in documents, followed by the changes that they cause.
 
-    `unknown` lists the kinds of information that were not compared. `pictures` are PNG files by name (`before`, `after`, `overlay`), if
-    requested.
+    `unknown` lists the kinds of information that were not compared. If pictures were requested, `pictures` maps `before`, `after` and
+    `overlay` to PNG data.
     """
 
     name: str
@@ -439,7 +453,10 @@ class Comparison(OneLineRepr, FrozenStruct):
 
 
 def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: None) -> Comparison:
-    """Compare two snapshots. The function `farthest` returns the distance between surfaces. By default, surfaces are not compared."""
+    """Compare the snapshots of the old and the new robot, and return the changes.
+
+    The function `farthest` returns the distance between two surfaces. If it is not given, surfaces are not compared.
+    """
     pairing = NameMapping(old, new)
     changes = StatedChanges(pairing).changes
     _Following(pairing, changes, farthest).all()

@@ -1,4 +1,4 @@
-"""Find the changes in documents, and distinguish causes from consequences."""
+"""Find the values that the user changed in documents, and distinguish them from values that changed as a consequence."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LONGEST = 40
 
 
 def worded(pair: Pair, key: str, old: Fact | None, new: Fact | None, robots: tuple[Snapshot, Snapshot]) -> tuple[str, str] | None:
-    """Format the old and the new value of a fact with units. Return None if the physical dimension is unknown."""
+    """Format the old and the new value of a property with units. Return None if the physical dimension of the property is unknown."""
     words = tuple(_said(fact) for fact in (old, new))
     if words[0] is not None and words[1] is not None:
         return (words[0], words[1])
@@ -51,7 +51,10 @@ def _dimension(thing: SnapshotElement, key: str, robot: Snapshot) -> Dimension |
 
 
 def _coordinate(joint: SnapshotElement) -> Dimension | None:
-    """Return the physical dimension of q of a joint or coordinate, or None. Paths of coordinates end with a number: `wrist_1`."""
+    """Return the physical dimension of the coordinate q of a joint, or None if it is unknown.
+
+    The path can also refer to one coordinate of a joint. Such a path ends with a number, such as `wrist_1`.
+    """
     kind = KINDS.get(joint.label or "")
     if kind is None or kind.coordinate is not None:
         return kind.coordinate if kind is not None else None
@@ -71,7 +74,7 @@ _INNER: frozenset[What] = frozenset({"parameter", "mate", "mount"})
 
 
 class DocumentChanges:
-    """The changes that were found so far, with their causes."""
+    """Collects the changes of a robot and the causes of each change."""
 
     def __init__(self) -> None:
         self.found: list[Change] = []
@@ -79,7 +82,7 @@ class DocumentChanges:
         self._on: dict[str, list[Change]] = {}
 
     def add(self, change: Change) -> None:
-        """Add a change with its causes."""
+        """Add a change, and the changes that caused it."""
         self.found.append(change)
         for path in {change.path, change.new_path or change.path}:
             self._at.setdefault((change.what, path), []).append(change)
@@ -87,11 +90,11 @@ class DocumentChanges:
                 self._on.setdefault(path.rpartition("/")[0], []).append(change)
 
     def roots(self, change: Change) -> tuple[str, ...]:
-        """Return the paths of the initial causes of a change, or the path of the change itself if it has no cause."""
+        """Return the paths of the changes by the user that led to a change. If the change has no cause, return its own path."""
         return tuple(word for word in change.because if word != PERHAPS) if change.caused else (change.path,)
 
     def causes(self, what: What, paths: Iterable[str], fields: Iterable[str] | None = None) -> dict[str, None]:
-        """Return the initial causes of all changes of a kind at `paths`.
+        """Return the changes by the user that led to changes of the elements with the given kind and `paths`.
 
         If `fields` is given, the result includes only changes of these fields. A name that ends with a dot (`process.`) is a prefix.
         """
@@ -104,11 +107,14 @@ class DocumentChanges:
         return causes
 
     def causes_of_mounts(self, paths: Iterable[str]) -> dict[str, None]:
-        """Return the initial causes of all changes of mounts of components."""
+        """Return the changes by the user that led to changes of the mounts of the given components."""
         return {root: None for path in paths for change in self._on.get(path, ()) for root in self.roots(change)}
 
     def structure(self) -> dict[str, None]:
-        """Return the initial causes of all structural changes: changes of components, of mates, and of the links that joints connect."""
+        """Return the changes by the user that led to structural changes of the robot.
+
+        Structural changes are changes of components, of mates, and of the links that joints connect.
+        """
         causes: dict[str, None] = {}
         for change in self.found:
             built = change.what in ("component", "joint") and (
@@ -128,7 +134,7 @@ def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
 
 
 class StatedChanges:
-    """Collects all changes of values in the documents in the attribute `changes`."""
+    """Compares the values in the old and the new documents, and collects the changes in the attribute `changes`."""
 
     def __init__(self, pairing: NameMapping) -> None:
         self.pairing = pairing
@@ -150,7 +156,7 @@ class StatedChanges:
             self._facts(pair)
 
     def _alone(self, thing: SnapshotElement, how: How) -> None:
-        """Add the change for an element that exists only in one robot."""
+        """Add a change for an element that exists only in the old robot or only in the new robot."""
         there = self.pairing.path("component", thing.of) if how == "removed" else self.pairing.old_component(thing.of)
         inner = thing.of != "" and there is None and thing.what != "component"
         if inner and thing.what in _INNER:
@@ -164,7 +170,7 @@ class StatedChanges:
         ))
 
     def _renamed(self, pair: Pair) -> None:
-        """Add the change for a renamed element. The new paths of elements in a renamed assembly are consequences."""
+        """Add a change for an element that was renamed. If an assembly was renamed, the new paths of its elements are consequences."""
         old, new = pair.old, pair.new
         if old.what == "mate":
             return
@@ -182,7 +188,7 @@ class StatedChanges:
         ))
 
     def _facts(self, pair: Pair) -> None:
-        """Add the changes for the changed values of an element."""
+        """Compare all properties of an element that exists in both robots, and add a change for each property whose value changed."""
         pairing, old, new = self.pairing, pair.old, pair.new
         changed = [(key, before, after) for key, before, after in pairing.facts(old, new) if not pairing.same(before, after)]
         made = {key for key, _, _ in changed if key in _MADE_OF}
@@ -202,14 +208,14 @@ class StatedChanges:
             ))
 
     def _unknown(self, joint: str) -> bool:
-        """Return whether a joint exists only in one robot."""
+        """Return whether a joint exists in only one of the two robots."""
         return any(thing.what == "joint" and thing.path == joint for thing in (*self.pairing.gone, *self.pairing.come))
 
     def _because(self, pair: Pair, key: str, old: Fact | None, new: Fact | None, made: set[str]) -> tuple[str, ...]:
-        """Return the changes that caused the change of a value.
+        """Return the changes that caused the change of a property.
 
-        If the value is an unchanged expression, the causes are the changed parameters in the expression. If the document does not contain
-        the value, the causes are changes of the component or of the drive.
+        If the value is an expression whose text did not change, the causes are the changed parameters in the expression. If the document
+        does not contain the value, the causes are changes of the component or of the drive.
         """
         before, after = (fact.value if fact is not None else None for fact in (old, new))
         if new is not None and new.written is not None and _written(old) == new.written:
@@ -225,7 +231,7 @@ class StatedChanges:
         return ()
 
     def _meant(self, fact: Fact) -> tuple[str, ...]:
-        """Return the causes of changes of the names in an expression: parameters, mounts, joints, poses and modes of its document."""
+        """Return the changes that affect the names in an expression: parameters, mounts, joints, poses and modes of the same document."""
         causes: dict[str, None] = {}
         for name in names_in(fact.written or ""):
             path = f"{fact.scope}/{name}" if fact.scope else name
@@ -235,7 +241,7 @@ class StatedChanges:
         return tuple(causes)
 
     def _driven(self, pair: Pair) -> tuple[str, ...]:
-        """Return the causes of changed values that a joint inherits from its drive."""
+        """Return the changes of a drive that changed the values that a joint inherits from the drive."""
         own = self.changes.causes("joint", [pair.new.path], ("type", "drive", "drive.", "limit.", "dynamics."))
         drives = [
             fact.value.path for thing in (pair.old, pair.new)
@@ -244,7 +250,10 @@ class StatedChanges:
         return tuple(own or self.changes.causes("component", drives, _MADE_OF) | self.changes.causes("parameter", drives, ("params.",)))
 
     def _alive(self, old: Value, new: Value) -> tuple[str, ...]:
-        """Return the causes of added and removed names in a list, or nothing if one of the names has no cause."""
+        """Return the changes that caused names to be added to a list or removed from it.
+
+        If one of the names has no cause, the result is empty.
+        """
         before, after = set(_names_in(self.pairing.now(old))), set(_names_in(new))
         causes: dict[str, None] = {}
         for one in before ^ after:
@@ -255,7 +264,10 @@ class StatedChanges:
         return tuple(sorted(causes))
 
     def _parameter(self, path: str) -> tuple[str, ...]:
-        """Return the initial causes of a changed parameter, given by its path in the new robot, or nothing if it is unchanged."""
+        """Return the changes by the user that led to the new value of a parameter. The result is empty if the value is unchanged.
+
+        The argument is the path of the parameter in the new robot.
+        """
         if path not in self._known:
             self._known[path] = ()  # stop at cycles of parameters, which are errors in the document
             pair = self._parameters.get(path)
@@ -267,7 +279,10 @@ class StatedChanges:
 
 
 def _what(thing: SnapshotElement, key: str) -> What:
-    """Return the kind of element that a fact belongs to. Parameters of parts and rows of the bill of materials have separate kinds."""
+    """Return the kind of element that a property belongs to.
+
+    Parameters of parts are the kind `parameter`, and rows of the bill of materials `bom`.
+    """
     return "parameter" if key.startswith("params.") else "bom" if key.startswith("bom.") else thing.what
 
 
@@ -284,6 +299,6 @@ def _names_in(value: Value) -> Iterator[Named]:
 
 
 def above_of(path: str) -> list[str]:
-    """Return a path and the paths of all assemblies that contain it."""
+    """Return the path of a component, followed by the paths of all assemblies that contain the component."""
     words = path.split("/")
     return ["/".join(words[:count]) for count in range(len(words), 0, -1)]

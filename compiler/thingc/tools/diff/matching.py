@@ -1,4 +1,4 @@
-"""Match the components of the old and the new robot.
+"""Match the components of the old robot with the components of the new robot.
 
 Components with the same name match. Then the algorithm matches components whose definition and mates to matched components are unique. It
 repeats this step until it finds no more matches. Then it assigns colours to the remaining components, and refines each colour by the
@@ -28,7 +28,10 @@ SAME_PLACE = 1e-3
 
 
 class Match(FrozenStruct):
-    """A match of a component: its paths in the old and the new robot, the reason, and `perhaps` if the match is uncertain."""
+    """A component of the old robot that was matched with a component of the new robot.
+
+    It contains the two paths and the reason for the match. `perhaps` is true if the match is uncertain.
+    """
 
     old: str
     new: str
@@ -37,7 +40,10 @@ class Match(FrozenStruct):
 
 
 def match(old: Snapshot, new: Snapshot) -> dict[str, Match]:
-    """Match the components of two robots. Return the matches by old path."""
+    """Match the components of the old robot with those of the new robot.
+
+    Return the matches, keyed by the path of the component in the old robot.
+    """
     if _order(new) < _order(old):
         return {
             pair.new: Match(old=pair.new, new=pair.old, reason=pair.reason, perhaps=pair.perhaps)
@@ -51,7 +57,7 @@ def _order(snapshot: Snapshot) -> list[str]:
 
 
 class _Side:
-    """One robot as a graph: components keyed by path, and the neighbours of each component with the kind of connection."""
+    """The old or the new robot as a graph. It maps each component to its neighbours and to the kind of each connection."""
 
     def __init__(self, snapshot: Snapshot) -> None:
         self.nodes = {node.path: node for node in snapshot.nodes}
@@ -69,7 +75,10 @@ class _Side:
 
 
 class _Matching:
-    """The matches that were found so far. Each method adds matches. `match` calls the methods with the most certain matches first."""
+    """Collects the matches between components of the old and the new robot.
+
+    Each method adds matches. `match` calls the methods with the most certain matches first.
+    """
 
     def __init__(self, old: Snapshot, new: Snapshot) -> None:
         self.old, self.new = _Side(old), _Side(new)
@@ -92,7 +101,7 @@ class _Matching:
         del self.old.left[old], self.new.left[new]
 
     def _around(self) -> bool:
-        """Match assemblies that contain matched components, and components of the same name in matched assemblies.
+        """Match assemblies that contain matched components, and match components with the same name in matched assemblies.
 
         Return whether the method found a match.
         """
@@ -112,7 +121,8 @@ class _Matching:
     # --- neighbours --------------------------------------------------------------------------------------------------
 
     def _known_neighbours(self, what: Callable[[ComponentNode], Hashable], words: str, exact: bool) -> bool:
-        """Match components with a unique combination of the value `what` and mates to matched components.
+        """Match two components if they are the only ones in their robots with the same value `what` and the same mates to matched
+        components.
 
         If `exact` is true, the names of the mounts must also be equal. Return whether the method found a match.
         """
@@ -129,7 +139,10 @@ class _Matching:
     def _signed(
         self, side: _Side, what: Callable[[ComponentNode], Hashable], known: Callable[[str], str | None], exact: bool,
     ) -> dict[tuple[Hashable, tuple[tuple[tuple[str, ...], str], ...]], list[str]]:
-        """Group unmatched components by the value `what` and by their mates to matched components. Omit components without such mates."""
+        """Group the components that are not yet matched by the value `what` and by their mates to matched components.
+
+        Components without a mate to a matched component are omitted.
+        """
         signed: dict[Any, list[str]] = defaultdict(list)
         for path in side.left:
             met = [
@@ -144,7 +157,7 @@ class _Matching:
         return path if path in self.found else None
 
     def _in_one_place(self, old: str, new: str) -> bool:
-        """Return whether two components are in corresponding assemblies."""
+        """Return whether two components are inside assemblies that were matched with each other."""
         above, there = self.old.nodes[old].parent, self.new.nodes[new].parent
         known = self.found.get(above)
         return (above == "" and there == "") or known is not None and known.new == there
@@ -152,9 +165,9 @@ class _Matching:
     # --- colours -----------------------------------------------------------------------------------------------------
 
     def _colours(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
-        """Match all components with a unique colour. If no colour is unique, match one group of equal colour by isomorphism or by position.
+        """Match each component whose colour occurs once in each robot.
 
-        Return whether the method found a match.
+        If no colour is unique, match one group of equal colour by isomorphism or position. Return whether the method found a match.
         """
         if not self.old.left or not self.new.left:
             return False
@@ -175,7 +188,7 @@ class _Matching:
         return self._by_definition(what, words)
 
     def _shared(self, key: Callable[[int, str], Hashable]) -> list[tuple[list[str], list[str]]]:
-        """Group the unmatched components of each robot by `key`. Return the groups that exist in both robots."""
+        """Group the components of each robot that are not yet matched by `key`. Return the groups whose key occurs in both robots."""
         groups: dict[Hashable, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
         for number, side in enumerate((self.old, self.new)):
             for path in side.left:
@@ -183,7 +196,10 @@ class _Matching:
         return [(ones, others) for ones, others in groups.values() if ones and others]
 
     def _by_definition(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
-        """Match components only by definition. Use this if the robots share no colours. Return whether the method found a match."""
+        """Match components by their definition alone, ignoring their neighbours. Return whether the method found a match.
+
+        Use this method if no colour occurs in both robots.
+        """
         shared = self._shared(lambda number, path: what((self.old, self.new)[number].nodes[path]))
         before = len(self.found)
         for ones, others in shared:
@@ -194,11 +210,11 @@ class _Matching:
         return len(self.found) > before
 
     def _met(self, path: str) -> bool:
-        """Return whether a component of the old robot has a mate to a matched component."""
+        """Return whether a mate connects a component of the old robot to a component that is already matched."""
         return any(other in self.found for how, other in self.old.beside[path] if how[1] == "mate")
 
     def _refined(self, what: Callable[[ComponentNode], Hashable]) -> dict[tuple[int, str], int]:
-        """Return the refined colours of unmatched components, keyed by robot (0 or 1) and path."""
+        """Refine the colours of components that are not yet matched. Return the colours, keyed by robot (0: old, 1: new) and path."""
         numbers: dict[Hashable, int] = {}
 
         def colour(of: Hashable) -> int:
@@ -221,9 +237,9 @@ class _Matching:
         return now
 
     def _isomorphic(self, colours: Mapping[tuple[int, str], int]) -> bool:
-        """Match all remaining components by an isomorphism if the graphs are small. Return whether an isomorphism exists.
+        """Match all remaining components by a graph isomorphism if the graphs are small. Return whether an isomorphism exists.
 
-        Several isomorphisms differ only by an automorphism of the new robot, so each isomorphism is correct.
+        If there are several isomorphisms, they differ only by an automorphism of the new robot, so each of them is correct.
         """
         if not len(self.old.left) == len(self.new.left) <= RESIDUE:
             return False
@@ -261,7 +277,7 @@ class _Matching:
         return False
 
     def _by_place(self, ones: Sequence[str], others: Sequence[str], reason: str, within: float = math.inf) -> None:
-        """Match components by position, nearest pairs first, and mark the matches as `perhaps`.
+        """Match the remaining components by their positions, nearest pairs first. Mark these matches as uncertain (`perhaps`).
 
         If a component has no pose, its distance from other components is infinite.
         """

@@ -1,4 +1,4 @@
-"""Match the named elements of the old and the new robot, translate names, and compare values."""
+"""Match the named elements of the old robot with those of the new robot, translate old names to new names, and compare values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ _OWNED: tuple[What, ...] = ("component", "mate")
 
 
 class Pair(FrozenStruct):
-    """An element that exists in both robots. `reason` explains the match of a renamed element, and `perhaps` marks an uncertain match."""
+    """An element that exists in both the old and the new robot.
+
+    If it was renamed, `reason` explains the match, and `perhaps` marks an uncertain match.
+    """
 
     old: SnapshotElement
     new: SnapshotElement
@@ -29,14 +32,14 @@ class Pair(FrozenStruct):
 
     @property
     def new_path(self) -> str | None:
-        """The path in the new robot if it differs from the old path, else None."""
+        """The path of the element in the new robot if it differs from the path in the old robot, else None."""
         return self.new.path if self.new.path != self.old.path else None
 
 
 class NameMapping:
-    """A mapping of names from the old robot to the new robot.
+    """Maps the names of elements in the old robot to their names in the new robot.
 
-    `pairs` are the elements of both robots. `gone` are the elements that only the old robot has, and `come` the elements that only the new
+    `pairs` are the elements of both robots. `gone` are the elements that only the old robot has. `come` are the elements that only the new
     robot has.
     """
 
@@ -55,15 +58,15 @@ class NameMapping:
     # --- names and values --------------------------------------------------------------------------------------------
 
     def path(self, what: What, path: str) -> str | None:
-        """Return the new path of an element of the old robot, or None if the element was removed."""
+        """Return the path in the new robot of an element of the old robot. Return None if the element was removed."""
         return self._paths[what].get(path)
 
     def old_component(self, path: str) -> str | None:
-        """Return the old path of a component of the new robot, or None if the component was added."""
+        """Return the path in the old robot of a component of the new robot. Return None if the component was added."""
         return self._back.get(path)
 
     def now(self, value: Value) -> Value:
-        """Translate the names in a value from the old to the new robot. Names of removed elements do not change."""
+        """Replace the names of the old robot in a value by the names of the new robot. Names of removed elements do not change."""
         if isinstance(value, tuple):
             return tuple(self.now(one) for one in value)
         if not isinstance(value, Named):
@@ -74,7 +77,10 @@ class NameMapping:
         return Named(what=value.what, path=self._paths[value.what].get(value.path, value.path), mount=mount)
 
     def same(self, old: Value, new: Value) -> bool:
-        """Return whether a value of the old robot equals a value of the new robot. The order of names in a list is ignored."""
+        """Return whether a value of the old robot equals a value of the new robot after translating names.
+
+        The order of names in a list is ignored.
+        """
         now = self.now(old)
         if _names(now) and _names(new):
             return sorted(map(repr, now)) == sorted(map(repr, new))  # type: ignore[arg-type]
@@ -97,7 +103,7 @@ class NameMapping:
         self.come += news.values()
 
     def _called(self, thing: SnapshotElement) -> str | None:
-        """Return the expected path of an element in the new robot, or None if its component was removed."""
+        """Return the path that an element of the old robot is expected to have in the new robot, or None if its component was removed."""
         if thing.what in _OWNED:
             return self._paths["component"].get(thing.path)
         if not thing.of:
@@ -110,7 +116,10 @@ class NameMapping:
         self._paths[old.what].setdefault(old.path, new.path)
 
     def _renamed(self, what: What, olds: dict[str, SnapshotElement], news: dict[str, SnapshotElement]) -> None:
-        """Match renamed elements with equal content, and renamed joints that connect the same components."""
+        """Match an element that was removed with an element that was added if the two have equal content.
+
+        Match joints that connect the same components.
+        """
         tests = [(self._says_the_same, "equal definition", False)]
         if what == "joint":
             tests.insert(0, (self._connects_the_same, "same connections", False))
@@ -148,11 +157,11 @@ class NameMapping:
         )
 
     def _shared(self, old: SnapshotElement, new: SnapshotElement) -> int:
-        """Return the number of equal facts of two elements."""
+        """Return the number of properties that have equal values in an old and a new element."""
         return sum(1 for _, before, after in self.facts(old, new) if self.same(before, after))
 
     def facts(self, old: SnapshotElement, new: SnapshotElement) -> Iterator[tuple[str, Value, Value]]:
-        """Yield the key, the old value and the new value of each fact of two matched elements. Keys use the names of the new robot."""
+        """Yield the key, the old value and the new value of each property of a matched element. Keys use the names of the new robot."""
         before = {self._key(old.what, key): fact.value for key, fact in old.facts.items()}
         for key in {**before, **dict.fromkeys(new.facts)}:
             after = new.facts[key].value if key in new.facts else None
@@ -169,7 +178,7 @@ class NameMapping:
         return key
 
     def old_fact(self, thing: SnapshotElement, key: str) -> str:
-        """Return the old key of the fact whose translated key is `key`."""
+        """Return the key that a property has in the old robot, given its key in the new robot."""
         return next((one for one in thing.facts if self._key(thing.what, one) == key), key)
 
 
@@ -178,7 +187,10 @@ def _names(value: Value) -> bool:
 
 
 def equal(old: Value, new: Value, scale: float = 0.0) -> bool:
-    """Return whether two values are equal except for rounding. The tolerance in a tuple is relative to its largest number."""
+    """Return whether two values are equal up to rounding errors.
+
+    For a tuple of numbers, the tolerance is relative to the largest number.
+    """
     if isinstance(old, tuple) and isinstance(new, tuple):
         scale = max(scale, *(largest(one) for one in (old, new)))
         return len(old) == len(new) and all(equal(one, other, scale) for one, other in zip(old, new, strict=True))
@@ -188,7 +200,7 @@ def equal(old: Value, new: Value, scale: float = 0.0) -> bool:
 
 
 def largest(value: Value) -> float:
-    """Return the largest absolute number in a value, or 0 if it contains no number."""
+    """Return the largest absolute value of the numbers in a nested value. Return 0 if the value contains no number."""
     if isinstance(value, tuple):
         return max((largest(one) for one in value), default=0.0)
     return abs(value) if _is_number(value) else 0.0

@@ -1,4 +1,4 @@
-"""Render the robot before and after a change with the same camera, and an overlay with coloured changes."""
+"""Render pictures of the robot before and after a change with the same camera, and an overlay in which changed parts are coloured."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Model = tuple[str, dict[str, bytes]]
 
 
 def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, bytes]:
-    """Return the PNG files `before`, `after` and `overlay` of two MuJoCo models with meshes, or no files if nothing is visible.
+    """Render two MuJoCo models with their meshes. Return PNG data for `before`, `after` and `overlay`, or nothing if no geom is visible.
 
-    `render.ready` must be called before MuJoCo is imported.
+    Call `render.ready` before the first import of MuJoCo.
     """
     seen = [extent(xml, assets, None) for xml, assets in (old, new)]
     points = [point for corners, _ in seen for point in corners]
@@ -32,7 +32,10 @@ def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, 
 
 
 def colours(changes: Iterable[Change]) -> dict[str, str]:
-    """Return the colours of changed parts of the new robot by path. Each component of an added assembly is a separate change."""
+    """Return the colour of each changed part of the new robot, keyed by path.
+
+    Each component of an added assembly counts as a separate change.
+    """
     by_path: dict[str, str] = {}
     for change in changes:
         path = change.new_path or change.path
@@ -47,7 +50,7 @@ def colours(changes: Iterable[Change]) -> dict[str, str]:
 
 
 def coloured(xml: str, colours: Mapping[str, str]) -> str:
-    """Set the colours of changed parts in a MuJoCo model, and a pale colour on all other visual geoms."""
+    """Set the colours of the changed parts in a MuJoCo model. All other visual geoms get a pale colour."""
     root = ElementTree.fromstring(xml)
     for geom in root.iter("geom"):
         if geom.get("class") == "visual" and (name := geom.get("name")) is not None:
@@ -56,7 +59,7 @@ def coloured(xml: str, colours: Mapping[str, str]) -> str:
 
 
 def with_removed(new: Model, old: Model, changes: Iterable[Change]) -> Model:
-    """Return the new model with the removed parts of the old model at their old poses."""
+    """Return the new MuJoCo model with the addition of the removed parts at their poses in the old model."""
     gone = {change.path for change in changes if change.what == "component" and change.change == "removed"}
     before, root = ElementTree.fromstring(old[0]), ElementTree.fromstring(new[0])
     meshes = {mesh.get("name"): mesh for mesh in before.iter("mesh")}

@@ -1,4 +1,4 @@
-"""The result of `thingc diff`: the changes of all compared documents, and their JSON format."""
+"""The result of `thingc diff`: the changes in all compared documents, and the JSON format of the result."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from thingc.tools.diff.snapshot import Change
 
 
 class DiffResult(OneLineRepr, FrozenStruct):
-    """The result of a comparison of the sides named `old` and `new`.
+    """The result of comparing the documents of two sides, such as two commits. The sides have the names `old` and `new`.
 
-    `documents` maps the names of documents on both sides to comparisons. `come` are the documents that exist only on the new side, and
-    `gone` the documents that exist only on the old side.
+    `documents` maps the names of documents that exist on both sides to their comparisons. `come` are the documents that exist only on the
+    new side. `gone` are the documents that exist only on the old side.
     """
 
     old: str
@@ -32,7 +32,7 @@ class DiffResult(OneLineRepr, FrozenStruct):
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """All changes of the compared documents. An added or removed document is a change of a file."""
+        """All changes in the compared documents. If a document was added or removed, the change has the kind `file`."""
         alone = [Change(what="file", change="added", path=name) for name in self.come]
         alone += [Change(what="file", change="removed", path=name) for name in self.gone]
         return (*alone, *(change for _, comparison in self.documents for change in comparison.changes))
@@ -41,7 +41,7 @@ class DiffResult(OneLineRepr, FrozenStruct):
 def answered(
     old: str, new: str, pairs: Sequence[DocumentPair], compare: Callable[[DocumentPair], Comparison | BrokenSide],
 ) -> DiffResult | BrokenSide:
-    """Compare all documents. If a side does not compile, return this side instead of the result."""
+    """Compare all documents of two sides, and return the result. If one side cannot be compiled, return this side instead."""
     documents: list[tuple[str, Comparison]] = []
     for both in pairs:
         if both.old is not None and both.new is not None:
@@ -56,7 +56,10 @@ def answered(
 
 
 def as_json(answer: DiffResult) -> dict[str, object]:
-    """Return `{"old", "new", "changes"}` in SI units. If several documents were compared, each change has a key `document`."""
+    """Convert the result to a JSON object with the keys `old`, `new` and `changes`. Values are in SI units.
+
+    If several documents were compared, each change has a key `document`.
+    """
     several = len(answer.documents) > 1
     alone = len(answer.come) + len(answer.gone)
     changes = [_entry(change) for change in answer.changes[:alone]]
@@ -75,14 +78,14 @@ def _entry(change: Change) -> dict[str, object]:
 
 
 def pack(answer: Comparison | BrokenSide) -> list[Any]:
-    """Convert the result for one document, without pictures, to plain JSON values."""
+    """Convert the result of comparing one document to plain JSON values, for transfer between processes. Pictures are omitted."""
     if isinstance(answer, BrokenSide):
         return ["broken", answer.name, [packed(d) for d in answer.diagnostics], dict(answer.texts)]
     return ["compared", answer.name, to_builtins(answer.changes), list(answer.unknown)]
 
 
 def unpack(values: list[Any]) -> Comparison | BrokenSide:
-    """Convert plain JSON values to a result. This function is the inverse of `pack`."""
+    """Convert the plain JSON values that `pack` returned back to the result of a comparison."""
     kind, name, inner, more = values
     if kind == "broken":
         return BrokenSide(name=name, diagnostics=tuple(unpacked(one) for one in inner), texts=more)

@@ -1,4 +1,4 @@
-"""Write revisions of a git repository to temporary folders, without changing the checkout and its index.
+"""Write the files of a git revision to a temporary folder. The checkout and the index of the repository do not change.
 
 Only the files that a document needs are written: the settings of its workspace, the folders of parts, and recursively the documents and
 files that it refers to. If a part reads other files, call `everything`, which writes all files.
@@ -28,7 +28,7 @@ _LINK = "120000"
 
 
 class UnknownRevision(Exception):
-    """Raised if a revision does not exist. `names` are the existing branches and tags."""
+    """Raised if a git revision does not exist. `names` are the branches and tags that exist."""
 
     def __init__(self, name: str, names: tuple[str, ...]) -> None:
         super().__init__(name)
@@ -36,7 +36,7 @@ class UnknownRevision(Exception):
 
 
 class Repository(OneLineRepr, FrozenStruct):
-    """A git repository. `top` is the absolute path of its checkout.
+    """A git repository with a checkout. `top` is the absolute path of the checkout.
 
     If `trusted` is false, git does not run the filters that the configuration of the repository defines.
     """
@@ -46,11 +46,11 @@ class Repository(OneLineRepr, FrozenStruct):
 
     @staticmethod
     def of(folder: str, *, trusted: bool = False) -> Repository:
-        """Return the repository that contains a folder. Raises `NotARepository`."""
+        """Return the git repository that contains a folder. Raises `NotARepository`."""
         return Repository(top=os.path.realpath(git(folder, "rev-parse", "--show-toplevel").rstrip("\n")), trusted=trusted)
 
     def commit(self, name: str) -> str:
-        """Return the hash of the commit of a revision. Raises `UnknownRevision`."""
+        """Return the hash of the commit that a revision, such as a branch or tag, refers to. Raises `UnknownRevision`."""
         try:
             return git(self.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}").strip()
         except NotARepository:
@@ -58,17 +58,23 @@ class Repository(OneLineRepr, FrozenStruct):
             raise UnknownRevision(name, tuple(one for one in names if one)) from None
 
     def common(self, old: str, new: str) -> str:
-        """Return the merge base of two revisions. Raises `UnknownRevision`, and `NotARepository` if there is none."""
+        """Return the merge base of two git revisions.
+
+        Raises `UnknownRevision`, and `NotARepository` if the revisions have no merge base.
+        """
         return git(self.top, "merge-base", self.commit(old), self.commit(new)).strip()
 
     def path(self, file: str) -> str:
-        """Return the path in the repository, with `/`, of an existing or deleted file of the checkout."""
+        """Convert the path of a file in the checkout to a path relative to the repository, with `/` as separator.
+
+        The file may have been deleted.
+        """
         folder, name = os.path.split(os.path.abspath(file))
         return os.path.relpath(os.path.join(os.path.realpath(folder), name), self.top).replace(os.sep, "/")
 
 
 class Revision:
-    """A commit whose files are written to a temporary folder on demand. On exit, this context manager removes the folder."""
+    """A git commit whose files are written to a temporary folder on demand. This context manager removes the folder on exit."""
 
     def __init__(self, repository: Repository, name: str, commit: str) -> None:
         self.repository, self.name, self.commit = repository, name, commit
@@ -84,20 +90,23 @@ class Revision:
         self._folder.cleanup()
 
     def has(self, path: str) -> bool:
-        """Return whether the revision has a file with this path in the repository."""
+        """Return whether a file exists in the revision. The path is relative to the repository."""
         return path in self._files
 
     def documents(self, folder: str) -> list[str]:
-        """Return the paths of possible documents below a folder. All paths are relative to the repository."""
+        """Return the paths of the files below a folder that may be documents. All paths are relative to the repository."""
         above = "" if folder == "." else f"{folder}/"
         return [path for path in self._files if path.startswith(above) and path.lower().endswith(DOCUMENTS)]
 
     def file(self, path: str) -> str:
-        """Return the absolute path in the temporary folder of a file of the repository."""
+        """Return the absolute path, in the temporary folder, of a file given by its path in the repository."""
         return os.path.join(self.root, *path.split("/"))
 
     def lay_out(self, documents: Collection[str]) -> None:
-        """Write the files that documents need. The documents are paths in the repository."""
+        """Write all files that the given documents need to the temporary folder.
+
+        The paths of the documents are relative to the repository.
+        """
         waiting = [path for path in documents if path in self._files]
         settings = {
             posixpath.join(folder, name) for path in documents for folder in _above(path) for name in (OWN_FILE, SHARED_FILE, LOCK_FILE)
@@ -115,11 +124,12 @@ class Revision:
             ]
 
     def everything(self) -> bool:
-        """Write all files of the revision. Return False if all files had been written before."""
+        """Write all files of the revision to the temporary folder. Return False if an earlier call wrote them all."""
         return bool(self._bring(self._files))
 
     def _bring(self, paths: Iterable[str]) -> dict[str, bytes]:
-        """Write the files that do not exist yet, and return the contents of all files."""
+        """Write those of the given files that are not yet in the temporary folder, and return the contents of the files that were written.
+        """
         wanted = [path for path in dict.fromkeys(paths) if path in self._files and path not in self._there]
         self._there.update(wanted)
         contents = dict(self._contents(wanted))
@@ -129,7 +139,9 @@ class Revision:
         return contents
 
     def _contents(self, paths: list[str]) -> Iterator[tuple[str, bytes]]:
-        """Yield paths and contents as in a checkout: git converts line endings and runs filters, for example to fetch large files."""
+        """Yield the path and the content of each given file, as in a checkout. git converts line endings and runs filters, for example to
+        fetch large files.
+        """
         if not paths:
             return
         asked = b"".join(self._files[path][1].encode() + b" " + os.fsencode(path) + b"\n" for path in paths)
@@ -145,7 +157,7 @@ class Revision:
 
 
 def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
-    """Return the mode and hash of each file in a commit by path, except submodules and files with invalid names.
+    """Return the mode and the hash of each file in a commit, keyed by path. Submodules and files with invalid names are omitted.
 
     Raises `NotARepository` if a path is both a file and a folder.
     """
@@ -173,7 +185,7 @@ def _above(path: str) -> Iterator[str]:
 
 
 def _parts(path: str, data: bytes) -> Iterator[str]:
-    """Yield the part folders that a `thingc.toml` or `pyproject.toml` specifies."""
+    """Yield the folders of parts that a settings file (`thingc.toml` or `pyproject.toml`) specifies."""
     try:
         table = tomllib.loads(data.decode("utf-8-sig")) if path.endswith(".toml") else {}
     except (ValueError, RecursionError):
@@ -187,7 +199,9 @@ def _parts(path: str, data: bytes) -> Iterator[str]:
 
 
 def _reads(path: str, data: bytes) -> Iterator[str]:
-    """Yield the files that the parts in a lock have read. thingc checks them to decide whether the locked parts are up to date."""
+    """Yield the files that the code of the parts in a lock file has read. thingc checks these files to decide whether the lock file is up
+    to date.
+    """
     try:
         for thing in json.loads(data)["things"].values():
             for read in thing["reads"]:
@@ -197,6 +211,6 @@ def _reads(path: str, data: bytes) -> Iterator[str]:
 
 
 def _names(path: str, data: bytes) -> Iterator[str]:
-    """Yield the paths in the repository of the files that a document may refer to."""
+    """Yield the paths of the files that a document may refer to. The paths are relative to the repository."""
     for match in _NAMED.finditer(data):
         yield posixpath.normpath(posixpath.join(posixpath.dirname(path), os.fsdecode(match[0])))

@@ -1,4 +1,7 @@
-"""Snapshots of robots (values in documents with source locations, and results), and changes between two snapshots."""
+"""Data types for snapshots of robots, and for the changes between two snapshots.
+
+A snapshot contains the values in the documents of a robot, their source locations, and the results of the compilation.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ PERHAPS = "perhaps"
 
 
 class Change(OneLineRepr, FrozenStruct):
-    """A change of the robot, of one of its elements, or of one value.
+    """A difference between two snapshots of a robot: of the whole robot, of one of its elements, or of one value.
 
     Attributes:
         path: The path of the element in the old robot, or in the new robot if it was added.
@@ -54,7 +57,7 @@ class Change(OneLineRepr, FrozenStruct):
 
     @property
     def caused(self) -> bool:
-        """Whether this change is a consequence of other changes."""
+        """Whether this change is a consequence of other changes. If it is false, the user made the change in a document."""
         return any(word != PERHAPS for word in self.because)
 
 
@@ -73,7 +76,7 @@ class Named(OneLineRepr, FrozenStruct):
 
     @property
     def text(self) -> str:
-        """The reference as written in the top document: `hand.cap.pen`."""
+        """The reference as it is written in the top-level document, such as `hand.cap.pen`."""
         return ".".join(word for word in (*self.path.split("/"), self.mount) if word)
 
 
@@ -82,8 +85,7 @@ Value = Union[None, bool, int, float, str, Named, tuple["Value", ...]]
 
 
 class Fact(OneLineRepr, FrozenStruct):
-    """A value in a document that is compared between two robots.
-
+    """A value of a property in a document, which is compared between the old and the new robot.
 
     `written` is the text of the value, or None if the document does not contain the value. `scope` is the path of the assembly that
     resolves names in an expression. `words` is the value in display units, if its physical dimension is known.
@@ -97,10 +99,10 @@ class Fact(OneLineRepr, FrozenStruct):
 
 
 class SnapshotElement(OneLineRepr, FrozenStruct):
-    """An element of a document, with its facts by dotted key.
+    """An element of a document, such as a joint or a mount.
 
-    `label` is the description of the element in reports. `of` is the path of its component, or an empty string for elements of the whole
-    document.
+    It contains the values of its properties, keyed by dotted names such as `limit.upper`. `label` is the description of the element in
+    reports. `of` is the path of its component, or an empty string for elements of the whole document.
     """
 
     what: What
@@ -112,7 +114,7 @@ class SnapshotElement(OneLineRepr, FrozenStruct):
 
 
 class ComponentNode(OneLineRepr, FrozenStruct):
-    """A component with the properties that `match` compares.
+    """A component with the properties that are used to match components of two robots.
 
     `kind` is `part`, `file`, `assembly`, `link` or `frame`. `reference` is the class, file or document of the component, and `text` is its
     definition. `place` is the pose of the component in the frame of the base at q = 0, or None for an assembly.
@@ -131,7 +133,10 @@ class ComponentNode(OneLineRepr, FrozenStruct):
 
 
 class Edge(OneLineRepr, FrozenStruct):
-    """A mate between two mounts of two components (paths). `joint` is the kind of joint, `fixed`, or empty if the mate is not a joint."""
+    """A mate between mounts of two components, which are given by their paths.
+
+    `joint` is the kind of the joint, `fixed`, or an empty string if the mate is not a joint.
+    """
 
     parent: str
     child: str
@@ -140,9 +145,10 @@ class Edge(OneLineRepr, FrozenStruct):
 
 
 class PartShape(OneLineRepr, FrozenStruct):
-    """The geometry of a part: volume [m^3], area [m^2], centre [m], inertia at density 1 [m^5], corners of its bounding box [m].
+    """The geometry of a part. It is used to detect changes of shape.
 
-    `mesh` is the SHA-256 of the visual mesh, or None if unknown. `made` is the location of the part's code.
+    It has the volume [m^3], area [m^2], centre [m], inertia at density 1 [m^5], and the corners of the bounding box [m]. `mesh` is the
+    SHA-256 of the visual mesh, or None if unknown. `made` is the source location of the part's code.
     """
 
     volume: float
@@ -155,7 +161,7 @@ class PartShape(OneLineRepr, FrozenStruct):
 
 
 class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
-    """A part or frame of the linked assembly.
+    """A part or frame of the linked assembly, with its mass properties, geometry and pose.
 
     Attributes:
         properties: The mass properties in the frame of the occurrence, such as `mass` [kg].
@@ -181,7 +187,10 @@ class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
 
 
 class LinkOf(OneLineRepr, FrozenStruct):
-    """A link in a snapshot: its name, the occurrence that defines its frame, its members, and its mass properties."""
+    """A link of the robot in a snapshot.
+
+    It has a name, the occurrence that defines its frame, the occurrences that belong to it, and mass properties.
+    """
 
     name: str
     frame: str
@@ -190,7 +199,7 @@ class LinkOf(OneLineRepr, FrozenStruct):
 
 
 class Row(OneLineRepr, FrozenStruct):
-    """A row of the bill of materials: the quantity of a definition, and the paths of its pieces.
+    """A row of the bill of materials: a definition of a part, the number of pieces, and the paths of the pieces.
 
     `stem` is the base name of the print file, or None if the row has no print file.
     """
@@ -205,7 +214,10 @@ class Row(OneLineRepr, FrozenStruct):
 
 
 class TestOutcome(OneLineRepr, FrozenStruct):
-    """The result of a test in one mode and pose (`where`), with measured values [SI] by name."""
+    """The result of a document test in one mode and pose, which `where` specifies.
+
+    It maps the names of measured values to numbers in SI units.
+    """
 
     test: str
     where: str
@@ -214,11 +226,11 @@ class TestOutcome(OneLineRepr, FrozenStruct):
 
 
 class Snapshot(OneLineRepr, FrozenStruct):
-    """A snapshot of a robot, which can be compared with another snapshot.
+    """A snapshot of a robot, which can be compared with another snapshot of the same robot.
 
-    `things` are elements by kind and path, in document order. `lacks` lists the kinds of information that the snapshot does not contain.
-    `coordinates` are the joints of each mode in model order. `prints` are the SHA-256 of print files by path; only snapshots of build
-    folders have them. `outcomes` is None if no tests were run.
+    `things` maps the kind and path of each element to the element, in document order. `lacks` lists the kinds of information that the
+    snapshot does not contain. `coordinates` are the joints of each mode in model order. `prints` are the SHA-256 hashes of print files by
+    path; only snapshots of build folders have them. `outcomes` is None if no tests were run.
     """
 
     name: str
@@ -236,12 +248,15 @@ class Snapshot(OneLineRepr, FrozenStruct):
 
 
 def told(value: Value) -> DisplayValue:
-    """Convert a value to the form in which reports contain it."""
+    """Convert a value in a snapshot to the form in which reports contain it."""
     if isinstance(value, Named):
         return value.text
     return tuple(map(told, value)) if isinstance(value, tuple) else value
 
 
 def field_values(key: str, kind: type[FrozenStruct], of: FrozenStruct | None) -> dict[str, Any]:
-    """Return the fields of a struct by dotted key, except the fields in `NOT_COMPARED`. If `of` is None, all values are None."""
+    """Return the values of the fields of a struct, except the fields in `NOT_COMPARED`.
+
+    The keys start with `key`, such as `limit.upper` for `limit`. If `of` is None, all values are None.
+    """
     return {f"{key}.{name}": getattr(of, name, None) for name in kind.__struct_fields__ if name not in NOT_COMPARED}

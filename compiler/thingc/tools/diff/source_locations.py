@@ -1,4 +1,5 @@
-"""Find the source locations and texts of values in documents, to distinguish changes by the user from their consequences."""
+"""Find the source location and the text of each value in a document, to distinguish changes by the user from changes that follow from them.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ Section = tuple[Node | None, ...]
 
 
 class DocumentTrees:
-    """The trees of documents, with methods to find elements."""
+    """The syntax trees of the documents of a robot, with methods that find elements in the trees."""
 
     def __init__(self, documents: Documents) -> None:
         self._trees = {relative: document.tree for relative, document in documents.by_path.items()}
@@ -28,7 +29,10 @@ class DocumentTrees:
         self._by_key: dict[str, dict[Span, str]] = {}
 
     def note_component(self, path: str, document: str, component: Component) -> Section:
-        """Return the nodes of a component of a document (path in the workspace), and store the nodes by the path of the component."""
+        """Find the syntax tree of a component in a document, and store it under the path of the component.
+
+        Return the nodes of the component. The document is given by its path in the workspace.
+        """
         tree = self._trees.get(document)
         components = tree.entries.get("components") if tree is not None else None
         if not isinstance(components, MappingNode):
@@ -41,11 +45,14 @@ class DocumentTrees:
         return section
 
     def component(self, prefix: str) -> Section:
-        """Return the nodes of the nested assembly at a prefix (`hand/`), or an empty result if the assembly is unknown."""
+        """Return the syntax tree of the nested assembly with the path `prefix` (for example `hand/`).
+
+        Return an empty result if the assembly is unknown.
+        """
         return self._components.get(prefix.rstrip("/"), ())
 
     def section(self, document: str, *keys: str) -> Section:
-        """Return the node of an element at the given keys, and the nodes from which the element inherits values."""
+        """Return the syntax tree of the element at the given keys, followed by the nodes from which the element inherits values."""
         *above, name = keys
         nodes: dict[str, Node | None] = {}
         while name not in nodes:
@@ -57,14 +64,14 @@ class DocumentTrees:
         return tuple(nodes.values())
 
     def words_at(self, span: Span | None) -> str | None:
-        """Return the text at a source location, or None if it spans several lines."""
+        """Return the text at a source location of a document, or None if the text spans several lines."""
         lines = self._lines.get(span.file) if span is not None else None
         if lines is None or span is None or span.line != span.end_line or span.line > len(lines):
             return None
         return lines[span.line - 1][span.column - 1 : span.end_column - 1]
 
     def parameter(self, document: str, name: str) -> dict[str, tuple[str, Span]]:
-        """Return the text and location of the value and the bounds of a parameter of a document."""
+        """Return the text and the source location of the value of a parameter, and of its bounds, in a document."""
         node = _at(self._trees.get(document), ("parameters", name))
         if isinstance(node, MappingNode):
             return {key: _node_text(inner) for key, inner in node.entries.items() if key in ("value", "min", "max")}
@@ -87,7 +94,7 @@ class DocumentTrees:
         return Fact(value=value, scope=scope, span=otherwise)
 
     def number(self, text: str) -> Value:
-        """Parse a bound to a number [SI]. Return expressions and other strings unchanged."""
+        """Convert the bound of a parameter to a number in SI units. Expressions and other strings are returned unchanged."""
         try:
             return parse_quantity(text).value
         except UnitError:
@@ -100,7 +107,10 @@ def names_in(written: str) -> list[str]:
 
 
 def _at(node: Node | None, keys: Sequence[str]) -> Node | None:
-    """Return the node at the given keys. If one of the first keys has a scalar, return the scalar (`mass: 12 g` for `mass.value`)."""
+    """Return the syntax node at the given keys. If a scalar is found before the last key, return the scalar.
+
+    For example, the keys of `mass.value` find the value of `mass: 12 g`.
+    """
     for key in keys:
         if isinstance(node, ScalarNode):
             return node

@@ -21,17 +21,17 @@ MOST = 60_000_000
 
 
 class SurfaceDistances:
-    """Distances between meshes in a store. The store caches the distances."""
+    """Computes distances between the surfaces of meshes in a content-addressed store. The distances are cached in the store."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._known: dict[tuple[str, str], float | None] = {}
 
     def farthest(self, old: str, new: str) -> float | None:
-        """Return the largest distance [m] of a vertex of either mesh (SHA-256 of OBJ files) from the surface of the other mesh.
+        """Return the largest distance [m] between a vertex of either mesh and the surface of the other mesh.
 
-        The result is the Hausdorff distance if a vertex attains it, else a lower bound. Return None if a mesh is missing or both meshes are
-        too fine.
+        The arguments are SHA-256 hashes of OBJ files. The result is the Hausdorff distance if a vertex attains it, else a lower bound.
+        Return None if a mesh is missing or both meshes are too fine.
         """
         pair = (min(old, new), max(old, new))
         if pair not in self._known:
@@ -54,7 +54,7 @@ class SurfaceDistances:
 
 
 def _from_surface(points: Array, triangles: Array) -> float:
-    """Return the largest distance [m] of points `(n, 3)` from the nearest of the triangles `(m, 3, 3)`."""
+    """Return the largest distance [m] between one of the points `(n, 3)` and the triangle `(m, 3, 3)` that is nearest to this point."""
     import numpy as np
 
     step = max(1, AT_ONCE // len(triangles))

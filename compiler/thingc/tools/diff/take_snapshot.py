@@ -1,4 +1,4 @@
-"""Take the snapshot of a compilation: the values in its documents, their locations, and the results."""
+"""Create the snapshot of a compiled document, which contains the values in the documents, their source locations, and the results."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
 
 
 def take_snapshot(compilation: Compilation) -> Snapshot:
-    """Return the snapshot of a compilation without errors. The snapshot does not contain test results."""
+    """Create the snapshot of a compilation that has no errors. The snapshot does not contain test results."""
     assembly, documents = compilation.assembly, compilation.documents
     assert assembly is not None and documents is not None, "the compilation failed"
     reader = _Reader(assembly, DocumentTrees(documents))
@@ -47,7 +47,7 @@ def take_snapshot(compilation: Compilation) -> Snapshot:
 
 
 class _Reader:
-    """Collects the elements of a definition and its nested assemblies."""
+    """Collects the elements of a document and of all documents nested in it."""
 
     def __init__(self, assembly: Assembly, written: DocumentTrees) -> None:
         self.assembly = assembly
@@ -60,7 +60,7 @@ class _Reader:
     # --- assemblies ----------------------------------------------------------------------------------------------
 
     def assembly_at(self, prefix: str, definition: AssemblyDefinition) -> None:
-        """Collect the elements of the document at the path `prefix` (`hand/`), and of its nested documents."""
+        """Collect the elements of the nested document with the path `prefix` (for example `hand/`), and of the documents nested in it."""
         place = prefix.rstrip("/")
         self._parameters(prefix, definition)
         for component in definition.components:
@@ -83,7 +83,7 @@ class _Reader:
         self.things.append(SnapshotElement(what=what, path=path, facts=facts, label=label, of=of, span=span))
 
     def _parameters(self, prefix: str, definition: AssemblyDefinition) -> None:
-        """Collect the parameters of a nested document: values and bounds."""
+        """Collect the values and the bounds of the parameters of a nested document."""
         given = self.written.component(prefix)
         for name, value in definition.parameters:
             fact = self.written.fact(value, given, ("parameters", name), scope=prefix.rstrip("/").rpartition("/")[0])
@@ -180,7 +180,7 @@ class _Reader:
             self._add("joint", prefix + joint.path.replace(".", "/"), own, label=joint.kind.name, of=scope, span=joint.origin[0])
 
     def _moving(self, prefix: str, definition: AssemblyDefinition, joint: Joint) -> Iterator[tuple[str, Value]]:
-        """Yield the properties of one coordinate, including defaults from its drive."""
+        """Yield the properties of one coordinate of a joint, including default values that it inherits from its drive."""
         edge: JointEdge | None = self._edges.get(prefix + joint.path.replace(".", "/"))
         limit, dynamics = (edge.limit, edge.dynamics) if edge is not None else (joint.limit, joint.dynamics)
         yield "offset", joint.offset
@@ -199,7 +199,7 @@ class _Reader:
     # --- the top document --------------------------------------------------------------------------------------------
 
     def top(self) -> None:
-        """Collect the kinds of elements that only the top document can have."""
+        """Collect the elements that only the top-level document can have, such as modes."""
         assembly, definition = self.assembly, self.assembly.definition
         raw = {one.dotted: Fact(value=one.value, span=one.origin[0]) for one in assembly.raw}
         raw |= tendon_facts(assembly)
@@ -232,12 +232,12 @@ class _Reader:
         self._materials(definition)
 
     def _placed(self, value: Value, origin: Origin) -> Fact:
-        """Create a fact for a value in the top document. The location of the fact is the first location of an origin."""
+        """Create a fact for a value in the top-level document, with the first source location of the value."""
         span = origin[0] if origin else None
         return Fact(value=value, written=self.written.words_at(span), span=span)
 
     def _check(self, definition: AssemblyDefinition, check: object, within: str = "") -> Iterator[tuple[str, Value]]:
-        """Yield the settings of a test by key. Keys of nested structs are dotted."""
+        """Yield the key and the value of each setting of a document test. Settings in nested structs have dotted keys."""
         assert isinstance(check, FrozenStruct)
         for name in check.__struct_fields__:
             value, key = getattr(check, name), within + KEYS.get(name, name)
@@ -298,7 +298,10 @@ class _Reader:
         self._add("mode", mode.name, facts, span=mode.origin[0])
 
     def _materials(self, top: AssemblyDefinition) -> None:
-        """Collect the materials of all documents by name. If several definitions of a name differ, add the name of the document."""
+        """Collect the materials of all documents, keyed by name.
+
+        If two documents define a name differently, the key also contains the document.
+        """
         known: dict[str, Mapping[str, Fact]] = {}
         for definition in assemblies_of(top):
             for name, material in definition.materials.items():
@@ -318,7 +321,7 @@ class _Reader:
 
 
 def _occurrence(definition: AssemblyDefinition, prefix: str, reference: Reference) -> Named:
-    """Resolve a reference of a document at `prefix` to a part or frame and its own mount."""
+    """Return the part or frame that a reference in the document at `prefix` refers to, and its own mount."""
     current, at, mount = definition, prefix.rstrip("/"), reference.mount
     names = list(reference.path)
     while names:

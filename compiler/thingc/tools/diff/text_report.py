@@ -1,4 +1,4 @@
-"""Format the result of a comparison as text for a terminal, as Markdown for a pull-request comment, or as an HTML page."""
+"""Format the result of `thingc diff` as text for a terminal, as Markdown for a pull-request comment, or as an HTML page."""
 
 from __future__ import annotations
 
@@ -46,9 +46,10 @@ _ANGLES = ("rpy", "turn", "fovy", "cone")
 
 
 class ReportLine(FrozenStruct):
-    """Equal changes of several elements with the paths `paths` and the description `words`.
+    """A line of a report that describes equal changes of several elements.
 
-    If `decides` is true, the change is a test that newly passes or newly fails.
+    `paths` are the paths of the elements, and `words` describes the change. If `decides` is true, the change is a test that newly passes or
+    newly fails.
     """
 
     what: What
@@ -60,7 +61,7 @@ class ReportLine(FrozenStruct):
 
     @property
     def named(self) -> str:
-        """The paths of the elements as text. A long list is abbreviated."""
+        """The paths of the changed elements as text. A long list of paths is abbreviated."""
         return _listed(self.paths)
 
 
@@ -88,10 +89,10 @@ def as_text(answer: DiffResult) -> Iterator[str]:
 
 
 def as_markdown(answer: DiffResult, pictures: Callable[[str, str], str] | None = None) -> str:
-    """Format the result as Markdown of at most `LARGEST` bytes.
+    """Format the result of a comparison as Markdown of at most `LARGEST` bytes.
 
-    The result contains changes in documents, changed test results, and other consequences, folded by kind. The function `pictures` returns
-    the address of a picture for the name of a document and `before`, `after` or `overlay`.
+    The text contains changes in documents, changed test results, and other consequences, folded by kind. The function `pictures` returns
+    the URL of a picture, given the name of a document and `before`, `after` or `overlay`.
     """
     for most in (10_000, 200, 50, 20, 5, 1):
         text = "\n".join(_markdown(answer, most, pictures)) + "\n"
@@ -154,14 +155,17 @@ def made(comparison: Comparison) -> Iterator[ReportLine]:
 
 
 def following(comparison: Comparison) -> Iterator[ReportLine]:
-    """Yield the consequences by importance: changed test results, then other consequences by kind, the whole robot before its parts."""
+    """Yield the changes that follow from changes in documents, the most important first.
+
+    Changed test results are first. Other changes are grouped by kind, with the whole robot before its parts.
+    """
     consequences = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
     consequences.sort(key=lambda c: (0 if _decides(c) else _RANK[c.what], c.path != ""))
     return _lines(consequences)
 
 
 def outcomes_and_more(comparison: Comparison) -> tuple[list[ReportLine], dict[What, list[ReportLine]]]:
-    """Return the changed test results, and the other consequences by kind."""
+    """Return the changed test results, and all other changes that follow from changes in documents, grouped by kind."""
     follows = list(following(comparison))
     kinds: dict[What, list[ReportLine]] = {}
     for line in follows:
@@ -175,7 +179,10 @@ def _decides(change: Change) -> bool:
 
 
 def _of_a_part(change: Change) -> bool:
-    """Return whether the change is a change of the centre or inertia of a part or link. Only JSON output contains such changes."""
+    """Return whether a change affects the centre of mass or the inertia of a single part or link.
+
+    Only JSON output contains such changes.
+    """
     return change.what == "mass" and change.field in ("centre", "inertia", "link.centre", "link.inertia")
 
 
@@ -200,9 +207,10 @@ def _lines(changes: Iterable[Change]) -> Iterator[ReportLine]:
 
 
 def _motion(change: Change) -> tuple[float, float]:
-    """Return the distance [m] and the angle [rad] of a rigid motion.
+    """Return the distance [m] and the angle [rad] by which a part or frame moved.
 
-    The value of a `place` is a translation. The value of a `turn` is three angles (roll, pitch, yaw). The value of a `pose` contains both.
+    If the field is `place`, the value is a translation. If the field is `turn`, the value is three angles (roll, pitch, yaw). If the field
+    is `pose`, the value contains both.
     """
     values: Any = (change.old, change.new)
     pairs = {"place": [(value, (0.0,) * 3) for value in values], "turn": [((0.0,) * 3, value) for value in values]}
@@ -212,7 +220,7 @@ def _motion(change: Change) -> tuple[float, float]:
 
 
 def _change_text(change: Change) -> str:
-    """Describe a change in words."""
+    """Describe a change in words, for example with the old and the new value."""
     if change.change == "moved" and change.field in ("place", "turn", "pose"):
         return MOVED
     if change.change in ("added", "removed"):
@@ -233,14 +241,14 @@ def _change_text(change: Change) -> str:
 
 
 def _share(old: DisplayValue, new: DisplayValue) -> str:
-    """Format the relative change of two numbers, or return an empty string if it is undefined."""
+    """Format the relative difference between an old and a new number. Return an empty string if it is undefined."""
     if not isinstance(old, float) or not isinstance(new, float) or old == 0.0 or not math.isfinite(new / old):
         return ""
     return f" ({100.0 * (new / old - 1.0):+.3g} %)"
 
 
 def _value(field: str, value: DisplayValue) -> str:
-    """Format a value with the unit of its field."""
+    """Format the value of a field with the unit of the field."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -282,7 +290,7 @@ code { background: #f1f1f4; padding: 0 .25em; border-radius: .25em } li { margin
 
 
 def as_html(differences: DiffResult) -> str:
-    """Format the result as a self-contained HTML page."""
+    """Format the result of a comparison as a self-contained HTML page."""
     title = f"{_escape_text(differences.old)} → {_escape_text(differences.new)}"
     return "\n".join([
         "<!doctype html>", f'<html lang="en"><head><meta charset="utf-8"><title>{title}</title>',

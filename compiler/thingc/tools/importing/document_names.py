@@ -61,11 +61,10 @@ def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier
 class DocumentNaming:
     """The names that the elements of an imported robot get in the generated document.
 
-    Most attributes map a source name to a document name.
-
-    `links` are the links that become components, and `frames` are the links that become mounts of their parents. `order` lists the
-    attachments of the kinematic tree, starting at the root. `shown` lists the mounts that the document exports. `meshes` maps the mesh URIs
-    of shapes to file paths. Elements that an `earlier` import already named keep their names.
+    Most attributes map a source name to a document name. `links` are the links that become components, and `frames` are the links that
+    become mounts of their parents. `order` lists the attachments of the kinematic tree, starting at the root. `shown` lists the mounts that
+    the document exports. `meshes` maps the mesh URIs of shapes to file paths. Elements that an `earlier` import already named keep their
+    names.
     """
 
     def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: PreviousImport | None) -> None:

@@ -99,9 +99,8 @@ def gathered(
 ) -> tuple[Mapping[str, str], dict[str, bytes], tuple[SourceLoss, ...]]:
     """Read the meshes of an imported robot.
 
-    Return their paths in the workspace keyed by URI, their contents keyed by path, and the import losses.
-
-    A missing mesh is reported once, at the first shape that uses it. If `packages` is None, no mesh is read, and each mesh is a loss.
+    Return their paths in the workspace keyed by URI, their contents keyed by path, and the import losses. A missing mesh is reported once,
+    at the first shape that uses it. If `packages` is None, no mesh is read, and each mesh is a loss.
     """
     named = [(shape.mesh, shape) for link in robot.links for shape in link.shapes if shape.mesh is not None]
     lost = Losses()

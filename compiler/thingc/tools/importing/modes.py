@@ -17,9 +17,8 @@ from thingc.tools.importing.source_model import SOURCE_MODE, SourceDrive, Source
 def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
     """Return the start values of the joints that do not start at 0.
 
-    Also return the first pose that contains these start values, or None.
-
-    A pose can replace the start values if it satisfies the limits of each joint whose start value violates the limits.
+    Also return the first pose that contains these start values, or None. A pose can replace the start values if it satisfies the limits of
+    each joint whose start value violates the limits.
     """
     moving = [joint for one in words.order for joint in one.joints if joint.follows is None]
     outside = {

@@ -35,11 +35,9 @@ class NotFound(Exception):
 class Packages:
     """Finds the ROS packages, Gazebo models and files that a robot description refers to.
 
-    `source` is the absolute path of the robot description.
-
-    `given` maps package names to folders and has precedence. If a file is missing, `find` searches for the end of its path below `given`,
-    `roots` and `meshes` (a folder relative to the folder of the source). After resolving symbolic links, every file must be below the
-    folder of the source, a known package, or a folder in `given` or `roots`.
+    `source` is the absolute path of the robot description. `given` maps package names to folders and has precedence. If a file is missing,
+    `find` searches for the end of its path below `given`, `roots` and `meshes` (a folder relative to the folder of the source). After
+    resolving symbolic links, every file must be below the folder of the source, a known package, or a folder in `given` or `roots`.
     """
 
     def __init__(

@@ -273,9 +273,7 @@ class _Sdf:
     def _hangings(self, key: str, frame: NamedFrame) -> Iterator[source_model.Attachment]:
         """Yield the attachments that represent an SDF joint, from parent to child.
 
-        A joint with several axes has massless links between the axes.
-
-        This method also reports the errors of the joint.
+        A joint with several axes has massless links between the axes. This method also reports the errors of the joint.
         """
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
@@ -431,9 +429,8 @@ class _Sdf:
     ) -> source_model.SourceRobot | None:
         """Determine the root link of the robot and the kind of its base.
 
-        The base is fixed if a joint attaches a link to the world, else it is free.
-
-        If a joint between the world and the robot can move, this method adds a massless root link.
+        The base is fixed if a joint attaches a link to the world, else it is free. If a joint between the world and the robot can move,
+        this method adds a massless root link.
         """
         sites: dict[str | None, tuple[source_model.SourceSite, ...]] = {}
         for key, frame in self.frames.all("frame"):

@@ -229,10 +229,8 @@ class SourceTendon(SourceMotion):
 class Attachment(SourceThing):
     """The attachment of the link `child` to the link `parent` by a sequence of joints.
 
-    `pose` is the pose of the child when all joints are at `start`.
-
-    `name` is the name in the source, and `rpy` [rad] are the angles of the pose in the source, if specified. If `floating` is true, the
-    child can move freely, and the parent must be the world.
+    `pose` is the pose of the child when all joints are at `start`. `name` is the name in the source, and `rpy` [rad] are the angles of the
+    pose in the source, if specified. If `floating` is true, the child can move freely, and the parent must be the world.
     """
 
     parent: str
@@ -259,9 +257,8 @@ class Attachment(SourceThing):
 class SourceLoop(SourceThing):
     """A constraint that closes a kinematic loop.
 
-    It connects two points, frames or z axes on two links, each given in the frame of its link.
-
-    `equality` is the name of the equality constraint in MJCF, if any.
+    It connects two points, frames or z axes on two links, each given in the frame of its link. `equality` is the name of the equality
+    constraint in MJCF, if any.
     """
 
     kind: Literal["ball", "fixed", "continuous", "prismatic", "screw"]
@@ -321,10 +318,8 @@ class SourceSensor(SourceThing):
 class SourcePose(SourceThing):
     """A named state of an imported robot.
 
-    It maps joints to coordinates q, and drives and adhesions to controls, by their names in the source.
-
-    The unit of q is rad or m, and q of a ball joint is a unit quaternion (w, x, y, z). `at` is the pose of the base if this pose differs
-    from the pose of the robot.
+    It maps joints to coordinates q, and drives and adhesions to controls, by their names in the source. The unit of q is rad or m, and q of
+    a ball joint is a unit quaternion (w, x, y, z). `at` is the pose of the base if this pose differs from the pose of the robot.
     """
 
     q: Mapping[str, float | Quaternion]

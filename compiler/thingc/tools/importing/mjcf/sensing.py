@@ -147,9 +147,8 @@ def sensors(
 ) -> tuple[SourceSensor, ...]:
     """Return the sensors of the MuJoCo model that documents support, and the cameras.
 
-    Other sensors are added to the model unchanged or are losses.
-
-    `driven` maps the index of an actuator to the target of its drive, and `root` is the root body.
+    Other sensors are added to the model unchanged or are losses. `driven` maps the index of an actuator to the target of its drive, and
+    `root` is the root body.
     """
     return (*_Sensing(original, kept, added, driven, root).all(), *_cameras(original, on))
 

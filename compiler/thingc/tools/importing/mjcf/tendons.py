@@ -25,10 +25,9 @@ USUAL = {
 class Tendons:
     """Converts the tendons of a MuJoCo model.
 
-    `of` maps the index of each tendon that documents support to the tendon. Other tendons are losses.
-
-    `joints` and `sites` are the indices of imported elements. `on` maps each imported body to its link and its pose in the link. `heads`
-    maps each body to the first body of its rigidly connected group.
+    `of` maps the index of each tendon that documents support to the tendon. Other tendons are losses. `joints` and `sites` are the indices
+    of imported elements. `on` maps each imported body to its link and its pose in the link. `heads` maps each body to the first body of its
+    rigidly connected group.
     """
 
     def __init__(
