@@ -1,4 +1,4 @@
-"""Observe part code with a Python audit hook. A hook cannot be removed, so each process has only one hook."""
+"""Observe part code with a Python audit hook. Python cannot remove an audit hook, so each process installs only one hook."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _hooked = False
 
 
 def listen(events: tuple[str, ...], handler: Handler) -> None:
-    """Call `handler(event, arguments)` for these events, after earlier handlers.
+    """Call `handler(event, arguments)` for each of the given audit events. Handlers are called in the order in which they were added.
 
     If the handler raises an exception, the audited function does not run and raises this exception.
     """

@@ -99,7 +99,7 @@ class Child:
         return {"id": self.request["id"], **json.loads(self.received)}
 
     def stop(self) -> bool:
-        """Stop the child process with a signal. Return True if it has no child processes of its own."""
+        """Stop the child process with a signal. Return True if the child process has not started other processes."""
         self._kill(signal.SIGSTOP)
         return not process_tree.descendants(self.process)
 

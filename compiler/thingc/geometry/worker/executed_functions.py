@@ -27,7 +27,7 @@ _marked: set[tuple[str, str]] = set()
 def install() -> None:
     """Define the variable that the marks write to. Call this function once per process, before part modules are loaded.
 
-    Children inherit the variable.
+    Child processes inherit the variable.
     """
     setattr(builtins, _NAME, _noted)
     signature.install(_look_at)

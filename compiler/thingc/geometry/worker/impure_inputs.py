@@ -33,7 +33,10 @@ MACHINERY = frozenset({"importlib", "logging", "tempfile", "threading", "warning
 
 
 class ImpureInputRecorder:
-    """Records the impure inputs of one part, from `start` to `stop`. `own(file)` returns whether the part's authors wrote a file."""
+    """Records the impure inputs of one part, from `start` to `stop`.
+
+    The function `own` returns whether a file contains code of the part's authors.
+    """
 
     def __init__(self, own: Callable[[str], bool]) -> None:
         self._own = own
@@ -89,8 +92,8 @@ def _ask(what: ImpureInputs, message: str) -> bool:
 def install() -> None:
     """Wrap the functions of Python through which a part can use impure inputs.
 
-    Call this function once per process, before part modules are loaded, because these modules may contain `from time import time`. Children
-    inherit the wrappers.
+    Call this function once per process, before part modules are loaded, because these modules may contain `from time import time`.
+    Child processes inherit the wrappers.
     """
     _wrap_environment()
     _wrap_clock()
@@ -287,7 +290,10 @@ def _drawing(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _wrap_global(module: types.ModuleType, of_global: Callable[[Any], bool]) -> None:
-    """Wrap the functions of a module that use its global generator. Calls are recorded unless the part has seeded the generator."""
+    """Wrap the functions of a module that use the module's global random number generator.
+
+    Calls of these functions are recorded unless the part has seeded the generator.
+    """
     for name, function in list(vars(module).items()):
         if name not in _LOOKING and callable(function) and not isinstance(function, type) and of_global(function):
             setattr(module, name, _of_global(module.__name__, name, function))
@@ -309,8 +315,8 @@ def _of_global(module: str, name: str, function: Callable[..., Any]) -> Callable
 def _wrap_numpy(module: types.ModuleType) -> None:
     """Wrap the legacy generator of `numpy.random`.
 
-    The wrappers are for the functions that draw from the global generator, for the generator itself, which libraries use by default, and
-    for its class, which draws a seed even if the caller passes a seed.
+    Three kinds of objects are wrapped. The first are functions that draw from the global generator. The second is the global generator
+    itself, which libraries use by default. The third is its class, which draws a seed even if the caller passes a seed.
     """
     mtrand = module.mtrand
     real = mtrand.RandomState
@@ -335,7 +341,7 @@ def _wrap_numpy(module: types.ModuleType) -> None:
 
 
 class _NumpysRandom(importlib.abc.MetaPathFinder):
-    """An import hook that wraps `numpy.random` when this module is imported, because few parts use it."""
+    """An import hook that wraps the functions of `numpy.random` when a part first imports this module. Most parts do not use it."""
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
         """Return Python's own spec for `numpy.random`, with a loader that wraps the module. Return None for other modules."""

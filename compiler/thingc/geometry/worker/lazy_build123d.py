@@ -21,7 +21,7 @@ from thingc.geometry.key.modules import SELDOM_USED
 
 
 class _Session:
-    """An import that defers packages: the names of these packages, and the places of their placeholders."""
+    """The state of an import that defers packages. It contains the names of the deferred packages and the places of their placeholders."""
 
     def __init__(self, packages: frozenset[str]) -> None:
         self.packages = packages
@@ -40,7 +40,10 @@ class _Session:
 
 
 class LazyObject:
-    """A placeholder for `module.name.name`. It passes calls, attributes, subclassing and `isinstance` to the real object."""
+    """A placeholder for an object of a package that is not imported yet.
+
+    The placeholder passes calls, attributes, subclassing and `isinstance` to the real object.
+    """
 
     __slots__ = ("_module", "_names", "_session")
 

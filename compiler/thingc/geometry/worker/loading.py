@@ -21,7 +21,7 @@ _compiled: dict[tuple[str, str], types.CodeType] = {}
 def compile_ahead(file: str, sha256: str | None) -> bool:
     """Compile a source file with the content hash `sha256` (None: any content), without running the code.
 
-    Return False if it was already compiled.
+    Return False if the file was already compiled.
 
     The function ignores errors, because the import reports them.
     """

@@ -16,7 +16,8 @@ from thingc.geometry.worker.part_session import NoPart, PartSession, RequestCont
 def describe(references: Sequence[str], placed: Collection[str], around: RequestContext) -> dict[str, Any]:
     """Return schemas (or failures) of part classes of one module: `{"answers": {reference: ...}, "reads": [...]}`.
 
-    The place of a class in `placed` is already known, and the function does not search for it, because the search is slow.
+    The locations of the classes in `placed` are already known. The function does not search for these locations, because the search is
+    slow.
     """
     answers: dict[str, Any] = {}
     mentioned: list[str | None] = []

@@ -132,7 +132,10 @@ class PartSession:
         return executed_functions.of([file for file in self.importer.loaded.values() if file in self.around.hashes], self.around.hashes)
 
     def part(self, reference: str) -> Any:
-        """Return the object that `module:Class` names. Raises `NoPart` if it does not exist, and any exception of its module."""
+        """Import a module of a part, and return the object that `module:Class` names.
+
+        Raises `NoPart` if the object does not exist. Exceptions of the module's own code are not caught.
+        """
         module_name, _, name = reference.partition(":")
         try:
             module = importlib.import_module(module_name)

@@ -33,7 +33,7 @@ def adopt_orphans() -> None:
 
 
 def give_priority(nice: int) -> int:
-    """Set the `nice` value of this process if permitted, and return the previous one.
+    """Set the `nice` value of this process if the system permits this, and return the previous value.
 
     A value below the default requires root. Limits on the number of processes do not affect root.
     """
@@ -98,7 +98,7 @@ def _kilobytes(processes: Iterable[int], file: str, key: bytes) -> int:
 
 
 def stop(process: int) -> None:
-    """Stop a process, its group and all its descendants, so that these processes cannot start other processes.
+    """Send a stop signal to a process, its process group and all its descendants, so that they cannot start other processes.
 
     The processes are stopped and not killed, because stopped processes count against limits but dead processes do not.
     """

@@ -103,8 +103,8 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
 def _check(path: Any, *, follow: bool = True, itself: bool = False) -> None:
     """Raise `ForbiddenWrite` for a path outside of the folder.
 
-    With `itself`, the folder itself is allowed. Opening a folder for writing creates a file in it, as `tempfile.TemporaryFile` does; the
-    folder itself cannot be opened for writing.
+    If `itself` is True, the path of the folder itself is allowed. Opening a folder for writing creates a file in it, as
+    `tempfile.TemporaryFile` does; the folder itself cannot be opened for writing.
     """
     if isinstance(path, int) or path is None:
         return

@@ -27,7 +27,10 @@ PREFIX = "thingc-worker-"
 
 
 class Scratch:
-    """The scratch folder of one worker, which `close` removes. `descriptors` hold the lock, and must be closed in child processes."""
+    """The scratch folder of one worker, which `close` removes.
+
+    `descriptors` contains the file descriptors that hold the lock on the folder. Child processes must close these descriptors.
+    """
 
     def __init__(self) -> None:
         base = tempfile.gettempdir()
@@ -44,7 +47,7 @@ class Scratch:
         return path
 
     def close(self) -> None:
-        """Remove the folder with all its contents."""
+        """Remove the scratch folder of the worker with all its contents."""
         remove(self.folder)
         for descriptor in self.descriptors:
             os.close(descriptor)

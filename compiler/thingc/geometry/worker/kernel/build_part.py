@@ -79,9 +79,9 @@ class Tessellations(FrozenStruct):
 class BuiltPart(FrozenStruct):
     """The result of part code or of a part file, before it is measured.
 
-    The shapes are shapes of the kernel [mm], or empty for a part without geometry. Other fields are as in `PartRecord`. `one` means that
-    the solids should be connected, `file` that the part is a file, and `faceted` that all its faces are triangles. `faces` is the limit of
-    triangles for simulators.
+    The shapes are shapes of the CAD kernel [mm], or empty for a part without geometry. `one` is True if the solids should be connected.
+    `file` is True if the part is a file, and `faceted` is True if all its faces are triangles. `faces` is the maximum number of
+    triangles for simulators. The other fields are the same as in `PartRecord`.
     """
 
     shapes: Sequence[TopoDS_Shape]
@@ -225,7 +225,9 @@ def _made_of_file(definition: dict[str, Any], around: RequestContext) -> BuiltPa
 
 
 def _mirrored(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
-    """Return the mirror image of a part. It has no order number, because the number in the bill of materials belongs to the original part.
+    """Return the mirror image of a part.
+
+    The mirror image has no order number, because the number in the bill of materials belongs to the original part.
     """
     mounts = {name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in made.mounts.items()}
     stays = all(mirror.keeps(mount.pose) for mount in made.mounts.values())
@@ -408,7 +410,7 @@ def solid_part(made: BuiltPart) -> TopoDS_Shape:
 
 
 def _at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
-    """Return the solid after applying its location to its geometry."""
+    """Apply the location of a solid to the coordinates of its geometry. The returned solid has no location of its own."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
     from OCP.TopLoc import TopLoc_Location
 

@@ -146,7 +146,7 @@ _Faces: TypeAlias = "tuple[tuple[TopoDS_Face, bool], ...]"
 
 
 class _Skin(FrozenStruct):
-    """The faces of a solid, and how its integrals are computed on each face.
+    """The faces of a solid, grouped by the method that computes the integrals over a face.
 
     `flat` contains planes bounded by lines and circles. `extruded` contains extruded curves, on which the kernel's adaptive area is wrong
     (by 0.4 % for an ellipse of 8 by 4; the plain area is wrong by 3e-5). `rest` contains all other faces.
@@ -208,7 +208,7 @@ def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp
 def _better(kind: Any, once: _Faces, twice: _Faces, apex: gp_Pnt) -> GProp_GProps:
     """Compute an integral with and without adaptive integration on the faces of `twice`.
 
-    If the results agree, return the result without it.
+    If the two results agree, return the result without adaptive integration. Otherwise, return the result with adaptive integration.
     """
     sure = _integral(kind, once, apex)
     plain = GProp_GProps(apex)

@@ -113,8 +113,8 @@ def _finite(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     """Remove duplicate triangles. Return the mesh and descriptions of what was removed.
 
-    A duplicated surface is closed, but has twice the volume. Pairs of triangles with opposite orientation are between bodies that touch,
-    and are not removed. If the mesh consists only of these pairs, it is one surface with two sides.
+    A duplicated surface is closed, but has twice the volume. A pair of equal triangles with opposite orientation is not removed,
+    because such pairs occur between bodies that touch. If a mesh consists only of such pairs, the mesh is one surface with two sides.
     """
     mended: list[str] = []
     turns = (np.argmin(mesh.faces, axis=1)[:, None] + np.arange(3)) % 3
@@ -183,7 +183,10 @@ def open_edges(mesh: Triangles) -> int:
 
 
 class _Object3mf:
-    """An object of a 3MF file: coordinates, vertex indices of triangles, and its component objects with their transforms."""
+    """An object of a 3MF file.
+
+    It contains vertex coordinates, the vertex indices of its triangles, and its component objects with their transforms.
+    """
 
     def __init__(self) -> None:
         self.points, self.faces = array("d"), array("q")

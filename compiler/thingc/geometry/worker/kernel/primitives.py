@@ -45,8 +45,9 @@ _Line = tuple[Vector, Vector]
 def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
     """Return the primitive [m] that exactly equals a solid [mm], or None.
 
-    The pose does not depend on the kernel. A box has the smallest possible rotation (none if it is along the axes of the part). The axis of
-    a cylinder or capsule points to +z, or to +y if it is normal to z, or to +x if it is normal to both, with the smallest rotation.
+    The pose of the primitive does not depend on the order of faces in the CAD kernel. A box gets the smallest possible rotation, which
+    is zero for a box along the axes of the part. The axis of a cylinder or capsule has a positive z component. If the z component is
+    zero, the y component is positive. If both are zero, the x component is positive. The rotation to this axis is the smallest one.
     """
     planes: list[_Line] = []
     cylinders: list[tuple[_Line, float]] = []

@@ -140,7 +140,7 @@ def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: fl
 
 
 def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Number the cuts, so that equal cuts have the same number.
+    """Assign a number to each cut through the mesh, so that cuts with equal outlines have the same number.
 
     Cuts with the same number are equal: all walls between these cuts are upright, and no surface begins between them.
     """
@@ -332,7 +332,10 @@ class _Kinds:
 
 
 class _Laid(FrozenStruct):
-    """The printed material of a layer: `solid` regions, each with its amount relative to a full region, and `lines`, the sparse infill."""
+    """The printed material of a layer.
+
+    `solid` contains regions, each with its amount of material relative to a full region. `lines` is the region of sparse infill.
+    """
 
     solid: tuple[tuple[float, Region], ...]
     lines: Region

@@ -1,7 +1,7 @@
 """Write the STEP file of an assembly. The module uses only OCP: neither build123d nor part code is loaded.
 
-Every definition is one shape that its instances share. Groups are sub-assemblies. Colours belong to instances. The file does not contain
-the time, the place or the author.
+The file contains one shape for each part definition, and all instances of the definition refer to this shape. Groups of instances are
+sub-assemblies. Each instance has its own colour. The file does not contain the time, the name of the machine or the author.
 """
 
 from __future__ import annotations

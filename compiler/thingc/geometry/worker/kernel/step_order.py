@@ -31,7 +31,7 @@ def without_noise(data: bytes) -> bytes:
 
 
 def settled(data: bytes) -> bytes:
-    """Return the STEP file with its styles in canonical order. A file without styles is unchanged."""
+    """Return a STEP file with its styles in canonical order. A file without styles is returned unchanged."""
     begin = data.find(_STYLES)
     end = data.rfind(b"ENDSEC;")
     if begin < 0 or end < begin:

@@ -254,9 +254,10 @@ def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray
 
 
 def _areas(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return twice the areas `(n,)` of triangles of points `(m, 2)`, negative if clockwise, and the lengths `(n, 3)` of their sides.
+    """Compute the areas and the side lengths of triangles with corners in a plane.
 
-    A side goes from the corner with its column's index to the next corner.
+    Return twice the area of each triangle `(n,)`, negative for a clockwise triangle, and the lengths of its sides `(n, 3)`. Column k
+    contains the length of the side from corner k to the next corner.
     """
     corners = flat[triangles]
     along = corners[:, (1, 2, 0)] - corners
