@@ -263,7 +263,7 @@ class Reader:
 
 
 def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
-    """Yield the strings of a value that is a string or a list of strings, each with its path in the document."""
+    """Return the strings of a value that is a string or a list of strings, each with its path in the document."""
     return [(said, path)] if isinstance(said, str) else [(text, (*path, index)) for index, text in enumerate(said)]
 
 

@@ -1,4 +1,4 @@
-"""The resolved model: documents in which all names, units and expressions are resolved, with values in SI.
+"""Data types of the resolved model: documents in which all names, units and expressions are resolved. Values are in SI units.
 
 Mounts of parts depend on geometry. References contain only their names, which `model/assembly` checks.
 """
@@ -24,7 +24,9 @@ COUNTED = "the reference is repeated this often"
 
 
 class Reference(OneLineRepr, FrozenStruct):
-    """A reference such as `hand.cap.pen`: `path` are the component names from this document down, `mount` is the last word.
+    """A reference to a component or to a mount, such as `hand.cap.pen`.
+
+    `path` contains the names of the nested components, and `mount` is the last name.
 
     If `mount` is None, the reference is to the component itself (`links`, `drive`, a mode's root). A mount may be exported by a nested
     assembly (then `path` ends at that assembly) or belong to a part. `repeat_origin` is the place of the count of the enclosing `repeat`,
@@ -38,7 +40,7 @@ class Reference(OneLineRepr, FrozenStruct):
 
     @property
     def text(self) -> str:
-        """The reference as written, with dots."""
+        """The reference in the notation of documents, with dots: `hand.cap.pen`."""
         return ".".join((*self.path, self.mount) if self.mount is not None else self.path)
 
 
@@ -86,7 +88,8 @@ class Material(OneLineRepr, FrozenStruct):
 
 
 class StatedValue(OneLineRepr, FrozenStruct):
-    """A value in a document (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz) with its source and its place.
+    """A mass property that a document specifies, with its source and its location: mass [kg], centre of mass [m], or inertia ixx iyy izz
+    ixy ixz iyz [kg m^2].
 
     A `stand_in` replaces an invalid value that has been reported.
     """
@@ -145,7 +148,7 @@ class Attach(OneLineRepr, FrozenStruct):
 
 
 class At(OneLineRepr, FrozenStruct):
-    """The placement of a component at `pose` in the frame `to`, without a mate."""
+    """The placement of a component's origin at `pose` in the frame of the mount `to`. The placement does not mate two mounts."""
 
     to: Reference
     pose: Pose
@@ -177,7 +180,7 @@ class Component(OneLineRepr, FrozenStruct):
 
     @property
     def label(self) -> str:
-        """Display name: the label of its definition."""
+        """The label of the component's definition, for display."""
         return self.definition.label if self.definition is not None else "frame"
 
 
@@ -222,7 +225,7 @@ class Joint(Coordinate):
 
 
 class Wrap(OneLineRepr, FrozenStruct):
-    """A step of a tendon's path: the tendon passes through a mount, wraps around a shape, or runs over a pulley.
+    """A step of a tendon's path, where the tendon passes through a mount, wraps around a shape, or runs over a pulley.
 
     The tendon passes a `shape` with a `radius` [m] on the side of the mount `side`, if specified. A step without a mount is a pulley, after
     which lengths are divided by `divisor`.
@@ -235,14 +238,16 @@ class Wrap(OneLineRepr, FrozenStruct):
 
 
 class PathStep(Wrap):
-    """A step of a tendon's path, whose mounts are references in the document."""
+    """A step of a tendon's path in a document. Its mounts are references that are not yet resolved to parts."""
 
     mount: Reference | None = None
     side: Reference | None = None
 
 
 class Tendon(OneLineRepr, FrozenStruct):
-    """A tendon, whose length is a sum of joint coordinates or the length of a path. Limit, dynamics and drive act along it.
+    """A tendon.
+
+    Its length is a weighted sum of joint coordinates, or the length of a path. Limit, dynamics and drive act along the tendon.
 
     `moves` contains the factor of each coordinate [per unit of q]. If the tendon `turns`, its length is an angle [rad], otherwise a length
     [m]. MuJoCo draws a tendon along a `path` with the `width` [m].
@@ -283,9 +288,9 @@ class NameInFiles(OneLineRepr, FrozenStruct):
 
 
 class NamedPose(OneLineRepr, FrozenStruct):
-    """A pose of a document after patterns and poses of nested documents are resolved.
+    """A named pose of a document, after patterns of joint names and poses of nested documents are resolved.
 
-    It maps joint paths (`hand/finger`) to q [rad or m] and the place of the value.
+    The pose maps joint paths (`hand/finger`) to the position q [rad or m] and the location of the value in the document.
 
     Joints that are not in the pose are at 0.
     """
@@ -339,7 +344,7 @@ class Standing(OneLineRepr, FrozenStruct):
 
 
 class Cut(OneLineRepr, FrozenStruct):
-    """A joint (its path) at which a mode should cut a loop."""
+    """The path of a joint at which a mode should cut a kinematic loop, and its location in the document."""
 
     joint: JointPath
     origin: Origin
@@ -404,7 +409,7 @@ class RawAttribute(OneLineRepr, FrozenStruct):
         return ".".join(("raw", self.target, *self.path))
 
     def at_key(self, index: int) -> Origin:
-        """Return the origin of a key, or of the value for an index after the last key."""
+        """Return the location of the key with this index in `path`. For an index after the last key, return the location of the value."""
         return self.keys[index : index + 1] + self.origin[1:] if index < len(self.keys) else self.origin
 
 
@@ -430,7 +435,7 @@ class RawElement(OneLineRepr, FrozenStruct):
 
 
 class JointRange(OneLineRepr, FrozenStruct):
-    """A joint (its path) to move from `lower` to `upper` [rad or m]."""
+    """The path of a joint that a test moves, and the range of its positions from `lower` to `upper` [rad or m]."""
 
     joint: str
     lower: float
@@ -457,7 +462,9 @@ class Test(OneLineRepr, FrozenStruct):
 
 
 class AssemblyDefinition(OneLineRepr, FrozenStruct):
-    """A document with its parameters resolved. Equal definitions are one node of the HAG.
+    """The definition of an assembly: a document with the values of its parameters.
+
+    Equal definitions are one node of the hierarchical assembly graph.
 
     `document` is its path in the workspace, `parameters` are all its parameters in canonical form. `text` contains the parameters that
     differ from the document's own values (`end_effector(pen_diameter=0.02)`), and `label` is its display form

@@ -35,7 +35,7 @@ ROUNDING = 1e-6
 
 
 def stand(assembly: Assembly, mesh_vertices: MeshVertices | None, report: Report, memo: Memo | None = None) -> Assembly:
-    """Return the assembly with computed heights in `at` and `at_in` of modes with `on: floor`.
+    """Return a copy of the assembly in which modes with `on: floor` have a computed height in `at` and `at_in`.
 
     Without `mesh_vertices`, the heights are computed from bounding boxes of parts, which is accurate enough if meshes are not needed.
     Report a robot without collision shapes. `memo` caches results.
@@ -70,7 +70,10 @@ def _raised(at: Pose, height: float) -> Pose:
 
 
 def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_vertices: MeshVertices | None, memo: Memo) -> float | None:
-    """Return the z [m] of the mode's `at` for a pose (None: all joints at 0). Return None if there are no collision shapes."""
+    """Compute the height z [m] of the root at which the robot touches the floor in a pose.
+
+    If `pose` is None, all joints are at 0. Return None if there are no collision shapes.
+    """
     start = assembly.link_of[mode.root.occurrence]
     on_plane = root_pose(assembly, replace(mode, at=_raised(mode.at, 0.0)))
     bodies = bodies_from(assembly, start, spanning(assembly, mode), on_plane, memo)
@@ -86,7 +89,7 @@ def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_v
 def _lowest(
     parts: Sequence[tuple[Occurrence, Pose]], place: tuple[str, str | None], mesh_vertices: MeshVertices | None, memo: Memo,
 ) -> float:
-    """Return the lowest z [m] of collision shapes, infinite if there are none.
+    """Return the smallest z coordinate [m] of collision shapes in the world. Return infinity if there are no collision shapes.
 
     The function examines meshes in the order of the lowest points of their boxes, and stops if the remaining meshes cannot be lower.
     """
@@ -118,16 +121,16 @@ def _lowest(
 
 
 def vertices_of(mesh_vertices: MeshVertices, mesh: Mesh, sha256: str) -> Sequence[Vector]:
-    """Return the vertices of a mesh, with its digest as a key for a `Memo`."""
+    """Return the vertices of a mesh. `sha256` is the digest of the mesh, by which a `Memo` caches the vertices."""
     return mesh_vertices(mesh)
 
 
 def of_points(points: Sequence[Vector], down: Vector) -> float:
-    """Return the minimum of the dot product of `down` and x [m] over points x."""
+    """Return the smallest dot product [m] of the vector `down` with any of the points."""
     x, y, z = down
     return minimum(x * a + y * b + z * c for a, b, c in points)
 
 
 def of_box(box: tuple[Vector, Vector], down: Vector) -> float:
-    """Return the minimum of the dot product of `down` and x [m] over the points x of a box."""
+    """Return the smallest dot product [m] of the vector `down` with any point of a box."""
     return sum_of(minimum(component * low, component * high) for component, low, high in zip(down, *box, strict=True))

@@ -1,4 +1,6 @@
-"""Kinematics of a robot with a root at given coordinates: poses of bodies and parts, mass properties, and paths of tendons."""
+"""Compute the kinematics of a robot in one mode: poses of bodies and parts, mass properties, and paths of tendons for given joint
+positions.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,10 @@ from thingc.model.robot.types import Body, Robot, TreeJoint
 
 
 def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
-    """Return the pose of a body, given the pose `parent` of its tree parent and `q` [rad or m] of all joints by path."""
+    """Compute the pose of a body from the pose `parent` of its parent body.
+
+    `q` maps the paths of all joints to their positions [rad or m].
+    """
     pose = parent @ body.X_PL
     if body.at_once:
         return pose @ moved(body.twists, tuple(q[joint.path] for joint in body.joints), at_once=True)
@@ -36,7 +41,9 @@ def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[T
 
 
 def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:
-    """Return the poses of all bodies in the world, in body order. By default, the root has its pose in the mode.
+    """Compute the poses of all bodies in the world, in the order of `robot.bodies`.
+
+    By default, the root has the pose that the mode specifies.
 
     `q` maps joint paths to coordinates [rad or m]. Missing coordinates are computed from mimics, or are 0.
     """
@@ -45,7 +52,10 @@ def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -
 
 
 def placed_bodies(bodies: Sequence[Body], q: Mapping[str, float], root: Pose) -> tuple[Pose, ...]:
-    """Return the pose of every body of a tree in the world, with the root at `root` and `q` [rad or m] of all joints by path."""
+    """Compute the poses of all bodies of a tree in the world.
+
+    `root` is the pose of the root, and `q` maps the paths of all joints to positions [rad or m].
+    """
     poses: list[Pose] = []
     for body in bodies:
         poses.append(root if body.parent is None else carried(body, poses[body.parent], q))
@@ -53,32 +63,39 @@ def placed_bodies(bodies: Sequence[Body], q: Mapping[str, float], root: Pose) ->
 
 
 def occurrence_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:
-    """Return the pose of every occurrence in the world, in document order. The arguments are as for `body_poses`."""
+    """Compute the poses of all occurrences (parts, links and frames) in the world, in document order.
+
+    The arguments have the same meaning as for `body_poses`.
+    """
     at = {body.link: pose for body, pose in zip(robot.bodies, body_poses(robot, q, root))}
     assembly = robot.assembly
     return tuple(at[link] @ pose for link, pose in zip(assembly.link_of, in_link(assembly)))
 
 
 def mass_properties(robot: Robot, q: Mapping[str, float]) -> MassProperties:
-    """Return the total mass [kg], the centre of mass [m] and the inertia about it [kg m^2] at `q`, in the root link's frame."""
+    """Compute the total mass [kg] of the robot, its centre of mass [m] and its inertia about the centre of mass [kg m^2], in the frame of
+    the root link.
+    """
     links = robot.assembly.links
     placed = body_poses(robot, q, NO_POSE)
     return total(links[body.link].properties.seen_from(pose) for body, pose in zip(robot.bodies, placed))
 
 
 def link_names(robot: Robot) -> tuple[str, ...]:
-    """Return the names of the bodies, in body order."""
+    """Return the names of all bodies, in the order of `robot.bodies`."""
     return tuple(robot.assembly.links[body.link].name for body in robot.bodies)
 
 
 def course_of(robot: Robot, tendon: LinkedTendon, bodies: Sequence[Pose]) -> TendonCourse:
-    """Return the course of a tendon in the world, given the poses of the bodies."""
+    """Compute the length and the straight segments of a tendon in the world. `bodies` contains the poses of all bodies."""
     wanted = {mount.path for mount in tendon.mounts}
     return course(tendon.steps, {site.path: bodies[site.body] @ site.pose for site in robot.sites if site.path in wanted})
 
 
 def rates(robot: Robot, tendon: LinkedTendon, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[str, float]:
-    """Return the derivative of a tendon's length [m/rad or 1] by each coordinate of the tree at `q` (all joints by path).
+    """Compute the derivative of a tendon's length with respect to each joint coordinate of the tree [m/rad or 1].
+
+    `q` maps the paths of all joints to positions [rad or m].
 
     `bodies` are the poses of bodies in the world. For a tendon over joints, the derivatives are its factors. For a tendon along a path,
     they are sums over its straight segments. The tendon slides on shapes, so it pulls on a shape with the forces of the adjacent segments.

@@ -41,7 +41,9 @@ Taken = Collection[int]
 def closures_of(
     assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], taken: Taken, report: Report, memo: Memo,
 ) -> tuple[Closure, ...] | None:
-    """Return the loop closures of a mode: its holds, then the joints that are not in its tree. Report invalid closures and return None.
+    """Return the loop closures of a mode: first its holds, then the joints that its kinematic tree does not contain.
+
+    Report invalid closures and return None.
 
     `memo` caches results.
     """
@@ -112,7 +114,9 @@ def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...],
 
 
 def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -> dict[str, float]:
-    """Close joint loops in a pose as far as possible, and return q [rad or m] of all joints. If the pose is None, all joints start at 0.
+    """Close the kinematic loops in a pose as far as possible, and return the positions [rad or m] of all joints by path.
+
+    If `pose` is None, all joints start at 0.
 
     `memo` caches results.
     """
@@ -125,7 +129,10 @@ def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -
 
 
 def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
-    """Return the loops of joints relative to the tree of placements in the documents, which is the same in every mode."""
+    """Return the kinematic loops of the assembly, cut at the joints that do not place a component.
+
+    These loops are the same in every mode.
+    """
     taken = placing(assembly)
     if not any(mate.loop is not None for mate in assembly.mates):
         return None
@@ -136,7 +143,9 @@ def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
 def keyframes_of(
     assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], closures: tuple[Closure, ...], report: Report, memo: Memo,
 ) -> tuple[tuple[Keyframe, ...], tuple[Unclosed, ...]] | None:
-    """Close the loops in the mode's poses. Return the closed poses in order, with q of all joints, and the poses that do not close.
+    """Close the kinematic loops in each pose of a mode.
+
+    Return a keyframe with the positions of all joints for each closed pose, and the poses that do not close.
 
     A free base moves first, then joints that are not in the pose. Joints in the pose move only if these movements are not enough. If the
     mode's own pose does not close, or if no pose closes, report an error and return None. `memo` caches results.
@@ -182,7 +191,7 @@ def keyframes_of(
 
 
 def closest_failure(loops: Loops, failed: tuple[Solution, ...], base_moves: bool) -> Solution | None:
-    """Return the solution with the smallest error. Return None if the loops can be closed from some state."""
+    """Search for a state in which the loops are closed. Return the solution with the smallest error, or None if the loops can be closed."""
     best = failed[0] if failed else None
     for solution in (*failed[1:], *_tried(loops, base_moves)):
         if solution.closed:
@@ -220,7 +229,7 @@ def _joint_names(pose: NamedPose | None) -> frozenset[str]:
 
 
 def _moved(loops: Loops, start: SolverState, solution: Solution, following: Collection[str]) -> dict[str, float]:
-    """Return the movement [rad or m] of each independent joint from its value in the pose.
+    """Return how far each independent joint moved from its value in the pose when the loops were closed [rad or m], by joint path.
 
     Joints on loops are omitted if they are not in the pose (`following`).
     """
@@ -229,10 +238,12 @@ def _moved(loops: Loops, start: SolverState, solution: Solution, following: Coll
 
 
 def close_pose(loops: Loops, start: SolverState, named: Collection[str], base_moves: bool) -> Solution:
-    """Close the loops from a pose. Return the best solution if they do not close.
+    """Close the kinematic loops of a robot, starting from a pose.
 
-    Coordinates without a given value (not in `named`) move first. If these movements are not enough, the result is the closed state nearest
-    to the given values.
+    If the loops do not close, return the solution with the smallest error.
+
+    Joints that the pose does not contain (those not in `named`) move first. If these movements are not enough, the result is the closed
+    state nearest to the pose.
     """
     as_written = Solution(state=start, residuals=loops.residuals(start))
     inside = all(c.lower - STILL <= start.q[c.path] <= c.upper + STILL for c in loops.coordinates)
@@ -256,9 +267,10 @@ def close_pose(loops: Loops, start: SolverState, named: Collection[str], base_mo
 
 
 def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
-    """Yield start states for the search: all joints at 0, all in the middle of their ranges, and samples between their limits.
+    """Yield states from which the solver tries to close the loops: all joints at 0, all joints in the middle of their ranges, and samples
+    between their limits.
 
-    The distribution uses multiples of the golden ratio, modulo 1, and is the same in every run.
+    The samples use multiples of the golden ratio modulo 1, and are the same in every run.
     """
     for number in range(STARTS):
         q = coordinates(loops.joints.values(), {})
@@ -273,7 +285,7 @@ def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
 
 
 def _measure(loops: Loops, solution: Solution) -> float:
-    """Return the error of all loops as one number, which the solver minimizes."""
+    """Combine the errors of all loops in one number, which is used to compare solutions."""
     return sum_of(p * p + (loops.length * w) ** 2 for p, w in solution.residuals)
 
 

@@ -42,9 +42,10 @@ _WORDS: Mapping[str, str] = {
 
 
 def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
-    """Return the indices of the mates in a mode's tree: all joints, if there are no loops.
+    """Return the indices of the mates that form the kinematic tree of a mode. Without loops, the tree contains all joints.
 
-    Otherwise, use Kruskal's maximum spanning tree by `CutPriority`, which omits the joint with the lowest priority in each loop.
+    With loops, the method is Kruskal's maximum spanning tree with the weights `CutPriority`, which omits the joint with the lowest priority
+    in each loop.
     """
     worth = dict(worths(assembly, mode))
     groups = DisjointSets(len(assembly.links))
@@ -67,7 +68,7 @@ def _ends(assembly: Assembly, mate: Mate) -> tuple[int, int]:
 
 
 def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPriority]]:
-    """Yield the index and the cut priority of each mate that can move."""
+    """Yield the index of each mate that has a joint, and the priority by which a loop is cut at this mate."""
     cut = {one.joint: rank for rank, one in enumerate(mode.cut)}
     mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
     followed = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}

@@ -99,7 +99,10 @@ class LoopCoordinate(FrozenStruct):
 
 
 class Loops:
-    """The loop closures of a kinematic tree. `joints` are all joints of the robot, in joint order."""
+    """The loop closures of a kinematic tree, with methods that close the loops numerically.
+
+    `joints` contains the coordinates of all joints of the robot.
+    """
 
     def __init__(self, bodies: Sequence[Body], closures: Sequence[Closure], joints: Sequence[JointEdge], base: Pose) -> None:
         self.bodies = bodies
@@ -115,9 +118,9 @@ class Loops:
         self._bent = bent(joints)
 
     def follows(self, q: Mapping[str, float]) -> Mapping[str, tuple[str, float]]:
-        """Return for every joint the independent coordinate that moves it (its own or its leader's), and the ratio of their speeds at `q`.
+        """Return the independent coordinate that moves each joint, and the ratio of the joint's speed to the speed of this coordinate.
 
-        `q` has the coordinates of all joints by path [rad or m].
+        The coordinate of a joint that mimics another joint is that of its leader. `q` maps the paths of all joints to positions [rad or m].
         """
         if not self._bent:
             return self._moves
@@ -125,14 +128,17 @@ class Loops:
 
     @property
     def outside(self) -> frozenset[str]:
-        """The paths of joints that do not move the closures."""
+        """The paths of the joints whose motion does not change the errors of the loops."""
         moving = (*(self.bodies[body].joints for body in self._needed), *(closure.joints for closure in self.closures))
         inside = [joint.path for joints in moving for joint in joints]
         moved = {self._moves[path][0] for path in inside if path in self._moves}
         return frozenset(path for path, (leader, _) in self._moves.items() if leader not in moved)
 
     def alone(self, q: Mapping[str, float]) -> Loops:
-        """Return the loops without joints that do not move them, and without limits of such joints if `q` is within them."""
+        """Return a copy of the loops without the joints that do not affect whether the loops are closed.
+
+        The limits of the omitted joints are removed. If one of these joints is outside its limits at `q`, return the loops unchanged.
+        """
         outside = self.outside
         if not all(c.lower <= q[c.path] <= c.upper for c in self.coordinates if c.path in outside):
             return self
@@ -170,7 +176,9 @@ class Loops:
         return at
 
     def _frames(self, closure: Closure, at: Mapping[int, Pose], q: Mapping[str, float]) -> tuple[Pose, Pose]:
-        """Return the two frames of a loop closure in the world: A, which is moved by its joints, and B."""
+        """Compute the two frames of a loop closure in the world: A on the parent body, moved by the joints that were cut, and B on the
+        child body.
+        """
         A = closure.X_PA if closure.parent is None else at[closure.parent] @ closure.X_PA
         if closure.at_once:
             A = A @ moved(closure.twists, tuple(q[joint.path] for joint in closure.joints), at_once=True)
@@ -184,7 +192,7 @@ class Loops:
         return tuple((hypot(*p), hypot(*w)) for p, w in self._errors(state))
 
     def closed(self, state: SolverState) -> bool:
-        """Return whether all loops are closed within the tolerances."""
+        """Return whether all loops are closed in this state, within the tolerances for position and rotation."""
         return Solution(state=state, residuals=self.residuals(state)).closed
 
     def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
@@ -212,7 +220,9 @@ class Loops:
         ]
 
     def close(self, start: SolverState, movable: Collection[str] | None, *, base_moves: bool) -> Solution:
-        """Step from `start` until the loops are closed. Return the closed state, or the best state that the steps reached.
+        """Close the loops by Newton steps from the state `start`.
+
+        Return the closed state, or the state with the smallest error that the steps reached.
 
         `movable` contains the paths of joints that can move (None: all joints). With `base_moves`, the root link can also move.
         """
@@ -267,11 +277,11 @@ class Loops:
         return closed
 
     def distance(self, start: SolverState, state: SolverState, given: Collection[str]) -> float:
-        """Return the squared distance from the start state, which `nearest` minimizes."""
+        """Return the squared distance of a state from the start state. The method `nearest` minimizes this distance."""
         return sum_of(((start.q[c.path] - state.q[c.path]) / c.unit) ** 2 for c in self.coordinates if c.path in given)
 
     def _stacked(self, state: SolverState) -> list[float]:
-        """Return all residuals in one list, rotations scaled to lengths by the robot's size."""
+        """Return the errors of all loop closures in one list [m]. Rotation errors are multiplied by the size of the robot."""
         stacked: list[float] = []
         for p, w in self._errors(state):
             stacked.extend(p)
@@ -279,7 +289,8 @@ class Loops:
         return stacked
 
     def _columns(self, state: SolverState, chosen: Sequence[LoopCoordinate], base_moves: bool) -> list[list[float]]:
-        """Return the derivatives of the stacked residuals by each coordinate (in its unit), then by the motion of the base.
+        """Return the derivatives of the loop errors with respect to each joint coordinate, followed by the derivatives with respect to the
+        motion of the base.
 
         The motion of the base has three translations (in lengths of the robot) and three rotations about the root link's origin.
         """
@@ -383,7 +394,7 @@ class Loops:
         return SolverState(q=q, base=base)
 
     def _within(self, state: SolverState, chosen: Sequence[LoopCoordinate]) -> SolverState:
-        """Return the state with movable coordinates clamped to their limits."""
+        """Return a copy of the state in which the positions of movable joints are clamped to the limits of the joints."""
         at_limits = [(minimum(maximum(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen]
         return self._moved(state, chosen, at_limits, False)
 
@@ -419,7 +430,7 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCo
 
 
 def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:
-    """Yield a joint, the joint that it mimics, the joint that this joint mimics, and so on."""
+    """Yield the joint at `path` and the joints that it mimics, directly and indirectly."""
     joint: JointEdge | None = joints[path]
     while joint is not None:
         yield joint
@@ -456,19 +467,22 @@ def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: flo
 
 
 def _error(A: Pose, B: Pose) -> tuple[Vector, Vector]:
-    """Return p = p_B - p_A and w = R_A log(inv(R_A) R_B) in the world."""
+    """Return the position error p = p_B - p_A [m] and the rotation error w = R_A log(inv(R_A) R_B) [rad] of two frames in the world."""
     p, o = B.translation, A.translation
     w = rotation_vector(multiply(transpose(A.rotation), B.rotation))
     return (p[0] - o[0], p[1] - o[1], p[2] - o[2]), rotate(A.rotation, w)
 
 
 def rotation_vector(r: Matrix) -> Vector:
-    """Return log(R), the axis times the angle [rad] from 0 to pi. The computation uses the quaternion, which is accurate near 0 and pi."""
+    """Convert a rotation matrix to its rotation vector: the axis times the angle [rad] from 0 to pi.
+
+    The result is also accurate near 0 and pi.
+    """
     return turn_of(Pose(rotation=r).quaternion())
 
 
 def _turn(v: Vector) -> Matrix:
-    """Return the rotation matrix of a rotation vector [rad], which is its exponential map."""
+    """Convert a rotation vector [rad] to a rotation matrix, by the exponential map."""
     angle = hypot(*v)
     if angle == 0.0:
         return IDENTITY

@@ -18,7 +18,9 @@ from thingc.model.robot.types import Robot, Site
 
 
 def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None = None) -> Robot | None:
-    """Return the robot of `mode`. If the root has no connection to a link, or if a loop does not close, report an error and return None.
+    """Build the kinematic tree of the robot in a mode.
+
+    If a link is not connected to the root, or if a loop does not close, report an error and return None.
 
     Frames of bodies are the frames of their links and do not depend on the root. The root only determines which end of a joint is the
     parent. Coordinates keep their meaning: q is the motion of the document's child relative to its parent. `memo` caches results.
@@ -90,7 +92,7 @@ def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> 
 
 
 def _present(assembly: Assembly, mode: LinkedMode) -> tuple[str, ...]:
-    """Return the joints with actuators in this mode, in joint order."""
+    """Return the paths of the joints that have an actuator in this mode, in the order of the assembly's joints."""
     chosen = None if mode.actuators is None else set(mode.actuators)
     driven = (joint.path for joint in joints_of(assembly) if joint.actuator is not None)
     return tuple(path for path in driven if chosen is None or path in chosen)

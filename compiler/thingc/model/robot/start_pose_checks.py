@@ -34,7 +34,7 @@ ROUNDING = 1e-9
 
 
 def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> None:
-    """Check the start states of modes. Modes with the same problem share a warning.
+    """Check the state in which each mode starts, and report implausible states. Modes with the same problem share a warning.
 
     Warn of modes in which the robot should stand on the plane but starts with a part below the plane. (The root of a `fixed` base may
     extend into the ground, unless the whole root is below the plane.) Without `mesh_vertices` (the vertices of a mesh), only bounding boxes
@@ -180,7 +180,7 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
 
 
 def _at_rest(limit: Limit) -> bool:
-    """Return whether 0 is within these limits, with a tolerance for rounding."""
+    """Return whether the position 0 is within the limits of a joint, with a tolerance for rounding."""
     return (limit.lower is None or limit.lower <= ROUNDING) and (limit.upper is None or limit.upper >= -ROUNDING)
 
 
@@ -215,7 +215,7 @@ def _seen(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence
 
 
 def _top(box: Box, pose: Pose) -> float:
-    """Return the highest z [m] of a box."""
+    """Return the largest z coordinate [m] of a box with this pose."""
     x, y, z = pose.rotation[2]
     return pose.translation[2] - of_box(box, (-x, -y, -z))
 

@@ -19,7 +19,7 @@ BASE = "root"
 
 
 def in_link(assembly: Assembly) -> tuple[Pose, ...]:
-    """Return the pose of every occurrence in the frame of its link, in document order."""
+    """Return the pose of every occurrence of the assembly in the frame of its link, in document order."""
     pose_of = {member: pose for link in assembly.links for member, pose in zip(link.members, link.poses)}
     return tuple(pose_of[index] for index in range(len(assembly.occurrences)))
 
@@ -30,7 +30,9 @@ def placing(assembly: Assembly) -> frozenset[int]:
 
 
 def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose, memo: Memo | None = None) -> tuple[Body, ...]:
-    """Return the tree over the mates `taken`, in depth-first order from the link `start`, whose pose is `at`.
+    """Build the kinematic tree of bodies that the mates `taken` connect, in depth-first order from the link `start`.
+
+    `at` is the pose of this link.
 
     Children are in the order of their links.
     """
@@ -60,9 +62,11 @@ def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose
 
 
 def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
-    """Return the pose of the root link in the world. A root that is a component has its origin at `at`.
+    """Compute the pose of the root link of a mode in the world.
 
-    A root that is a mount is mated to `at`.
+    If the root is a component, the origin of the component is at the mode's `at`.
+
+    If the root is a mount, the mount is mated to `at`.
     """
     choice = mode.root
     X_WO = mode.at
@@ -109,7 +113,7 @@ def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection
 
 
 def _across(mate: Mate, number: int, parent: int, link: int, reversed_: bool, placed: tuple[Pose, ...], memo: Memo) -> Body:
-    """Return the body at the other end of a joint."""
+    """Create the body at the other end of a joint, as a child of the body `parent`."""
     twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
     at_zero, seen = memo(
         ("across", mate.name, reversed_), _lowered, placed[mate.parent], mate.X_PJ, mate.X_JC, placed[mate.child], twists, offsets,

@@ -1,4 +1,4 @@
-"""The types of a robot with a root, which is the kinematic tree of one mode. Targets use only these types."""
+"""Data types of a robot with a root, which is the kinematic tree of one mode. Exporters of output formats use only these types."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ class Body(OneLineRepr, FrozenStruct):
 
     @property
     def twists(self) -> tuple[Twist, ...]:
-        """The twists of the coordinates by which the body moves."""
+        """The twists of the joint coordinates by which the body moves relative to its parent."""
         return tuple(joint.twist for joint in self.joints)
 
     @property
     def at_once(self) -> bool:
-        """Whether the body moves by a ball joint (exponential coordinates)."""
+        """Whether the body moves relative to its parent by a ball joint, whose coordinates are exponential coordinates."""
         return bool(self.joints) and self.joints[0].kind.at_once
 
 
 class Site(OneLineRepr, FrozenStruct):
-    """A named frame on a link: `path`, the body's index, and its pose in the link's frame."""
+    """A named frame on a link. `body` is the index of the link's body, and `pose` is the pose of the site in the frame of the link."""
 
     path: SitePath
     body: int
@@ -94,12 +94,12 @@ class Closure(OneLineRepr, FrozenStruct):
 
     @property
     def at_once(self) -> bool:
-        """Whether a ball joint was cut (exponential coordinates)."""
+        """Whether the loop is cut at a ball joint, whose coordinates are exponential coordinates."""
         return bool(self.joints) and self.joints[0].kind.at_once
 
     @property
     def kind(self) -> ClosureKind:
-        """The motion that remains free where the loop is cut."""
+        """The type of motion that remains possible between the two frames where the loop is cut."""
         if self.turns or self.at_once:
             return "ball"
         if not self.twists:
@@ -116,7 +116,9 @@ def residual_words(residual: tuple[float, float]) -> str:
 
 
 class Keyframe(OneLineRepr, FrozenStruct):
-    """A pose of this mode: q of all joints by path [rad or m], including joints that mimic and joints that were cut.
+    """A named pose of a mode with the positions q [rad or m] of all joints by path.
+
+    They include joints that mimic others and joints at which loops are cut.
 
     In a mode with closures, the keyframe is the named pose with closed loops. `moved` is the movement [rad or m] of each joint from its
     value in the pose (without joints on loops that the pose does not name). `residual` is the largest loop error [m, rad]. `base` is the
@@ -173,12 +175,12 @@ class Robot(OneLineRepr, FrozenStruct):
 
     @property
     def pulled(self) -> tuple[str, ...]:
-        """The tendons whose drives exist in this mode: all tendons, unless the mode selects its actuators."""
+        """The tendons that have a drive in this mode. If the mode does not select actuators, these are all tendons."""
         return () if self.mode.actuators is not None else tuple(one.path for one in self.assembly.tendons if one.actuator is not None)
 
     @property
     def start(self) -> Keyframe | None:
-        """The pose in which the mode starts. None if all joints start at 0."""
+        """The keyframe in which the mode starts, or None if all joints start at 0."""
         return next((frame for frame in self.keyframes if frame.name == self.mode.pose), None)
 
     @property

@@ -27,7 +27,7 @@ KIND = "overlaps"
 
 
 class PartPair(FrozenStruct, kw_only=False):
-    """Two occurrences in document order, and the pose of `other` in the frame of `one`."""
+    """A pair of occurrences, in document order, and the pose of `other` in the frame of `one`."""
 
     one: Occurrence
     other: Occurrence
@@ -63,8 +63,9 @@ class Overlaps:
         return sorted(found, key=lambda pair: (pair.one.index, pair.other.index))
 
     def shared(self, pair: PartPair, *, keep: bool = True) -> tuple[float, float] | None:
-        """Return the volume [m^3] and the mean thickness [m] of an intersection. Return None for an intersection that is too thin to be
-        reported.
+        """Compute the volume [m^3] and the mean thickness [m] of the intersection of two parts.
+
+        Return None for an intersection that is too thin to be reported.
 
         `keep` also caches the result in the store.
         """
@@ -181,7 +182,7 @@ def _is_closed(surface: Surface) -> bool:
 
 
 def _made_of(part: Occurrence) -> list[tuple[object, ...]]:
-    """Return the data that determine the solid of a part."""
+    """Return the data that determines the solid of a part. Parts with equal data have the same solid."""
     return [
         (one.solid.shape, one.solid.size, one.solid.pose.rotation, one.solid.pose.translation) if isinstance(one.solid, Primitive)
         else (one.solid.sha256, one.pose.rotation, one.pose.translation)

@@ -36,7 +36,7 @@ class Solid(FrozenStruct, kw_only=False):
     cores: tuple[tuple[Any, float], ...]
 
     def at(self, pose: Pose) -> Solid:
-        """Return the solid at a pose."""
+        """Return a copy of the solid that is moved to a pose."""
         return Solid(_at(self.whole, pose), tuple((_at(core, pose), radius) for core, radius in self.cores))
 
     def box(self, pose: Pose) -> NDArray[np.float64]:
@@ -88,7 +88,9 @@ class Solids:
 
 
 def solid_of(store: Store, surfaces: Sequence[Surface], *, simplify: float = 0.0) -> Solid | None:
-    """Return the solid inside surfaces, in their frame, or None if none of them is solid.
+    """Create the solid that several surfaces enclose, in the frame of the surfaces.
+
+    Return None if none of the surfaces encloses a volume.
 
     `simplify` [m] is the tolerance for reducing the number of facets. Intersections of a simplified solid take half the time.
     """
@@ -106,14 +108,17 @@ def _whole(store: Store, surface: Surface) -> Any:
 
 
 def _mesh(store: Store, mesh: Mesh) -> Any:
-    """Return the solid inside a mesh of the store, or its convex hull if it is not closed."""
+    """Create a solid from a mesh in the store. If the mesh is not closed, use its convex hull."""
     vertices, faces = arrays(store.read(mesh.sha256))
     solid = Manifold(Mesh64(vert_properties=vertices, tri_verts=faces.astype(np.uint64)))
     return Manifold.hull_points(vertices) if not mesh.closed or solid.num_tri() == 0 else solid
 
 
 def _primitive(primitive: Primitive) -> Any:
-    """Return a primitive with facets, in its own frame. As in simulators, the size of a plane is ignored: planes are infinite."""
+    """Create a solid with facets from a primitive shape, in the frame of the primitive.
+
+    Planes are infinite, as in simulators, and their size is ignored.
+    """
     size = primitive.size
     match primitive.shape:
         case "box":

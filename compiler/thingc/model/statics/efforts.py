@@ -25,7 +25,9 @@ from thingc.model.statics.types import DriveTransmission, Efforts, answer
 
 
 def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], memo: Memo | None = None) -> Efforts:
-    """Return the efforts that hold a mode at `q` (all joints by path, rad or m; loops closed).
+    """Compute the drive efforts that hold the robot still at `q`, which maps the paths of all joints to positions [rad or m].
+
+    Loops must be closed at `q`.
 
     `bodies` are the poses of its bodies in the world. The mode's feet and holds support a free base. A free base without feet and holds is
     treated as fixed, and so is any other base. `memo` caches how loads are shared.
@@ -39,7 +41,10 @@ def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose],
 
 
 def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tuple[dict[str, float], list[DriveTransmission]]:
-    """Return the load to balance [N m or N] by coordinate, and the mode's drives in joint order. Arguments are as for `static_efforts`."""
+    """Return the load [N m or N] on each joint coordinate, and the drives of the mode that balance the loads.
+
+    The arguments have the same meaning as for `static_efforts`.
+    """
     joints = joints_of(robot.assembly)
     on_joints = loads(robot, q, bodies)
     load: dict[str, float] = {}
@@ -73,7 +78,9 @@ def _about(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]
 
 
 def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission]) -> Efforts:
-    """Return the efforts of a robot without loops. `load` [N m or N] is by coordinate.
+    """Compute the drive efforts that balance the loads of a robot without loops.
+
+    `load` maps the paths of coordinates to loads [N m or N].
 
     For drives on one coordinate, with factors f and weights l, the least sum of (t / l)^2 with sum f t = -Q is at
     t = -Q f l^2 / sum (f l)^2.
@@ -103,7 +110,9 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission])
 
 
 def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[str, float]:
-    """Return the load of gravity and of its own spring on every joint [N m or N] by joint path, positive along positive q.
+    """Compute the load of gravity and of the joint's spring on every joint [N m or N].
+
+    The result is keyed by joint path, and positive along positive q.
 
     `q` has all joints by path (rad or m); the poses of the bodies are in the world. The gravity load is the moment about the joint's axis
     of everything behind the joint in the tree, with loops open. A closed loop does no work along motions that it allows, so the loads are

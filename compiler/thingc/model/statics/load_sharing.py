@@ -49,7 +49,9 @@ def balance_shared(
     robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], load: Mapping[str, float], drives: Sequence[DriveTransmission],
     memo: Memo | None = None,
 ) -> Efforts:
-    """Return the efforts at `q`, with closed loops. `load` [N m or N] is by coordinate.
+    """Compute the drive efforts for a robot with loops, feet or holds that share its loads.
+
+    `load` maps the paths of coordinates to loads [N m or N].
 
     For a robot without closures and feet, the result is the same as from `balance_tree`. The base is fixed, unless it is free and supported
     by feet or holds. `memo` caches the result.
@@ -68,7 +70,10 @@ def balance(
     paths: Sequence[str], closing: Sequence[Sequence[float]], load: Mapping[str, float], drives: Sequence[DriveTransmission],
     stands: Support | None, following: Mapping[str, tuple[str, float, float]], size: float, holds: bool,
 ) -> Efforts:
-    """Return the efforts for coordinates with these `paths`. `closing` are the columns of the derivatives of the closing conditions."""
+    """Compute the drive efforts that balance the loads on the coordinates `paths`.
+
+    `closing` contains the derivatives of the loops' closing conditions, one column per coordinate.
+    """
     column = {path: k for k, path in enumerate(paths)}
     count = len(paths) + (0 if stands is None else 6)
     free = _null_space(np.array(closing, dtype=np.float64).reshape(count, -1).T)
@@ -114,7 +119,7 @@ def _feet(following: Mapping[str, tuple[str, float, float]], stands: Support, co
 
 
 def _fall(stands: Support) -> Topple | None:
-    """Return why the floor cannot support the robot with any efforts, or None."""
+    """Return why the floor cannot support the robot with any efforts of its drives. Return None if no reason is found."""
     known = np.concatenate([stands.weight, np.cross(np.subtract(stands.centre, stands.feet[0].point), stands.weight)])
     pushed: list[Array] = []
     for foot in stands.feet:

@@ -1,4 +1,4 @@
-"""Support of a robot with a free base: its feet, their motion by joints, and the support polygon."""
+"""Compute how the floor supports a robot with a free base: the feet, their velocities per joint speed, and the support polygon."""
 
 from __future__ import annotations
 
@@ -47,7 +47,10 @@ class Support(NamedTuple):
 
 
 def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Support:
-    """Return the support of a mode at `q` (all joints by path, rad or m). `bodies` are the poses of its bodies in the world."""
+    """Compute the support of the robot by the floor.
+
+    `q` maps the paths of all joints to positions [rad or m], and `bodies` contains the poses of all bodies in the world.
+    """
     masses = [robot.assembly.links[body.link].properties for body in robot.bodies]
     mass = sum_of(own.mass for own in masses)
     centres = [pose.apply(own.centre) for own, pose in zip(masses, bodies, strict=True)]
@@ -79,14 +82,17 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
 
 
 def lifted(feet: Sequence[FootContact]) -> dict[str, float]:
-    """Return the heights [m] above the lowest foot, by path, of feet that are too high to stand on the same floor."""
+    """Return the feet that are too high to stand on the same floor as the lowest foot.
+
+    The result maps the paths of these feet to heights [m] above the lowest foot.
+    """
     lowest = minimum((foot.point[2] for foot in feet), default=0.0)
     widest = maximum((dist(a.point, b.point) for a in feet for b in feet), default=0.0)
     return {foot.path: foot.point[2] - lowest for foot in feet if foot.point[2] - lowest > LEVEL * widest}
 
 
 def outside(stance: Support) -> float:
-    """Return the distance [m] along the floor from the support polygon to the centre of mass, projected along gravity.
+    """Compute the distance [m] from the support polygon to the centre of mass, projected onto the floor along gravity.
 
     The distance is 0 inside the polygon, and infinite if gravity does not pull towards the floor.
     """
@@ -106,7 +112,7 @@ Point = tuple[float, float]
 
 
 def polygon(points: Sequence[Point]) -> list[Point]:
-    """Return the corners of the convex hull, counter-clockwise (Andrew's monotone chain, 1979)."""
+    """Compute the corners of the convex hull of points in the plane, counter-clockwise, by Andrew's monotone chain (1979)."""
     ordered = sorted(set(points))
     if len(ordered) < 3:
         return ordered
@@ -126,7 +132,7 @@ def _turn(a: Point, b: Point, c: Point) -> float:
 
 
 def _from_origin(a: Point, b: Point) -> float:
-    """Return the distance of the origin from the segment from a to b."""
+    """Compute the distance from the origin to the line segment between the points a and b."""
     along = (b[0] - a[0], b[1] - a[1])
     length = along[0] ** 2 + along[1] ** 2
     part = 0.0 if length == 0.0 else minimum(maximum(-(a[0] * along[0] + a[1] * along[1]) / length, 0.0), 1.0)

@@ -1,4 +1,4 @@
-"""Results of statics: drives, their efforts and margins, and the reason for a fall."""
+"""Data types for the results of statics: drives, their efforts and margins, and the reason why a robot falls."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NO_LOAD = 1e-12
 
 
 class DriveTransmission(NamedTuple):
-    """The transmission of the drive of joint `path`: the speed of the drive per speed of each coordinate.
+    """The transmission from the drive of a joint to joint coordinates. It contains the speed of the drive per speed of each coordinate.
 
     The drive of a ball joint has three coordinates. Other drives have one coordinate: the coordinate of the joint or of its leader. `limit`
     is the effort limit [N m or N]. `weight` scales the effort in least squares, and is 1 without a limit above 0.
@@ -35,7 +35,9 @@ class Topple(NamedTuple):
 
 
 class Efforts(NamedTuple):
-    """Efforts of drives [N m or N] by joint path, positive along positive q. `margins` contains the drives with an effort limit.
+    """The efforts of drives [N m or N] by joint path, positive along positive q.
+
+    `margins` contains the torque or force margin of each drive with an effort limit.
 
     If there are several solutions (two held feet, two drives on a loop, two coupled joints), `Efforts` contains the solution with the least
     sum of squares of effort divided by limit. `choices` is the dimension of the space of solutions. `unheld` is the largest load that no
@@ -52,7 +54,7 @@ class Efforts(NamedTuple):
 
     @property
     def least_margin(self) -> float | None:
-        """The smallest margin, or None if no drive has a limit."""
+        """The smallest margin of all drives, or None if no drive has an effort limit."""
         return numeric.minimum(self.margins.values(), default=None)
 
 
@@ -60,7 +62,10 @@ def answer(
     drives: Iterable[DriveTransmission], efforts: dict[str, float], greatest: float, unheld: float, where: str, choices: int,
     fall: Topple | None = None,
 ) -> Efforts:
-    """Return the efforts with their margins. The load `unheld` [N m or N] (at most `greatest`) is not balanced at `where`."""
+    """Create the result of a statics computation from drive efforts.
+
+    The load `unheld` [N m or N] at the coordinate `where` is not balanced. `greatest` is the largest load.
+    """
     margins = {path: margin(limit, efforts[path]) for path, _, limit, _ in drives if limit is not None}
     return Efforts(efforts, margins, unheld / greatest if unheld else 0.0, where, choices, fall)
 
