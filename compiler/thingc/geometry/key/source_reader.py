@@ -53,8 +53,8 @@ def read_source(source: bytes) -> dict[str, Any]:
 def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
     """Return the functions and methods of a module that run only when they are called, in source order.
 
-    Functions with decorators other than `PLAIN` are excluded, because other code may have inspected them before. Generators and coroutines
-    are excluded, because a call does not run their body.
+    Functions with decorators that are not in `PLAIN` are excluded, because the decorators may inspect the functions. Generators and
+    coroutines are excluded, because a call does not run their body.
     """
     definitions: list[ast.FunctionDef] = []
     yields = b"yield" in source

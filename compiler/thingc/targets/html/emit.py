@@ -71,5 +71,5 @@ def page_of(request: EmitRequest) -> Page:
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Return the HTML page of the robot. There are no losses, because the page shows the whole assembly."""
+    """Write the HTML page of the robot. There are no export losses, because the page shows the whole assembly."""
     return Artifacts(files={f"html/{request.assembly.name}.html": page_of(request).html()})

@@ -1,4 +1,5 @@
-"""Pack meshes for a page into one glTF 2.0 binary file. Positions are 16-bit numbers in each mesh's box (KHR_mesh_quantization).
+"""Pack meshes for a page into one glTF 2.0 binary file. The positions of vertices are 16-bit numbers relative to the bounding box of their
+mesh (KHR_mesh_quantization).
 
 The error for a part of 200 mm is at most 3 um. The file contains each mesh once, in a node whose transform undoes the packing. The data of
 the page contains the poses of the meshes. The module does not use numpy, because importing numpy takes longer than packing.

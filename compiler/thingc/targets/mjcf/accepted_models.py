@@ -112,8 +112,8 @@ class AcceptedModels:
     ) -> dict[str, bytes]:
         """Return the contents of the files that MuJoCo reads, by name.
 
-        For a mesh that is unknown or whose name is in `true`, these are the bytes in `instead`, or else its own bytes. A tetrahedron
-        replaces any other mesh. If raw attributes may affect meshes, all meshes count as unknown.
+        A mesh that is unknown, or whose name is in `true`, has the bytes in `instead`, or else its own bytes. Any other mesh is
+        replaced by a tetrahedron. If raw attributes may affect meshes, all meshes count as unknown.
         """
         whole = any(about_meshes(model) for model in models)
         files = {mesh.file for mesh in (self._meshes if whole else self.unread(true))}
@@ -166,7 +166,10 @@ def box_bytes(file: str, points: Sequence[Sequence[float]]) -> bytes:
 
 
 def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Sequence[int]]) -> bytes:
-    """Return the bytes of a mesh file with this name (OBJ or binary STL), with these corners `(n, 3)` and triangles `(n, 3)`."""
+    """Create the bytes of a mesh file from corners `(n, 3)` and triangles `(m, 3)`.
+
+    The name of the file determines the format, which is OBJ or binary STL.
+    """
     if file.endswith(".obj"):
         lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in sides]
         return "\n".join(lines).encode() + b"\n"

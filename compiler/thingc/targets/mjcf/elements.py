@@ -68,7 +68,7 @@ def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
 def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
     """Return the `joint` elements of a joint: a hinge, a slide, or both for a screw.
 
-    The actuator of a `driven` joint has the effort limit; for other joints, the joint itself has it.
+    If the joint is `driven`, the effort limit is written to its actuator. Otherwise, the effort limit is written to the joint itself.
     """
     own, *others = (_axis(one, joint.twist) for one in lowered(joint))
     attributes = {**own}

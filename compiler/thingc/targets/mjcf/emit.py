@@ -23,7 +23,7 @@ from thingc.targets.xml_writer import Element, write
 
 
 class Models(FrozenStruct):
-    """The models of all modes before they are written to files. `assets` are the meshes by file name in `assets/`."""
+    """The models of all modes before they are written to files. `assets` contains the mesh files in the folder `assets/` by file name."""
 
     candidates: tuple[verify.Candidate, ...]
     assets: dict[str, StoredArtifact]
@@ -99,7 +99,10 @@ def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str
 
 
 def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], dict[Loss, None]]:
-    """Return the geometry, its losses, the final tree of each mode, and the losses from adapting the trees to consumers."""
+    """Return the shapes and the final MJCF tree of each mode.
+
+    Also return the export losses of the shapes, and the export losses from adapting the trees to consumers.
+    """
     geometry, unsaid = taken(request.assembly, request.report, request.memo)
     roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
     left = raw_elements.add(request.assembly, request.robots, roots, request.report)

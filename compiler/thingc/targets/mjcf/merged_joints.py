@@ -17,8 +17,8 @@ from thingc.targets.artifact import Loss
 def model_bodies(robot: Robot) -> Mapping[int, Body]:
     """Return the bodies of the model by the index of the body in the robot. Their parents are also bodies of the model.
 
-    In the next body, the joints before an omitted link come first: they act first, and their axes are in the frame of the next body with
-    its own joints at 0.
+    The joints that lead to an omitted link are added to the next body, before the joints of this body. Their axes are expressed in the
+    frame of the next body with its own joints at 0.
     """
     made: dict[int, Body] = {}
     for index, body in enumerate(robot.bodies):

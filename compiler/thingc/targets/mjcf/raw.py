@@ -132,8 +132,8 @@ def _slashed(name: str) -> str:
 def _names(attribute: RawAttribute) -> tuple[str, ...]:
     """Return the possible names in the model for the name that a raw attribute uses.
 
-    Names in a nested document are prefixed with its path. Assets, classes and sections do not belong to an occurrence, so names without the
-    prefix are also possible.
+    A name in a nested document is prefixed with the path of this document. Assets, classes and sections do not belong to an occurrence,
+    so names without the prefix are also possible.
     """
     name = _slashed(attribute.path[1])
     if attribute.path[0] not in (*SINGLE, "default", "mesh", "material", "key"):

@@ -1,8 +1,8 @@
 """Elements that documents add to models with `raw: {mjcf: {add: ...}}`.
 
-They can refer to the document's joints and components by path, to its mounts (which then get sites), to elements of the model, and to
-elements that were added earlier. If a mode does not contain the target of a reference (an omitted drive, a joint that cuts a loop), the
-element is omitted in that mode.
+An added element can refer to joints, components and mounts of the document by path. It can also refer to elements of the model, and to
+elements that were added earlier. A mount to which an element refers gets a site. If a mode does not contain the target of a reference
+(an omitted drive, a joint that cuts a loop), the element is omitted in that mode.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
     """Yield a message for each element or attribute that documents must not add.
 
-    MuJoCo must not read them, because they could change other elements.
+    MuJoCo must not read these elements and attributes, because they could change other elements.
     """
     for name, value in ((element.tag, ""), *element.attributes.items()):
         why = unwritable(name, value)
@@ -116,7 +116,7 @@ class _Target:
     def made(self, wanted: RawElement) -> Element | tuple[str, str]:
         """Create the MJCF element for a raw element of a document.
 
-        If it refers to a missing element, return the kind and the name of the missing element.
+        If the raw element refers to an element that does not exist, return the kind and the name of the missing element.
         """
         made = Element(tag=wanted.tag, attributes=dict(wanted.attributes), origin=wanted.origin)
         for name, value in wanted.attributes.items():

@@ -78,6 +78,9 @@ def _lay_floor(root: Element, world: Element, floor: str, held: Sequence[tuple[s
 
 
 def floor_name(model: XmlText) -> str:
-    """Return the name of the floor. If a component has the name `floor`, return `scene:floor`, which is not a valid component name."""
+    """Return the name of the floor geom in the scene.
+
+    If a component has the name `floor`, return `scene:floor`, which is not a valid component name.
+    """
     taken = any(f'<{kind} name="{FLOOR}"' in model.text for kind in ("body", "geom"))  # the name is the first attribute
     return f"scene:{FLOOR}" if taken else FLOOR

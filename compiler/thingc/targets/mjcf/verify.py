@@ -319,7 +319,7 @@ def heard() -> Iterator[list[str]]:
 
 
 def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: str) -> None:
-    """Report why MuJoCo rejects a model: every raw attribute that causes an error, and one other cause.
+    """Report the causes for which MuJoCo rejects a model. These are all raw attributes that cause an error, and at most one other cause.
 
     MuJoCo stops at the first error. Therefore the raw attribute that causes the error is removed, and the model is compiled without it.
     """
@@ -368,7 +368,10 @@ def _say(
     code: Code, verb: str, text: str, candidate: Candidate, written: XmlText, report: Report, *,
     severity: Severity = Severity.ERROR,
 ) -> None:
-    """Report a message of MuJoCo at the origin of its element, or at the origin of the raw attribute that the message names."""
+    """Report a message of MuJoCo at a place in the documents.
+
+    This is the origin of the element that the message concerns, or of the raw attribute that the message names.
+    """
     place = _element_at(text, written)
     for element in (place,) if place is not None else candidate.root.walk():
         for name, value in element.raw.items():

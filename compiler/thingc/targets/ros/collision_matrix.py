@@ -1,7 +1,8 @@
 """Find the pairs of links that collide when the joints move.
 
 MuJoCo searches for contacts in the mode's own URDF, at a fixed set of random configurations. MuJoCo uses the convex hulls of meshes for
-collisions. Therefore a reported collision may not exist if a mesh is not convex, but no collision in the sampled configurations is missed.
+collisions. A mesh that is not convex can therefore cause reports of collisions that do not exist. No collision in the sampled
+configurations is missed.
 """
 
 from __future__ import annotations
@@ -38,9 +39,10 @@ Pair = tuple[str, str]
 
 
 class CollisionMatrix(FrozenStruct):
-    """The number of configurations, out of `samples`, in which each pair of links collides. Pairs that never collide are omitted.
+    """A table of the pairs of links that collide.
 
-    `at` contains the colliding pairs of each named configuration. The names in a pair are sorted.
+    It contains the number of configurations, out of `samples`, in which each pair collides. Pairs that never collide are omitted. `at`
+    contains the colliding pairs of each named configuration. The names in a pair are sorted.
     """
 
     samples: int
@@ -66,8 +68,8 @@ def meetings(
 ) -> CollisionMatrix:
     """Compute the collision matrix of a mode's URDF, or read it from the store.
 
-    `meshes` is the URI of the folder of its `assets`. `starts` are additional configurations: q by joint. `neighbours` are pairs to ignore.
-    Raises `ValueError` if MuJoCo does not accept the links' shapes.
+    `meshes` is the URI of the folder that contains the mesh `assets`. `starts` contains additional configurations, each with the values
+    of q by joint. `neighbours` contains the pairs of links to ignore. Raises `ValueError` if MuJoCo does not accept the links' shapes.
     """
     bare, needed = _collisions_only(tree, meshes)
     used = {mesh.file: mesh for mesh in assets if mesh.file in needed}
@@ -201,7 +203,8 @@ class _Sampler:
     def _ends(self, joint: Element) -> tuple[float, float]:
         """Return the range [rad or m] in which a joint is sampled.
 
-        For a joint without limits, return one turn, or the size of the robot in both directions.
+        A rotating joint without limits is sampled over one full turn. A sliding joint without limits is sampled over the size of the
+        robot in both directions.
         """
         limit = joint.find("limit")
         assert limit is not None

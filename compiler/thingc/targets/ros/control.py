@@ -36,7 +36,7 @@ class Controller(FrozenStruct):
 
 
 def ros2_control(robot: Robot) -> Element | None:
-    """Return the `<ros2_control>` block of a mode's URDF, or None for a robot without moving joints.
+    """Create the `<ros2_control>` element for the URDF of a mode. Return None for a robot without moving joints.
 
     Every joint has state interfaces. A joint with a drive has a command interface with its limits. The gains of a drive are parameters, for
     hardware that closes its own control loop.

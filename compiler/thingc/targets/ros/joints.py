@@ -23,9 +23,9 @@ INTERFACES: Mapping[DriveType, str] = {"position": "position", "velocity": "velo
 class MovingJoint(FrozenStruct):
     """A moving joint of the URDF.
 
-    `name` is the name of the joint in the URDF, `body` is the index of its child, `move` is its motion, and `drive` is its drive in this
-    mode. `follows` is True if the joint mimics another joint. The three rotations of a ball have no drive, because the drives of a ball
-    have different axes.
+    `name` is the name of the joint in the URDF, and `body` is the index of the child body of the joint. `move` is the motion of the
+    joint, and `drive` is its drive in this mode. `follows` is True if the joint mimics another joint. The three rotations of a ball
+    have no drive, because the drives of a ball have different axes.
     """
 
     name: str

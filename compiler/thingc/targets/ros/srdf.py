@@ -21,7 +21,7 @@ ALWAYS = 0.95
 
 
 class Group(FrozenStruct):
-    """A named group of joints in the SRDF. `tip` is the mount at the end of its chain, or None for the group of all joints."""
+    """A named group of joints in the SRDF. `tip` is the mount at the end of the chain of joints. It is None for the group of all joints."""
 
     name: str
     tip: str | None

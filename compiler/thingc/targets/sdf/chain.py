@@ -41,7 +41,8 @@ class SdfAxis(FrozenStruct):
 class SdfJoint(FrozenStruct):
     """A joint in an SDF file.
 
-    `path` is its name, and `at` its origin in the child link's frame [m]. `axes` is empty for a `fixed` joint or a `ball`.
+    `path` is the name of the joint, and `at` is the origin of the joint in the frame of the child link [m]. `axes` is empty for a
+    `fixed` joint or a `ball`.
     """
 
     path: str
@@ -85,10 +86,10 @@ def _type(axis: SdfAxis) -> SdfType:
 
 
 class ZeroState(FrozenStruct):
-    """The state in which all joints of an SDF file are at zero: the values `q` [rad or m] of the document's joints by path, and the pose of
-    the root link in the world.
+    """The state of a robot in which all joints of its SDF file are at zero.
 
-    `pose` is the name of the pose in the document (None for all joints at 0). `closed` is True if loops and holds are closed.
+    It contains the values `q` [rad or m] of the document's joints by path, and the pose of the root link in the world. `pose` is the
+    name of the pose in the document (None for all joints at 0). `closed` is True if loops and holds are closed.
     """
 
     q: dict[str, float]
@@ -98,8 +99,10 @@ class ZeroState(FrozenStruct):
 
 
 def zero_state(robot: Robot) -> ZeroState:
-    """Return the state with all joints at 0 if all loops and holds are closed in it, otherwise the first pose of the document in which they
-    are closed.
+    """Return the state of a robot in which the joints of its SDF file are at zero.
+
+    If possible, this is the state with all joints of the document at 0. If loops or holds are open in this state, use the first pose of
+    the document in which they are closed.
     """
     q = {joint.path: 0.0 for joint in joints_of(robot.assembly)}
     if not robot.closures:

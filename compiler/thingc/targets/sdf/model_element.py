@@ -117,9 +117,10 @@ class _Builder:
         return self.root
 
     def _name(self, kind: Kind, path: str, origin: Origin, made: str | None = None) -> str:
-        """Reserve the SDF name for a path in the document, and return it. Links, joints and frames share one namespace.
+        """Reserve the SDF name for a path in the document, and return it.
 
-        If an item of another kind already has the name, the kind is appended, as SDFormat does for files older than 1.7.
+        Links, joints and frames share one namespace. If an element of another kind already has the name, the kind is appended to the
+        name. SDFormat does the same for files older than 1.7.
         """
         name = own = self.names[kind].take(path, origin, made or f"{kind} `{path}`")
         while name in self.taken:

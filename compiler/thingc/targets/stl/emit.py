@@ -15,8 +15,8 @@ from thingc.targets.request import EmitRequest
 def emit(request: EmitRequest) -> Artifacts:
     """Write an STL file in print orientation for each definition with geometry, unless all its occurrences are bought.
 
-    A mesh that is not closed is written with a loss: a slicer may repair or reject it. If two definitions have the same file name
-    (`a/b.step` and `a.b.step`), an error is reported at the second definition.
+    If a mesh is not closed, the file is written and an export loss is reported, because a slicer may repair or reject the mesh. If two
+    definitions have the same file name (`a/b.step` and `a.b.step`), an error is reported at the second definition.
     """
     files: dict[str, Content] = {}
     losses: list[Loss] = []

@@ -1,4 +1,5 @@
-"""Convert the joints of a mode to joints of URDF, which rotate about an axis or slide along an axis through the origin of their child.
+"""Convert the joints of a mode to joints of URDF. A joint of URDF rotates about an axis, or slides along an axis, through the origin of
+its child link.
 
 A joint with several coordinates becomes a chain of such joints with almost massless links between them. A screw becomes a rotation and a
 slide that mimics the rotation. A ball becomes three rotations.

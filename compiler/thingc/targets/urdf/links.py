@@ -1,8 +1,9 @@
 """Write a robot in one mode as a URDF tree.
 
 The URDF frame of a link is on the joint that leads to the link. The link's own frame, as in MJCF and `modes.json`, is the same in every
-mode. If both frames differ, the own frame becomes the massless link `<link>_frame`. Exported mounts, `frame` components and roots of modes
-are also massless links. All frames have the link's own axes, so that no frame of an inertia or a joint is rotated.
+mode. If this frame differs from the URDF frame, it is written as an additional massless link `<link>_frame`. Exported mounts, `frame`
+components and roots of modes are also massless links. All frames have the link's own axes, so that no frame of an inertia or a joint is
+rotated.
 """
 
 from __future__ import annotations
@@ -85,10 +86,10 @@ class _Builder:
         self.followed = {leader for path, (leader, _, _) in self.follows.items() if leader != path}
 
     def build(self) -> Element:
-        """Build the `<robot>` element. It contains materials, links and joints from the root on, then mimic joints, frames, and
-        transmissions.
+        """Build the `<robot>` element.
 
-        Frames come last, because some readers, such as ikpy, only use the first child of a link.
+        The element contains the materials, followed by the links and joints from the root on, the mimic joints, the frames, and the
+        transmissions. Frames come last, because some readers, such as ikpy, only use the first child of a link.
         """
         for name, (color, origin) in materials(self.geometry.shapes).items():
             self.root.add("material", {"name": name}, origin).add("color", {"rgba": channels(color)})
@@ -200,10 +201,10 @@ class _Builder:
         return joint.limit.effort if joint.limit.effort is not None else UNBOUNDED if driven else 0.0
 
     def _strength_of_turn(self, joint: TreeJoint) -> tuple[float, float | None]:
-        """Return the limits of one of the three rotations of a ball, at q = 0.
+        """Return the effort and velocity limits of one of the three rotations of a ball joint, at q = 0.
 
-        The effort is the largest total torque of the drives about the axis of the rotation, because drives have their own axes. The
-        velocity is the velocity limit of the slowest drive.
+        The effort limit is the largest total torque of the drives about the axis of the rotation, because each drive has its own axis.
+        The velocity is the velocity limit of the slowest drive.
         """
         joints = self.assembly.mates[joint.mate].joints
         about = next(index for index, one in enumerate(joints) if one.path == joint.path)

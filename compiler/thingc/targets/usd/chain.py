@@ -1,4 +1,5 @@
-"""Convert the joints of a mode to joints of UsdPhysics, which define a frame on each of two bodies and the motions between the frames.
+"""Convert the joints of a mode to joints of UsdPhysics. A joint of UsdPhysics defines a frame on each of two bodies, and the motions
+between these frames.
 
     X_body1 = X_body0 @ frame0 @ T(trans) @ RotX @ RotY @ RotZ @ inv(frame1)
 
@@ -37,8 +38,8 @@ LETTERS = {1: ("Z",), 2: ("X", "Y"), 3: ("X", "Y", "Z")}
 class Freedom(FrozenStruct):
     """A free motion of a USD joint: a rotation about an axis or a slide along an axis.
 
-    `name` is its name in UsdPhysics (`angular` or `linear` for a joint with one coordinate, else `rotX` or `transX` ..., and `ball` for a
-    ball). The value of the motion is `ratio` [1 or m/rad] times the q of `joint`.
+    `name` is the name of the motion in UsdPhysics: `angular` or `linear` for a joint with one coordinate, `ball` for a ball, otherwise
+    a name such as `rotX` or `transX`. The value of the motion is `ratio` [1 or m/rad] times the q of `joint`.
     """
 
     name: str
@@ -54,8 +55,8 @@ class Freedom(FrozenStruct):
 class UsdJoint(FrozenStruct):
     """A joint in a UsdPhysics stage.
 
-    `path` is the name of the joint, and `frame` is its frame in the child at q = 0. `freedoms` are its motions; for a ball, they are the
-    document's coordinates.
+    `path` is the name of the joint, and `frame` is the frame of the joint in the child body at q = 0. `freedoms` contains the motions
+    of the joint. For a ball joint, these are the coordinates in the document.
     """
 
     path: str

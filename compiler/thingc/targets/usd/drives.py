@@ -109,9 +109,9 @@ def articulation(prim: Prim) -> None:
 def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
     """Add the armature, damping, friction and velocity limit of a joint to its USD prim.
 
-    PhysX supports these properties only for joints of its articulation. Armature and velocity limit are per joint. Since Isaac Sim 5, all
-    four properties can also be set per axis, and the values per axis take precedence. The older `jointFriction` of PhysX is not a torque,
-    but a factor of the load of the joint.
+    PhysX supports these properties only for the joints of an articulation. Armature and velocity limit apply to the whole joint. Since
+    Isaac Sim 5, all four properties can also be set per axis, and the values per axis take precedence. The older `jointFriction` of
+    PhysX is not a torque, but a factor of the load of the joint.
     """
     values = passive(joint)
     if values:

@@ -320,7 +320,7 @@ def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
 
 
 def free(word: str, taken: Collection[str]) -> str:
-    """Return a name that is not in `taken`: the word itself, or the word with a number appended."""
+    """Return a name that is not in `taken`. This is the given word, or the word with a number appended."""
     return next(name for k in range(len(taken) + 1) if (name := f"{word}_{k}" if k else word) not in taken)
 
 

@@ -1,8 +1,8 @@
 """Write USD text files (`.usda`).
 
-The writer of usd-core is not used: the bytes would depend on the version of usd-core, a build would need a package of 30 MB, and every
-number of UsdPhysics, whose attributes are floats, would be rounded to eight digits. This module writes all numbers exactly; only the reader
-rounds them.
+The writer of the package usd-core is not used for three reasons. The bytes of a file would depend on the version of usd-core. A build
+would need a package of 30 MB. Numbers in float attributes would be rounded to eight digits, whereas this module writes all numbers
+exactly.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r"})
 class Prim:
     """A prim of a USD stage, with its properties and children.
 
-    `type` is for example `Xform`, and `schemas` are the applied API schemas. Other metadata and properties are lines of text. With the
-    `specifier` `class`, the prim and its children only serve as references. The class is mutable, because trees are built from the top.
+    `type` is for example `Xform`, and `schemas` are the applied API schemas. Other metadata and properties are lines of text. If
+    `specifier` is `class`, the prim and its children are not part of the scene, and other prims can reference them. The class is
+    mutable, because trees are built from the top.
     """
 
     type: str
@@ -38,7 +39,7 @@ class Prim:
     children: list[Prim] = field(default_factory=list)
 
     def add(self, type: str, name: str, *schemas: str) -> Prim:
-        """Add a child and return it."""
+        """Add a child prim with the given type, name and schemas, and return it."""
         child = Prim(type=type, name=name, schemas=list(schemas))
         self.children.append(child)
         return child

@@ -24,14 +24,14 @@ CONSUMERS: tuple[Consumer, ...] = (MJX, WARP, DRAKE, PYMJCF)
 
 
 def separator(names: Collection[str]) -> str:
-    """Return the path separator for names in a model, as these consumers require."""
+    """Return the separator of paths in the names of a model that these consumers require."""
     return SEPARATOR if PYMJCF.name in names else "/"
 
 
 def suited(
     names: Collection[str], robots: Sequence[Robot], roots: Sequence[Element], report: Report,
 ) -> tuple[list[Element], dict[Loss, None]]:
-    """Return the models of the modes, adapted to the named consumers, and the resulting losses.
+    """Adapt the MJCF models of the modes to the named consumers. Return the adapted models and the resulting export losses.
 
     Report a warning for each feature that one of the consumers still rejects.
     """

@@ -18,7 +18,10 @@ WORLD = -1
 
 
 class ContactPairs(FrozenStruct):
-    """A geom that can collide: its element (None for the floor of the scene), and its attributes with those of its default class."""
+    """A geom that can collide with other geoms.
+
+    It contains the element of the geom (None for the floor of the scene), and its attributes, including those of its default class.
+    """
 
     element: Element | None
     values: Values

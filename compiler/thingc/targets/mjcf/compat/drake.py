@@ -36,7 +36,7 @@ TURNED = ":turned"
 
 
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Wrap bodies that Drake would misread, and yield a loss for each feature that Drake ignores."""
+    """Wrap the bodies that Drake would read incorrectly in additional bodies. Yield an export loss for each feature that Drake ignores."""
     for parent in list(root.walk()):
         parent.children[:] = [_unturned(child) if _is_misread(child) else child for child in parent.children]
     for section in root.children:

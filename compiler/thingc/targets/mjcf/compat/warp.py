@@ -1,4 +1,4 @@
-"""Declare MuJoCo Warp as a consumer of MJCF models. It reads all models that thingc writes.
+"""Declare MuJoCo Warp as a consumer of MJCF models. MuJoCo Warp reads all models that thingc writes.
 
 Only raw attributes can set the options that MuJoCo Warp does not support (see `put_model` in its `io.py`).
 """
