@@ -1,1 +1,1 @@
-"""The text, schemas, names and tests of documents."""
+"""Read, validate, format and index documents, and define the types of tests that documents can contain."""

@@ -17,7 +17,7 @@ from thingc.documents.checks.kind import CheckKind
 
 @cache
 def kinds() -> dict[str, CheckKind[Any, Any]]:
-    """Return all kinds of tests by name, in the order of the documentation."""
+    """Return all types of document tests, keyed by name (`mass`, `reach`) and in the order of the documentation."""
     stems = (name.removesuffix(".py") for name in os.listdir(os.path.dirname(__file__)) if name.endswith(".py") and name != "__init__.py")
     modules = [import_module(f"{__name__}.{stem}") for stem in stems]
     unsorted: list[CheckKind[Any, Any]] = [module.KIND for module in modules if hasattr(module, "KIND")]
@@ -26,5 +26,5 @@ def kinds() -> dict[str, CheckKind[Any, Any]]:
 
 @cache
 def all_codes() -> tuple[DiagnosticCode, ...]:
-    """Return all diagnostic codes: first the members of `Code`, then the codes that the kinds of tests define."""
+    """Return all diagnostic codes of thingc: first the members of `Code`, then the codes that the types of document tests define."""
     return (*Code, *(code for kind in kinds().values() for code in kind.codes))

@@ -63,7 +63,7 @@ class CentreTest(Model):
 class CentreCheck(OneLineRepr, FrozenStruct):
     """A parsed `centre` test. It requires the centre of mass of the named components, or of the whole robot, to be in a box.
 
-    `box["x"]` is (smallest, largest) [m].
+    `box["x"]` contains the smallest and the largest x coordinate [m] of the centre of mass.
     """
 
     of: tuple[Reference, ...]

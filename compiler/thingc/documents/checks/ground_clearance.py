@@ -44,8 +44,10 @@ class GroundClearanceTest(Model):
 
 
 class GroundClearance(OneLineRepr, FrozenStruct):
-    """A parsed `ground_clearance` test. It requires all parts, except parts of the components `spared`, to be at least `least` [m] above z
-    = `plane` [m] in the world of the mode.
+    """A parsed `ground_clearance` test.
+
+    It requires parts to be at least `least` [m] above the plane z = `plane` [m] in the world. Parts of the components `spared` are not
+    checked.
     """
 
     plane: float

@@ -1,4 +1,4 @@
-"""The definition of a kind of document test, such as `mass` or `reach`."""
+"""The definition of a type of document test, such as `mass` or `reach`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BOUNDED = ConfigDict(json_schema_extra={"anyOf": [{"required": ["min"]}, {"requi
 
 
 def require_bounds(low: object, high: object, kind: str, example: str) -> None:
-    """Raise an error if neither `min` nor `max` is given."""
+    """Raise a validation error if a document test specifies neither `min` nor `max`."""
     if low is None and high is None:
         raise rule(f"a `{kind}` test needs `min`, `max` or both", f"write for example `{example}`")
 
@@ -61,5 +61,5 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     of_limits: bool = False
 
     def takes(self, key: str) -> bool:
-        """Return whether tests of this kind accept the key (`mode` or `pose`)."""
+        """Return whether document tests of this type accept the key `mode` or `pose`."""
         return key in self.model.model_fields

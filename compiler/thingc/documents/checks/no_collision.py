@@ -77,7 +77,10 @@ class NoCollisionTest(Model):
 
 
 class AllowedContact(OneLineRepr, FrozenStruct):
-    """Components that may touch: every component of `one` with every component of `other`. `text` is the display name of the pair."""
+    """A set of component pairs that may touch: every component in `one` with every component in `other`.
+
+    `text` is the display name of the pairs.
+    """
 
     one: tuple[Reference, ...]
     other: tuple[Reference, ...]
@@ -112,7 +115,7 @@ def read_no_collision(written: NoCollisionTest, reader: Reader) -> CollisionChec
 
 
 def _allowance(said: AllowSpec, reader: Reader, index: int) -> AllowedContact:
-    """Read a pair of components that may touch each other."""
+    """Parse an entry under `allow`: a pair of components that may touch each other, and the reason."""
     one, other = (reader.components(text, ("allow", index, "pair", side)) for side, text in enumerate(said.pair))
     return AllowedContact(
         one=one, other=other, text=f"`{said.pair[0]}` and `{said.pair[1]}`", reason=said.reason.strip(),

@@ -62,7 +62,7 @@ class PointTest(Model):
 class PointCheck(OneLineRepr, FrozenStruct):
     """A parsed `point` test. It requires the mount to come closer than `within` [m] to `point` [m].
 
-    With a unit vector `direction`, the z axis of the mount deviates by at most `angle` [rad].
+    If `direction` (a unit vector) is set, the angle between the z axis of the mount and `direction` must be at most `angle` [rad].
     """
 
     mount: Reference

@@ -81,13 +81,13 @@ def _carried(mode: Mode) -> bool:
 
 
 def _left_out(joints: Sequence[str], mode: Mode) -> list[str]:
-    """Return those of the `joints` (paths) whose drives are not used in a mode."""
+    """Return the paths in `joints` whose drives are not used in a mode."""
     present = mode.actuators
     return [joint for joint in joints if present is not None and joint not in present]
 
 
 def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findings: LinkReport) -> None:
-    """Report drives without an effort limit, because such drives have no margin."""
+    """Report drives without an effort limit in a `torque_margin` test, because their torque margin cannot be computed."""
 
     for path in check.joints:
         joint = joints.get(path)

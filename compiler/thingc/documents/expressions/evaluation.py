@@ -15,7 +15,7 @@ ExpressionValue = Union[Quantity, bool, str]
 
 
 def evaluate(expression: Expression, names: Mapping[str, ExpressionValue]) -> ExpressionValue:
-    """Evaluate an expression. `names` are the parameters and the repeat index (a Quantity of dimension NUMBER).
+    """Evaluate an expression and return its value. `names` maps the parameters and the index of the repeat to their values.
 
     The value of a single name may be a boolean or a string. The value of a comparison is a boolean. All other values are finite Quantities.
     Raises ExpressionError for unknown names, incompatible dimensions, and results that are not finite.
@@ -68,7 +68,10 @@ class _Evaluator:
         return shortened(self.text[term.offset : term.end])
 
     def same(self, left: Term, a: Quantity, right: Term, b: Quantity) -> Dimension:
-        """Return the common physical dimension of two operands. A bare 0 has the dimension of the other operand."""
+        """Return the physical dimension that two operands have in common.
+
+        The number 0 without a unit is compatible with every dimension.
+        """
         if fits(b.dimension, a.dimension) and fits(a.dimension, b.dimension):
             return a.dimension
         if _zero(right):
@@ -97,7 +100,7 @@ class _Evaluator:
         return Quantity(result + 0.0, dimension)
 
     def chain(self, term: Binary) -> Quantity:
-        """Evaluate left-associative sums and products in a loop, so that long sums do not need deep recursion."""
+        """Evaluate a sum or a product with many operands in a loop from left to right, so that long sums do not need deep recursion."""
         spine: list[Binary] = []
         first: Term = term
         while isinstance(first, Binary) and first.operator in ("+", "-", "*", "/"):
@@ -171,7 +174,7 @@ class _Evaluator:
         return self.finite(term, lambda: {"sin": numeric.sin, "cos": numeric.cos, "tan": numeric.tan}[term.function](x), NUMBER)
 
     def extreme(self, term: Call, arguments: list[Quantity]) -> Quantity:
-        """Evaluate `min` and `max`. The result has the dimension of the first argument that is not a bare 0."""
+        """Evaluate the functions `min` and `max`. The result has the dimension of the first argument that is not a 0 without a unit."""
         lead = next((k for k, argument in enumerate(term.arguments) if not _zero(argument)), 0)
         for argument, quantity in zip(term.arguments, arguments, strict=True):
             self.same(term.arguments[lead], arguments[lead], argument, quantity)
@@ -191,14 +194,14 @@ def kind_of(value: ExpressionValue) -> str:
 
 
 def words_of(value: ExpressionValue) -> str:
-    """Return a value as it is written in a document."""
+    """Format the value of an expression in the syntax of documents, such as `20 mm` or `true`."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return str(value)
 
 
 def plain(value: ExpressionValue) -> float | bool | str:
-    """Return the value of a quantity without its physical dimension."""
+    """Return the number of a quantity in SI units, without its physical dimension. Booleans and strings are unchanged."""
     if not isinstance(value, Quantity):
         return value
     if value.dimension == NUMBER and value.value % 1.0 == 0.0:

@@ -48,7 +48,10 @@ _FOREIGN = {
 
 
 class _Parser:
-    """Precedence-climbing parser for a string. `at` is the index of the next character; `names` is the pattern for names."""
+    """A precedence-climbing parser for the text of an expression.
+
+    `at` is the index of the next character, and `names` is the regular expression for names.
+    """
 
     def __init__(self, text: str, names: re.Pattern[str] = _NAME) -> None:
         self.text = text
@@ -72,7 +75,7 @@ class _Parser:
             self.at += 1
 
     def peek(self) -> str:
-        """Return the next operator, or "" if there is none."""
+        """Return the operator at the current position of the parser, or an empty string if no operator follows."""
         self.spaces()
         match = _OPERATOR.match(self.text, self.at)
         return match.group() if match else ""
@@ -109,7 +112,7 @@ class _Parser:
         return self.chain(("*", "/"), self.unary)
 
     def chain(self, operators: tuple[str, str], operand: Callable[[], Term]) -> Term:
-        """Parse operands between operators of the same precedence, from left to right."""
+        """Parse a sequence of operands and left-associative operators with the same precedence, such as `a + b - c`."""
         left = operand()
         while (operator := self.peek()) in operators:
             self.at += 1

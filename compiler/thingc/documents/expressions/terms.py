@@ -28,14 +28,17 @@ class ExpressionError(ValueError):
 
 
 class _Place(FrozenStruct):
-    """Position of a term in its expression: from the character `offset` to `end` (exclusive)."""
+    """The position of a term in the text of its expression: from the character `offset` to the character `end` (exclusive)."""
 
     offset: int
     end: int
 
 
 class Literal(_Place):
-    """A number with its unit. `zero` is True for a bare 0, which is a valid value of every physical dimension."""
+    """A number with its unit in an expression.
+
+    `zero` is True for a 0 without a unit, which is a valid value for every physical dimension.
+    """
 
     value: Quantity
     zero: bool
@@ -48,7 +51,7 @@ class NameUse(_Place):
 
 
 class Unary(_Place):
-    """The negation `-a`. A leading `+` is dropped."""
+    """The negation `-a` in an expression. The parser drops a leading `+`."""
 
     operand: Term
 
@@ -97,7 +100,10 @@ class Expression(FrozenStruct):
 
     @property
     def names(self) -> tuple[NameUse, ...]:
-        """All uses of names except constants and functions, in source order."""
+        """All uses of parameters and repeat indices in the expression, in source order.
+
+        Names of constants and functions are not included.
+        """
         return tuple(term for term in _terms(self.tree) if isinstance(term, NameUse) and term.name not in CONSTANTS)
 
 

@@ -62,7 +62,7 @@ def _in_unit(quantity: Quantity, unit: str) -> str | None:
 
 @functools.cache
 def _scanned(unit: str) -> Unit | None:
-    """Parse a unit such as `mm`. Return None for an invalid unit."""
+    """Parse a unit such as `mm` or `N*m`. Return None for an invalid unit."""
     try:
         return scan_unit(unit, 0)[0]
     except UnitError:

@@ -56,7 +56,7 @@ Look = Callable[[Mapping[str, bytes]], CheckResult]
 
 
 def located(edit: Edit, text: str) -> tuple[int, int] | None:
-    """Return the range of characters that an edit replaces in its file, whose text has no byte order mark.
+    """Return the start and end index of the characters that an edit replaces in the text of its file. The text has no byte order mark.
 
     Return None unless the replaced text occurs exactly once at the position of the edit.
     """
@@ -114,7 +114,7 @@ def _autofix(
 def safe_edits(
     now: CheckResult, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
 ) -> list[TextEdit]:
-    """Return the unambiguous fixes that do not overlap. `texts`, `allowed` and `read` are as for `autofix`."""
+    """Return the unambiguous fixes of diagnostics that do not overlap each other. The arguments have the same meaning as for `autofix`."""
     words, given = _word_counts(now.documents)
     edits: list[TextEdit] = []
     decoded: dict[str, str | None] = {}
@@ -161,7 +161,7 @@ def _word_counts(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]
 
 
 def _told_apart(edit: Edit, words: Counter[str], given: set[str]) -> bool:
-    """Return whether a name is used in a document but is certainly a misspelling of another name.
+    """Return whether the replaced name is certainly a misspelling of the name that an edit inserts.
 
     The result is False if the other spelling is declared but not used elsewhere.
     """
@@ -185,7 +185,10 @@ def _applied(chosen: Sequence[TextEdit], texts: Mapping[str, bytes], read: Calla
 
 
 def _faults(diagnostics: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
-    """Return the number of errors of each pass in a file, in the order of the passes. Fewer errors in an early pass are better."""
+    """Count the errors in a file, separately for each pass of the compiler, in the order of the passes.
+
+    Fewer errors in an early pass are better.
+    """
     passes = Counter(d.code.code[2] for d in diagnostics if d.severity is Severity.ERROR and d.span is not None and d.span.file == file)
     return tuple(passes[digit] for digit in "123456789")
 

@@ -45,7 +45,7 @@ FREE = ("$schema", "thingc")
 
 @cache
 def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]:
-    """Return the canonical position and the type of every key of a model."""
+    """Return the position in the canonical order and the type of the value for every key of a document model."""
     keys = model_keys(model)
     first = [key for key in FIRST.get(model, ()) if key in keys]
     names = [*first, *(key for key in keys if key not in first)]
@@ -61,7 +61,7 @@ def root_shape(kind: str | None) -> FieldType | None:
 
 
 def shape_for(shape: FieldType | None, value: Any) -> FieldType | None:
-    """Return the type of a value; for a union, the branch that `value` is probably meant for.
+    """Return the type that describes a value. For a union type, return the branch that the value is probably meant for.
 
     Only the type and the keys of `value` are used.
     """
@@ -144,7 +144,7 @@ class Inline:
         self.separator = separator
 
     def value(self, piece: Segment, shape: FieldType | None, by: int) -> str:
-        """Format a value and shift its continuation lines by `by` columns."""
+        """Format a value of the document. Lines after the first are shifted by `by` columns."""
         written = self.text[piece.start : piece.end]
         if piece.kind == "scalar":
             return self.scalar(piece, written, shape, by)
@@ -167,7 +167,7 @@ class Inline:
         return f"{head}{' ' if head else ''}{opening}{body}{closing}"
 
     def entry(self, item: Item, shape: FieldType | None, by: int) -> str:
-        """Format `key: value`, or an item of a list."""
+        """Format one entry of a mapping (`key: value`) or one item of a list."""
         if item.key is None:
             vector = shape is not None and takes_vectors(shape)
             return self.value(item.value, shape if vector else shape_below(shape, None), by)
@@ -189,7 +189,7 @@ class Inline:
         return self.text[piece.start : piece.body] + quote + spaced(inner, shape) + quote
 
     def gaps(self, piece: Segment) -> list[str]:
-        """Return the pieces of source text before, between and after the entries."""
+        """Return the source text before, between and after the entries of a mapping or list in braces or brackets."""
         at = piece.body + 1
         gaps: list[str] = []
         for item in piece.items:
@@ -208,16 +208,16 @@ class Inline:
 
 
 def outline(piece: Segment) -> Any:
-    """Return the type and the keys of a value, for `shape_for`."""
+    """Return a plain Python value with the type and the keys of a segment, as the argument `value` of `shape_for`."""
     if piece.kind == "map":
         return {item.name: None for item in piece.items}
     return [] if piece.kind == "list" else ""
 
 
 def order_of(items: list[Item], shape: FieldType | None) -> list[int]:
-    """Return the canonical order of the entries of a mapping.
+    """Return the canonical order of the entries of a mapping, as indices into `items`.
 
-    If reordering would change the order of an alias and its anchor, return the written order.
+    If this order would move an alias before its anchor, return the order of the document.
     """
     order = ordered([item.name for item in items], shape)
     if order == sorted(order):

@@ -70,7 +70,7 @@ def _layout(path: str, text: str, shape: FieldType | None) -> str:
 
 
 def with_modeline(text: str, schema: str) -> str:
-    """Return the text of a document with a modeline that names a schema.
+    """Return the text of a document with a modeline, which is a comment that tells editors the path of the JSON Schema.
 
     An existing modeline is updated; otherwise a modeline is added at the top.
     """
@@ -91,7 +91,7 @@ def schema_path(relative: str) -> str:
 
 
 def same(before: Node, after: Node, shape: FieldType | None) -> bool:
-    """Return whether two trees have equal keys and values, and user-defined keys in the same order.
+    """Return whether two documents have equal keys and values, with the user-defined keys in the same order.
 
     A difference in the space before a unit is ignored.
     """

@@ -29,7 +29,7 @@ class EndComment:
 
 
 def commented(line: str, comment: EndComment | None) -> str:
-    """Return a line with its comment, if any.
+    """Return a formatted line with its end-of-line comment, if any.
 
     The comment keeps its column if the line ends before this column and the original gap was larger than the default gap.
     """
@@ -64,7 +64,7 @@ class Item:
 
 @dataclass(slots=True, kw_only=True)
 class Segment:
-    """A value in a document: a scalar (or an alias), a mapping or a list. `flow` is True if the value is in braces or brackets.
+    """A value in the text of a document: a scalar, an alias, a mapping or a list. `flow` is True if the value is in braces or brackets.
 
     `body` is the index of the first character after the anchor of the value. `names` are the anchors inside the value; `aliases` are the
     anchors to which the value refers. `trailing` are comments at the end of a block. `column` (from 0) is the column of a block's keys or
@@ -100,7 +100,9 @@ class Trivia(FrozenStruct):
 
 
 def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
-    """Parse the gap from `start` to `end`. With `compact`, the next segment may be on the same line (`- key: value`).
+    """Parse the text between two segments, from `start` to `end`.
+
+    With `compact`, the next segment may be on the same line (`- key: value`).
 
     Raises `UnsupportedStyle` if the gap contains anything but comments and empty lines.
     """
@@ -160,6 +162,6 @@ _PROPERTY = re.compile(r"&[^\s\[\]{},]+\s+")
 
 
 def body_of(text: str, start: int) -> int:
-    """Return the index of a value after its `&anchor`, if the anchor is on the same line."""
+    """Return the index at which a value starts after its YAML anchor (`&name`). An anchor on a separate line is not skipped."""
     match = _PROPERTY.match(text, start)
     return match.end() if match is not None else start

@@ -1,4 +1,4 @@
-"""The canonical layout of a TOML document."""
+"""Format a TOML document in the canonical layout."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True, kw_only=True)
 class _Statement:
-    """A header `[a.b]` (`value` is None) or a pair `key = value`, with its position, the words of its key, and its comments."""
+    """A statement of a TOML document: a header `[a.b]` (`value` is None) or a pair `key = value`.
+
+    It contains the position, the words of the key and the comments.
+    """
 
     start: int
     end: int
@@ -57,11 +60,11 @@ class _Names:
             table.settle(shape_below(inner, word))
 
     def rank(self, words: tuple[str, ...]) -> tuple[int, ...]:
-        """Return the position of a key in canonical order at each of its levels."""
+        """Return the sort key of a dotted key: the canonical position of each of its words in the table that contains the word."""
         return tuple(self.at(words[:depth]).ranks[word] for depth, word in enumerate(words))
 
     def at(self, words: tuple[str, ...]) -> _Names:
-        """Return the keys of the table at a dotted key."""
+        """Return the table to which a dotted key leads."""
         table = self
         for word in words:
             table = table.below[word]
@@ -69,7 +72,10 @@ class _Names:
 
 
 def toml_layout(text: str, shape: FieldType | None) -> str:
-    """Return a document in canonical layout. Lines end with a line feed, as in `text`. Raises `UnsupportedStyle`."""
+    """Return the text of a TOML document in the canonical layout, with line feeds as line ends.
+
+    Raises `UnsupportedStyle` for unsupported syntax.
+    """
     sections, foot = _Cutter(text).sections()
     names = _Names()
     for section in sections:
@@ -141,7 +147,7 @@ class _Cutter:
         self.syntax = TomlSyntax(text)
 
     def sections(self) -> tuple[list[_Statement], list[str | None]]:
-        """Return the sections (the first without a header) and the comments after the last statement."""
+        """Return the sections of the document and the comments after its last statement. The first section has no header."""
         root = self.syntax.root
         if root.has_error:
             raise UnsupportedStyle

@@ -23,7 +23,7 @@ class CannotSetValue(Exception):
 
 
 def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
-    """Return a document with values set at the given paths. Values are strings as in a document (`120 mm`).
+    """Return the text of a document after setting values at paths. Values are strings in the syntax of documents (`120 mm`).
 
     Missing entries are added after existing entries, as a mapping in braces if necessary. In a section whose mappings are on several lines,
     and in a new section, a new mapping is also written on several lines. Raises `CannotSetValue` if this would change other values.
@@ -39,7 +39,7 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
 
 
 def without(document: Document, keys: Keys) -> Document:
-    """Return a document without a key and its value. The key must not be the only one of its mapping.
+    """Return the text of a document after removing a key and its value. The mapping must contain at least one other key.
 
     Raises `CannotSetValue` if this would change other values.
     """
@@ -54,7 +54,7 @@ def _is_toml(path: str) -> bool:
 
 
 def _meant(value: Written) -> Plain:
-    """Convert a value from the text of a document to plain Python values."""
+    """Parse the text of a value, such as `{upper: 60 deg}`, to plain Python values."""
     if isinstance(value, str):
         return core_value(value)
     return {key: _meant(one) for key, one in value.items()} if isinstance(value, Mapping) else [_meant(one) for one in value]
@@ -68,7 +68,7 @@ def _parse_document(document: Document, text: str) -> Document | None:
 
 
 def _put(whole: Any, keys: Keys, value: Any, mapping: Callable[[], Any] = dict) -> Any:
-    """Set a value in a document of plain Python values, in place. `mapping` is called to create missing mappings."""
+    """Set the value at a path in nested Python mappings and lists, in place. Call `mapping` to create each missing mapping."""
     inner = whole
     for key in keys[:-1]:
         if isinstance(inner, dict) and not isinstance(inner.get(key), (dict, list)):
@@ -84,7 +84,7 @@ def _step(inner: Any, key: str) -> Any:
 
 
 def _take_out(whole: Any, keys: Keys) -> Any:
-    """Remove a value from a document of plain Python values, in place."""
+    """Remove the value at a path from nested Python mappings and lists, in place."""
     inner = whole
     for key in keys[:-1]:
         inner = inner[key]
@@ -252,14 +252,14 @@ def _toml_value(value: Written) -> Any:
 
 
 def changes(document: Document, values: Mapping[Keys, str]) -> Iterator[tuple[str, str | None, str]]:
-    """Yield each path with its previous value (None if the path did not exist) and its new value."""
+    """Yield the path, the previous text and the new text of each value that is set. The previous text is None if the path did not exist."""
     for keys, value in values.items():
         node = node_at(document.tree, keys)
         yield ".".join(keys), None if node is None else _as_written(document, node), value
 
 
 def _as_written(document: Document, node: Node) -> str:
-    """Return the text of a scalar, or of a short mapping or list on one line; else `...`."""
+    """Return the text of a value for display: the text of a scalar, or of a short mapping or list on one line, otherwise `...`."""
     if isinstance(node, ScalarNode):
         return node.text
     start, end = Source(document.path, document.text).range(node.span)

@@ -1,4 +1,4 @@
-"""Format a YAML document in canonical layout, based on the events of libyaml."""
+"""Format a YAML document in the canonical layout. The parser is libyaml, whose events contain the positions of all values."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def yaml_pieces(text: str) -> tuple[Segment, int, list[str | None]]:
 
 
 class _Cutter:
-    """Converts the events of libyaml to segments. Columns are columns of the source text."""
+    """Converts the parser events of libyaml to segments, which contain the source position of every key and value."""
 
     def __init__(self, text: str, events: Any) -> None:
         self.text = text
@@ -147,7 +147,7 @@ class _Commenter:
         self.ended: list[Segment] = []
 
     def run(self, root: Segment, start: int) -> list[str | None]:
-        """Assign every comment to an entry. Return the comments above the first entry that describe the whole document."""
+        """Assign every comment to an entry of the document. Return the comments at the top that describe the whole document."""
         self.at = start
         if root.flow:
             head = gap(self.text, start, root.start)
@@ -226,7 +226,10 @@ class _Commenter:
         self.last, self.inside = item, False
 
     def take(self, gap: Trivia, column: int) -> list[str | None]:
-        """Assign the comments of a gap. Return the comment lines that belong to the next entry, which is in `column`."""
+        """Assign the comments between two entries to the entry that they describe.
+
+        Return the comment lines that belong to the next entry, which is in `column`.
+        """
         if gap.comment is not None:
             if self.last is None:
                 raise UnsupportedStyle
@@ -259,7 +262,7 @@ def is_modeline(line: str) -> bool:
 
 
 def _chain(piece: Segment) -> list[Segment]:
-    """Return the blocks that end at the same position as a value, outermost first."""
+    """Return the nested blocks that end at the same position as `piece`, with the outermost block first."""
     blocks: list[Segment] = []
     while piece.block:
         blocks.append(piece)
@@ -272,7 +275,10 @@ INDENT = 2
 
 
 def yaml_layout(text: str, shape: FieldType | None) -> str:
-    """Return a document in canonical layout. Lines end with a line feed, as in `text`. Raises `UnsupportedStyle`."""
+    """Return the text of a YAML document in the canonical layout, with line feeds as line ends.
+
+    Raises `UnsupportedStyle` for unsupported syntax.
+    """
     root, start, head = yaml_pieces(text)
     printer = _Printer(text)
     lines: list[str] = []

@@ -92,12 +92,14 @@ def remember(document: Document, memo: Memo) -> None:
 
 
 def _known(path: str, relative: str, sha256: str) -> tuple[tuple[str, str, str], tuple[str]]:
-    """Return the cache key and the inputs of a document."""
+    """Return the key and the inputs by which a document is cached: its path in the workspace and the digest of its content."""
     return ("document", path, relative), (sha256,)
 
 
 def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, report: Report) -> Documents:
-    """Return the documents, additional assemblies (named relative to the root document), and the documents that these assemblies reference.
+    """Read additional assemblies and the documents that they reference.
+
+    Return them together with `documents`. Paths in `texts` are relative to the root document.
 
     Documents that have already been read are reused. Only errors of new documents are reported.
     """
@@ -186,7 +188,7 @@ class _Reader:
         self.before = len(report.diagnostics)
 
     def documents(self, root: Document) -> Documents:
-        """Return the documents that were read, with `root` as their root."""
+        """Return all documents that this reader has read, as `Documents` with the root document `root`."""
         return Documents(root=root, by_path=self.by_path, links=self.links, broken=frozenset(self.broken), files=frozenset(self.files))
 
     def find(self, text: str, document: Document, where: Span | None, suffixes: tuple[str, ...], what: str) -> str | None:
@@ -199,7 +201,10 @@ class _Reader:
         )
 
     def enough(self, where: Span) -> bool:
-        """Return whether a limit is exceeded. An exceeded limit is reported, and no further documents are read."""
+        """Return whether the total size of the documents or the number of errors exceeds its maximum.
+
+        If so, report an error and read no further documents.
+        """
         if self.ended:
             return True
         if self.bytes > MAX_ALL_BYTES:
@@ -263,7 +268,7 @@ class _Reader:
                 self.nest(nested, [*chain, (document, where)])
 
     def nest(self, nested: Document, hops: list[tuple[Document, Span]]) -> None:
-        """Read a nested assembly. `hops` are its parent assemblies."""
+        """Read the document of a nested assembly and the documents that it references. `hops` contains its parent assemblies."""
         position = next((k for k, (above, _) in enumerate(hops) if above.relative == nested.relative), None)
         if position is not None:
             self.cycle(hops[position:])
@@ -304,7 +309,7 @@ class _Reader:
 
 
 def head_line(path: str, kind: str = "assembly") -> str:
-    """Return the first line of a document of a kind, in the format of the file."""
+    """Return the first line of a new document (`thingc: assembly/1`), in the syntax of the file type of `path`."""
     head = f"{kind}/{KINDS[kind]}"
     return f'thingc = "{head}"' if path.lower().endswith(".toml") else f"thingc: {head}"
 

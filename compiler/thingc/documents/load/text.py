@@ -43,7 +43,7 @@ class Source:
         self.starts = [0, *(match.end() for match in _BREAK.finditer(text))]
 
     def span(self, start: int, end: int) -> Span:
-        """Return the span of the characters from `start` to `end` (exclusive, indices into `text`)."""
+        """Convert a range of indices into `text`, from `start` to `end` (exclusive), to a span with line and column numbers."""
         line = bisect_right(self.starts, start)
         on_one = end <= start or line == len(self.starts) or end < self.starts[line]
         last = line if on_one else bisect_right(self.starts, end)

@@ -47,12 +47,12 @@ class TomlSyntax:
             self._offsets = [at for at, byte in enumerate(self._data) if byte & 0xC0 != 0x80]
 
     def range(self, node: Syntax) -> tuple[int, int]:
-        """Return the range of a node in characters (`end` exclusive)."""
+        """Return the start and the end (exclusive) of a syntax node, as character indices into the text of the document."""
         start, end = node.start_byte, node.end_byte
         return (start, end) if self._offsets is None else (bisect_left(self._offsets, start), bisect_left(self._offsets, end))
 
     def words(self, key: Syntax) -> list[tuple[str, tuple[int, int]]]:
-        """Return the words of a key and their ranges."""
+        """Split a dotted key such as `a.b` into its words. Return each word with its range of characters."""
         if key.type == "dotted_key":
             return [part for child in key.named_children for part in self.words(child)]
         text = self._data[key.start_byte : key.end_byte].decode()
@@ -66,7 +66,7 @@ class TomlSyntax:
 
 @dataclass(slots=True)
 class _Leaf:
-    """A scalar with its start and end as character indices."""
+    """A scalar of a TOML document, with its start and its end as character indices."""
 
     start: int
     end: int
@@ -74,7 +74,7 @@ class _Leaf:
 
 @dataclass(slots=True)
 class _Array:
-    """A list of values, or an array of tables."""
+    """A list of values in a TOML document, or an array of tables (`[[name]]`)."""
 
     start: int
     end: int
@@ -83,7 +83,10 @@ class _Array:
 
 @dataclass(slots=True)
 class _Table:
-    """A table: its entries, the range of each key, and further places (`again`) of keys that occur in several headers."""
+    """A table of a TOML document with its entries and the range of each key.
+
+    `again` contains the other locations of keys that occur in several headers.
+    """
 
     start: int
     end: int
@@ -173,7 +176,10 @@ class _Statements:
         return True
 
     def descend(self, table: _Table, parts: list[tuple[str, tuple[int, int]]], start: int, end: int) -> _Table | None:
-        """Return the table at a dotted key. A missing table is created. For an array of tables, return the last table."""
+        """Return the table to which a dotted key leads, and create missing tables.
+
+        For an array of tables, return the last table of the array.
+        """
         for name, place in parts:
             entry = table.entries.get(name)
             if isinstance(entry, _Array) and entry.items:
@@ -291,7 +297,7 @@ _TWICE = ("overwrite", "twice", "mutate", "Duplicate", "namespace")
 
 
 def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: Report) -> None:
-    """Report an error of tomllib, with its position and a hint about the probable intention."""
+    """Report a syntax error that tomllib raised, with its position in the document and a hint about the probable intention."""
     if isinstance(error, RecursionError):
         start = _bracket_beyond(source.text)
         report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))

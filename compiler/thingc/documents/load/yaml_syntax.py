@@ -28,7 +28,10 @@ _NO_SPACE = re.compile(r"\s*(?:-\s+)*(?P<key>[A-Za-z_][\w.*$-]*):(?P<value>[^\s:
 
 
 def explain(source: Source, *, problem: str, at: int, context: str, began: int) -> SyntaxFault:
-    """Explain a `problem` of libyaml (or PyYAML) at index `at`. Its `context` began at index `began`."""
+    """Explain an error message of libyaml or PyYAML (`problem`) at the index `at` of the text.
+
+    `context` is the construct that the parser read, which starts at `began`.
+    """
     text = source.text
     tab = _tab_before(source, at)
     if tab is not None:
@@ -69,7 +72,10 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
 
 
 def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault | None:
-    """Detect characters that are not allowed in an unquoted key or value."""
+    """Explain an error in an unquoted key or value, such as a second `:` or a character that is not allowed.
+
+    Return None for other errors.
+    """
     text = source.text
     if "mapping values are not allowed" in problem:
         return SyntaxFault(

@@ -119,7 +119,7 @@ REFERRED = {
 
 
 def setting_words(text: str) -> Iterator[SettingWord]:
-    """Yield those words of a setting's path that are names."""
+    """Yield the names in the path of a setting, such as `leg` and `knee` in `components.leg.joints.knee.limit.upper`."""
     offset = 0
     through: list[str] = []
     rest: str | None = text
@@ -154,7 +154,10 @@ _ITEMS = 100
 
 @cache
 def pattern_of(text: str, index: str) -> re.Pattern[str]:
-    """Return the regular expression of a word that may contain `*`, `?`, `[...]` and the index of a repeat."""
+    """Convert a pattern in a reference to a regular expression.
+
+    The pattern may contain `*`, `?`, `[...]` and the index of a repeat (`$i`).
+    """
     from fnmatch import translate
 
     if index:
@@ -163,7 +166,7 @@ def pattern_of(text: str, index: str) -> re.Pattern[str]:
 
 
 class DocumentNames:
-    """A document with its lines and its names."""
+    """A parsed document with the lines of its text, and all strings in it that declare names or refer to names."""
 
     def __init__(self, document: Document) -> None:
         self.document, self.path = document, document.path
@@ -171,27 +174,32 @@ class DocumentNames:
         self.mentions = tuple(mentions_of(document))
 
     def section(self, name: str) -> Mapping[str, Node]:
-        """Return the entries of a section, or an empty mapping."""
+        """Return the entries of a section of the document, such as `joints`. Return an empty mapping if the section does not exist."""
         return entries_of(self.document.tree.entries.get(name))
 
     def text(self, *path: str | int) -> str | None:
-        """Return the text at a path."""
+        """Return the string at a path of the document. Return None if there is no string at this path."""
         node = node_at(self.document.tree, path)
         return node.value if isinstance(node, ScalarNode) and isinstance(node.value, str) else None
 
     def repeat(self, section: str, key: str) -> Mapping[str, Node] | None:
-        """Return the `repeat` of a component or joint, or None."""
+        """Return the mapping `repeat` of a component or joint. Return None for a component or joint without `repeat`."""
         node = node_at(self.document.tree, (section, key, "repeat"))
         return node.entries if isinstance(node, MappingNode) else None
 
     def index_of(self, path: Path) -> str:
-        """Return the name of the index of the enclosing repeat, or an empty string."""
+        """Return the index name of the `repeat` that applies at a path of the document, by default `i`.
+
+        Return an empty string outside a repeat.
+        """
         if len(path) < 2 or path[0] not in ("components", "joints") or self.repeat(str(path[0]), str(path[1])) is None:
             return ""
         return self.text(path[0], path[1], "repeat", "as") or "i"
 
     def items(self, section: str, key: str) -> list[str]:
-        """Return the name of an entry; for a repeat, the names of all its items."""
+        """Return the names that an entry of `components` or `joints` creates: its key, or the names of all items for an entry with
+        `repeat`.
+        """
         repeat = self.repeat(section, key)
         if repeat is None:
             return [key]
@@ -211,12 +219,12 @@ class DocumentNames:
         return [key for key in entries if any(pattern.match(item) for item in self.items(section, key))]
 
     def stem(self, section: str, key: str, word: str) -> bool:
-        """Return whether a word begins with the key to which it refers."""
+        """Return whether a word of a reference begins with `key`, the key to which it refers."""
         rest = word[len(key):]
         return word.startswith(key) and (not rest or rest[0] in "*?[$" or (rest[0] == "_" and self.repeat(section, key) is not None))
 
     def around(self, mention: NameOccurrence) -> Span:
-        """Return the span of the key or the scalar that contains a name."""
+        """Return the span of the key or the scalar in the document that contains a name."""
         return self.document.span(mention.path, key=mention.key)
 
     def place(self, span: Span, text: str, start: int, end: int) -> Span | None:

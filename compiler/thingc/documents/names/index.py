@@ -12,14 +12,15 @@ from thingc.documents.names.references import Name, NamePlace, NameReader, part_
 
 
 class NameIndex(FrozenStruct, kw_only=False):
-    """The places at which names are declared or used, by file and line."""
+    """The locations at which names are declared or used in the documents and part modules of a workspace."""
 
     places: tuple[NamePlace, ...]
     by_name: Mapping[Name, tuple[NamePlace, ...]]
 
     def at(self, file: str, line: int, column: int) -> NamePlace | None:
-        """Return the shortest place of a name that contains a character (counted from 1). The character after a name counts as part of the
-        name.
+        """Return the declaration or the use of a name at a cursor position (line and column from 1).
+
+        The cursor may also be directly after the last character of the name. If several names overlap there, return the shortest one.
         """
         around = [
             place for place in self.places
@@ -29,12 +30,12 @@ class NameIndex(FrozenStruct, kw_only=False):
         return min(around, key=lambda place: (place.role == "fits", place.span.end_column - place.span.column), default=None)
 
     def declared(self, name: Name) -> Span | None:
-        """Return the place of the declaration of a name, or None if the declaration is unknown."""
+        """Return the location at which a name is declared, or None if the declaration is unknown."""
         return next((place.span for place in self.by_name.get(name, ()) if place.role == "declared"), None)
 
 
 def index(documents: Mapping[str, DocumentNames], parts: PartNames) -> NameIndex:
-    """Return the index of the names in documents (all documents of a workspace, by absolute path) and in their parts."""
+    """Build the index of all names in the documents of a workspace and in their part modules. `documents` is keyed by absolute path."""
     seen: dict[tuple[Name, Span], NamePlace] = {}
     for written in documents.values():
         for place in NameReader(documents, parts, written).places():

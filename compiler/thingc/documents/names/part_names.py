@@ -31,7 +31,7 @@ class PartName(FrozenStruct, kw_only=False):
 
 
 class PartPlace(FrozenStruct, kw_only=False):
-    """A place of a name in a Python module, and whether the name is declared there."""
+    """The location of a mount or parameter name in a Python module, and whether the module declares the name at this location."""
 
     name: PartName
     span: Span
@@ -39,7 +39,7 @@ class PartPlace(FrozenStruct, kw_only=False):
 
 
 class _Module:
-    """A module: its tree, classes, imported names, and text."""
+    """A parsed Python module: its syntax tree, classes, imported names, and text."""
 
     def __init__(self, file: str, dotted: str, text: str) -> None:
         self.file, self.dotted = file, dotted
@@ -62,14 +62,17 @@ class _Module:
         return self._inside[node.name]
 
     def span(self, line: int, end: int, text: str) -> Span | None:
-        """Return the span of a word that ends at a byte of a line, or None if the line contains other text at this position."""
+        """Return the span of a word that ends at byte offset `end` of a line.
+
+        Return None if the line contains other text at this position.
+        """
         column = len(self.lines[line - 1].encode()[:end].decode(errors="replace")) - len(text) + 1
         if self.lines[line - 1][column - 1 : column - 1 + len(text)] != text:
             return None
         return Span(file=self.file, line=line, column=column, end_line=line, end_column=column + len(text))
 
     def span_of(self, node: ast.expr, text: str) -> Span | None:
-        """Return the span of the word at the end of a node."""
+        """Return the span of a word at the end of a syntax node, such as `tip` in `self.tip`."""
         return self.span(node.end_lineno or 0, node.end_col_offset or 0, text)
 
 
@@ -112,7 +115,7 @@ class PartClass:
 
     @property
     def span(self) -> Span | None:
-        """The place of the class name in the class statement."""
+        """The span of the class name in the `class` statement."""
         module, node = self.lineage[0]
         header = re.search(rf"class\s+{node.name}\b", module.lines[node.lineno - 1])
         return None if header is None else module.span(node.lineno, len(module.lines[node.lineno - 1][: header.end()].encode()), node.name)
@@ -138,7 +141,10 @@ class PartClass:
         return [self._give(PartName("part mount", owners[name][0].file, name, owners[name][1].name)) for name in chosen]
 
     def parameter(self, text: str) -> PartName:
-        """Return a parameter of the class."""
+        """Return the name of the parameter `text` with the class that declares it.
+
+        If no class in the workspace declares the parameter, its file is empty.
+        """
         for module, node in self.lineage:
             method = _init_of(node)
             if method is not None:
@@ -204,7 +210,9 @@ class PartNames:
         return None
 
     def attributes(self, name: PartName) -> frozenset[str]:
-        """Return the names that the class of a mount (its attributes) or the class of a parameter (its parameters) already uses."""
+        """Return the names that a renamed mount or parameter must not take: for a mount, the attributes of its class, and for a parameter,
+        the parameters of its class.
+        """
         taken: set[str] = set()
         for module, node in self._family(name):
             if name.what == "part mount":
@@ -214,7 +222,7 @@ class PartNames:
         return frozenset(taken)
 
     def files(self) -> list[str]:
-        """Return the absolute paths of all modules."""
+        """Return the absolute paths of all Python modules in the part folders."""
         return [module.file for module in self._all()]
 
     def _family(self, name: PartName) -> list[tuple[_Module, ast.ClassDef]]:

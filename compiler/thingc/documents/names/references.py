@@ -56,7 +56,7 @@ Word = tuple[int, str]
 
 
 def _moved(offset: int, hits: Iterable[Hit]) -> Iterator[Hit]:
-    """Shift hits in a substring by the offset of the substring."""
+    """Convert the positions of names in a substring to positions in the whole string, which contains the substring at `offset`."""
     return ((offset + start, offset + end, name, role) for start, end, name, role in hits)
 
 
@@ -81,7 +81,7 @@ class NameReader:
             self.base = self.document(own, own.text("assembly"))
 
     def places(self) -> Iterator[NamePlace]:
-        """Yield the places of all names in the document."""
+        """Yield the location of every declaration and every use of a name in the document."""
         for mention in self.own.mentions:
             spans = [self.own.around(mention)]
             parent = node_at(self.own.document.tree, mention.path[:-1])
@@ -93,7 +93,7 @@ class NameReader:
                     yield NamePlace(name, exact or span, role if exact is not None else "fits")
 
     def hits(self, mention: NameOccurrence) -> Iterator[Hit]:
-        """Yield the names to which a string refers."""
+        """Yield the names that a string of the document declares or to which it refers."""
         written, path, text = self.own, mention.path, mention.text
         index = written.index_of(path)
         if index and "$" in text:
@@ -107,7 +107,7 @@ class NameReader:
         yield from self.meant(self.base, mention.names.what, text, path, index)
 
     def own_name(self, what: str, text: str, path: Path) -> Name:
-        """Return the name that a key or text at a path declares."""
+        """Return the name that the key or the string at a path of this document declares."""
         owner = f"{path[0]}.{path[1]}" if what in ("index", "mount") else ""
         return Name(what, self.own.path, text, owner)
 
@@ -187,11 +187,11 @@ class NameReader:
         return next((one for path, one in self.documents.items() if f"{os.path.splitext(path)[0]}.".endswith(end)), None)
 
     def nested(self, written: DocumentNames, component: str) -> DocumentNames | None:
-        """Return the document of a nested assembly."""
+        """Return the document of a component that is a nested assembly, or None."""
         return self.document(written, written.text("components", component, "assembly"))
 
     def thing(self, written: DocumentNames, component: str) -> PartClass | None:
-        """Return the class of a component that is a part."""
+        """Return the part class of a component with the key `part`, or None."""
         reference = written.text("components", component, "part")
         return self.parts.thing(reference) if reference is not None else None
 
@@ -229,7 +229,10 @@ class NameReader:
         return at, at + (len(key) if stem else len(word)), Name(what, written.path, key), "used" if stem else "fits"
 
     def mount(self, written: DocumentNames, text: str, index: str, what: str) -> Iterator[Hit]:
-        """Yield the names in `component.mount`; if allowed, also in the name of an export or a component."""
+        """Yield the names to which a reference `component.mount` refers.
+
+        If `what` allows it, the reference may also be an exported mount or a component.
+        """
         *words, (at, last) = _words(text)
         if not words:
             if what != "mount" and last in written.section("mounts"):
@@ -363,7 +366,7 @@ class NameReader:
                 yield use.offset, use.end, Name("parameter", written.path, use.name), "used"
 
     def rule(self, written: DocumentNames, text: str) -> Iterator[Hit]:
-        """Yield the names in a comparison between parameters, settings and results."""
+        """Yield the names in a rule, which compares parameters, settings and results."""
         try:
             uses = parse_expression(text, dotted=True).names
         except ExpressionError:
@@ -454,5 +457,5 @@ def _dotted(way: Sequence[tuple[DocumentNames, str, str]]) -> Iterator[str]:
 
 
 def part_name(name: PartName) -> Name:
-    """Return the name of a mount or parameter of a part."""
+    """Convert the name of a mount or parameter in a part module to a name of the index."""
     return Name(name.what, name.file, name.text, name.owner)

@@ -79,7 +79,7 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
 
 
 def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
-    """Return the edits that rename a name.
+    """Compute the text edits that rename a name at its declaration and at all of its uses.
 
     Raises `RenameRefused` if the new name is invalid or already used, or if other references would resolve differently.
     """
@@ -94,7 +94,7 @@ def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
 
 
 def with_spans(sight: WorkspaceIndex, spans: Iterable[Span], new: str) -> dict[str, str]:
-    """Replace each span by `new`, and return the new contents of the files."""
+    """Replace the text at each span by `new`. Return the new contents of the changed files by absolute path."""
     lines: dict[str, list[str]] = {}
     for span in sorted(spans, key=lambda one: (one.file, one.line, one.column), reverse=True):
         if span.file not in lines:
@@ -162,7 +162,7 @@ def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, s
 
 
 def _compare(before: WorkspaceIndex, after: WorkspaceIndex, name: Name, new: str, spans: set[Span]) -> None:
-    """Raise `RenameRefused` if the edits change more than the name."""
+    """Verify the edits of a rename. Raise `RenameRefused` if the edits change anything other than the renamed name."""
     for path in {span.file for span in spans}:
         if path.endswith(".py"):
             try:

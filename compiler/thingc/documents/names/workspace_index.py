@@ -35,7 +35,7 @@ class WorkspaceIndex(FrozenStruct):
     folders: tuple[str, ...] = ()
 
     def with_texts(self, texts: Mapping[str, str]) -> WorkspaceIndex:
-        """Return the index with the contents of some files replaced."""
+        """Return a copy of the index in which the contents of some files are replaced by `texts`."""
         def read(path: str) -> str | None:
             return texts[path] if path in texts else self.read(path)
 
@@ -61,7 +61,7 @@ def index_workspace(
     workspace: Workspace, texts: Mapping[str, str], last: Iterable[Document] = (), only: Iterable[str] | None = None, *,
     disk: Callable[[str], str | None] = on_disk,
 ) -> WorkspaceIndex:
-    """Return the index of a workspace, or of the documents in `only` (absolute paths).
+    """Build the index of names for all documents of a workspace, or for the documents in `only` (absolute paths).
 
     `texts` are the contents of open files by absolute path. `last` are previous versions of documents, which replace documents that cannot
     be parsed. `disk` reads all other files.

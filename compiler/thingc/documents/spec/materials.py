@@ -12,7 +12,7 @@ from thingc.documents.spec.name_types import NewMaterial
 
 
 class FrictionSpec(Model):
-    """Coefficients of friction against an average counterpart."""
+    """Coefficients of friction between the material and a typical other material."""
 
     slide: NumberField
     """Sliding (Coulomb) friction."""
