@@ -47,7 +47,7 @@ class WorkerBroken(Exception):
 
 @dataclass(slots=True)
 class _Process:
-    """A worker process and its unanswered requests."""
+    """A worker process, with the requests that it has not answered yet."""
 
     process: JsonLinesProcess
     capacity: int
@@ -102,7 +102,7 @@ class Workers:
             self.ensure()
 
     def _leave_others(self) -> None:
-        """Forget the workers in a forked child process. They belong to the parent process, which continues to use them."""
+        """Forget the workers in a forked child process. The workers belong to the parent process, which continues to use them."""
         if self._owner != os.getpid():
             self._owner = os.getpid()
             self._processes, self._lines = [], queue.SimpleQueue()
@@ -192,7 +192,7 @@ class Workers:
     def _taken(self, request: Mapping[str, Any]) -> int | None:
         """Return the number of a request that `begin` has already sent to a worker, or None.
 
-        `run` then waits for the answer to this request. If the answer has already arrived, it is put back into the queue.
+        `run` then waits for the answer to this request. An answer that has already arrived is put back into the queue.
         """
         number = self._begun.pop(_request_text(request), None)
         if number is not None and number in self._early:
@@ -326,7 +326,10 @@ class EndingWorkers(Workers):
 
 
 def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
-    """Send one request to a new worker process (with `flags` such as `--assemble`) and return its answer, as in `Workers.run`."""
+    """Start a new worker process, send one request to it, and return its answer.
+
+    The answer has the same form as in `Workers.run`. `flags` contains command-line options of the worker, such as `--assemble`.
+    """
     try:
         process = _server(flags)
     except OSError as fault:
@@ -362,7 +365,7 @@ _FRAME = re.compile(r'^\s*File "(?P<file>.+?)", line (?P<line>\d+)', re.MULTILIN
 def failure_of(subject: str, answer: Mapping[str, Any], timeout: float, workspace: Workspace) -> PartFailure:
     """Create the failure of a part whose worker process ended before it answered.
 
-    `answer` is the worker's answer, and `timeout` [s] was the time limit.
+    `answer` describes how the process ended, and `timeout` [s] is the time limit of the request.
     """
     file, line = _place_of(answer.get("detail", ""), workspace)
     message = f"it took longer than {timeout:g} s" if answer["failed"] == "hung" else answer["words"]

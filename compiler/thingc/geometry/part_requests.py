@@ -33,8 +33,8 @@ class PartRequest(FrozenStruct):
 class PartRequests:
     """Requests for the parts of one workspace, each with a time limit of `timeout` [s].
 
-    `schemas` contains the schemas of classes that have been described, by reference. `slicings` contains the expected slicings of their
-    parts, by reference. A worker slices a part right after building it.
+    `schemas` contains the schemas of classes that have been described, by reference. `slicings` contains the expected slicings of the
+    parts of each class, by reference. A worker slices a part right after building it.
     """
 
     def __init__(self, workspace: Workspace, store: Store, timeout: float, parts: PartCode, results: Results) -> None:
@@ -67,7 +67,10 @@ class PartRequests:
             self.expect_slicings(fresh, likely())
 
     def modelling(self, definition: PartDefinition, prepared: PartRequest) -> dict[str, Any]:
-        """Return the complete request to build a part definition now. It includes the slicings that are expected for the part's class."""
+        """Return the complete request to build a part definition now.
+
+        The request includes the slicings that are expected for the part's class.
+        """
         slicings = sorted(self.slicings.get(definition.reference, ()), key=repr)
         return {**prepared.request, "slicings": [[asdict(one), own_up] for one, own_up in slicings]}
 

@@ -47,7 +47,7 @@ class PartSource(Protocol):
         """Return the schema or failure of each `module:Class`, by reference."""
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """Return the modules that `module:Class` depends on and that hide other modules of the same name."""
+        """Return the modules that hide other modules of the same name, among the modules on which the part `module:Class` depends."""
 
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None,
@@ -88,7 +88,10 @@ def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None
 
 
 def report_gaps(parts: PartSource, report: Report, *, severity: Severity = Severity.ERROR) -> None:
-    """Report the errors in the lock, and the number of definitions that could not be checked because they have no record."""
+    """Report the errors in the lock file.
+
+    Also report the number of part definitions that could not be checked because they have no record.
+    """
     file = lock_path(parts.workspace)
     for fault in parts.broken[:SHOWN]:
         report_bad(file, fault, report, severity=severity)

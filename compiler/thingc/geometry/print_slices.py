@@ -96,8 +96,8 @@ class Moments(OneLineRepr, FrozenStruct):
 class SliceResult(OneLineRepr, FrozenStruct, tag=True):
     """The material of a sliced part, as moments of its solid regions and of its infill lines.
 
-    `solid` does not depend on the infill. `joins` contains the pieces along the walls that connect infill lines. They do not depend on the
-    infill either. `sparse` contains the infill lines at an infill of 100 %.
+    `solid` does not depend on the infill. `joins` contains the pieces along the walls that connect infill lines. These pieces do not
+    depend on the infill either. `sparse` contains the infill lines at an infill of 100 %.
     """
 
     solid: Moments

@@ -1,4 +1,4 @@
-"""The answers of the geometry service, in SI units. They can be read without the CAD kernel.
+"""The results of the geometry service, in SI units. Reading these results does not require the CAD kernel.
 
 A `PartSchema` describes the parameters of a part. A `PartDefinition` is a part with values for all parameters. A `PartRecord` contains
 everything about its geometry that later passes use.
@@ -162,8 +162,9 @@ LABEL_DIGITS = 6
 
 
 def definition_text(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -> str:
-    """Format a part definition as its text, such as `arm:RotorBrace(length=0.1)`. Sorted parameters that differ from their defaults are in
-    SI units, as `repr`.
+    """Format a part definition as its text, such as `arm:RotorBrace(length=0.1)`.
+
+    The text contains the sorted parameters that differ from their defaults, as `repr` of their values in SI units.
     """
     return _printed(reference, {name: repr(parameters[name]) for name in _differing(parameters, defaults)})
 
@@ -230,7 +231,7 @@ DriveType = Literal["position", "velocity", "motor"]
 
 
 class ActuatorRecord(OneLineRepr, FrozenStruct):
-    """The actuator of a Thing in SI units. `sources` are the sources of its numbers, by field name."""
+    """The actuator of a Thing in SI units. `sources` contains the source of each number, by the name of its field."""
 
     kind: DriveType
     stall_torque: float | None = None
@@ -369,7 +370,10 @@ NO_PARTS = frozenset({"invalid", "missing", "resultless"})
 
 
 class Placed(OneLineRepr, FrozenStruct):
-    """An instance in a STEP assembly: its name, B-rep, pose and colour (`#rrggbb`). `/` in the name separates nested groups."""
+    """An instance of a part in a STEP assembly, with its name, B-rep, pose and colour (`#rrggbb`).
+
+    `/` in the name separates nested groups.
+    """
 
     path: str
     definition: str

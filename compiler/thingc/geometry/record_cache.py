@@ -123,7 +123,7 @@ class ConvexAnswers:
     ) -> None:
         """Add the convex pieces to the `records` whose texts are in `convex`.
 
-        `run` sends requests to the workers; `broken` converts a failed answer to a `PartFailure`.
+        The function `run` sends requests to the workers. The function `broken` converts a failed answer to a `PartFailure`.
         """
         wanted: dict[str, list[str]] = {}
         for text in sorted(convex):

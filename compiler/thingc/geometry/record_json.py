@@ -1,6 +1,6 @@
 """Convert part schemas, records and failures to and from JSON values, for the store and for the pipe to workers.
 
-Paths of files in the workspace are relative to its `root`, so that machines can share records.
+Paths of files in the workspace are relative to the folder of the workspace, so that machines can share records.
 """
 
 from __future__ import annotations

@@ -178,7 +178,7 @@ class GeometryService:
         return code if isinstance(code, CodeIngredients) else None
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """Return the modules that `module:Class` depends on and that hide other modules of the same name."""
+        """Return the modules that hide other modules of the same name, among the modules on which the part `module:Class` depends."""
         return self._parts.hiding(reference)
 
     def in_part_folders(self, reference: str) -> bool:

@@ -365,7 +365,7 @@ class _Lost:
                 yield from self(cell, mode.name, mode.name, what, mode.origin)
 
     def of_base(self, robot: Robot) -> tuple[tuple[Plain, str, bool], ...]:
-        """Return a list of the properties of a mode's base.
+        """Return the properties of a mode's base as a tuple.
 
         Each item contains the capability for the property, a description, and whether the robot uses the property.
         """
@@ -384,7 +384,7 @@ class _Lost:
                 assert_never(base)
 
     def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Plain, str, bool], ...]:
-        """Return a list of the settings in `simulation`.
+        """Return the settings in `simulation` as a tuple.
 
         Each item contains the capability for the setting, a description, and whether the document uses the setting.
         """

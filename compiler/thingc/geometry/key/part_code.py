@@ -51,9 +51,9 @@ class PartCode:
         return self._codes[reference]
 
     def with_namesakes(self, failure: PartFailure) -> PartFailure:
-        """Return a copy of a part failure that also suggests classes of the same name in other modules.
+        """Add suggestions to the failure of a part that was not found: classes of the same name in other modules.
 
-        Only failures of the kind `missing` get suggestions.
+        Return the failure with these suggestions.
         """
         from thingc.geometry.key.catalogue import classes_in_reach
 
@@ -64,7 +64,7 @@ class PartCode:
         return replace(failure, candidates=(*failure.candidates, *namesakes))
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """Return the modules that `module:Class` depends on and that hide other modules of the same name.
+        """Return the modules that hide other modules of the same name, among the modules on which `module:Class` depends.
 
         If the class does not exist, check only its module.
         """

@@ -61,7 +61,7 @@ class BadLock(Exception):
 def schema_values(schema: PartSchema) -> dict[str, Any]:
     """Convert a part schema to JSON values. This function is the inverse of `read_schema`.
 
-    The place in the part file is omitted, because every comment changes it.
+    The line of the class in the part file is omitted, because every comment can change it.
     """
     return {
         "kind": schema.kind, "doc": schema.doc, "material": schema.material, "actuator": schema.actuator,
@@ -88,7 +88,7 @@ def _parameter_values(parameter: ParameterSchema) -> dict[str, Any]:
 def record_values(record: PartRecord) -> dict[str, Any]:
     """Convert a part record to JSON values. This function is the inverse of `read_record`.
 
-    The JSON contains the values that checks of assemblies need. Meshes and places in files are omitted.
+    The JSON contains the values that checks of assemblies need. Meshes and locations in source files are omitted.
     """
     values: dict[str, Any] = {
         "material": record.material, "color": record.color, "volume": _rounded(record.volume), "area": _rounded(record.area),
@@ -200,7 +200,7 @@ def _of_kind(kind: str, value: Value, choices: tuple[Value, ...]) -> bool:
 
 
 def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) -> PartRecord:
-    """Parse the part record of the definition `text`, without meshes. `code` is the location of its class. Raises `BadLock`."""
+    """Parse the part record of the definition `text`, without meshes. `code` is the location of the class of the part. Raises `BadLock`."""
     table = mapping(value, path)
     box = None if table.get("box") is None else numbers(table["box"], 6, f"{path}.box")
     inertia = numbers(table.get("inertia"), _ENTRIES, f"{path}.inertia")

@@ -45,9 +45,9 @@ class LockedThing(FrozenStruct):
 class Lock(FrozenStruct):
     """A parsed lock file.
 
-    `things` is keyed by `module:Class`. `files` contains the parts that are files, keyed by path in the workspace: the state of the
-    content, and the record. `others` contains classes that the workspace can use but that are not Things. Records and schemas are validated
-    when they are requested.
+    `things` is keyed by `module:Class`. `files` contains the parts that are files, keyed by path in the workspace. Each value is the
+    state of the file's content and the record. `others` contains classes that the workspace can use but that are not Things. Records
+    and schemas are validated when they are requested.
     """
 
     file: str
@@ -99,7 +99,7 @@ def lock_path(workspace: Workspace) -> str:
 
 
 def code_hash(code: CodeIngredients | None, version: str = "") -> str:
-    """Return the hash of a part's code. Comments, layout and docstrings do not change the hash.
+    """Return the hash of the source code of a part. Comments, layout and docstrings do not change the hash.
 
     If `code` is None (a part of an installed package), return the hash of the package's `version`.
     """

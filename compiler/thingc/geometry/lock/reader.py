@@ -31,8 +31,9 @@ _T = TypeVar("_T")
 
 
 class LockAnswers:
-    """Looks up schemas and records in a lock file, if they match the current code and files. `consulted` contains the absolute paths that
-    were read.
+    """Looks up schemas and records of parts in a lock file.
+
+    An entry is used only if it matches the current code and files of the part. `consulted` contains the absolute paths that were read.
     """
 
     def __init__(self, lock: Lock, workspace: Workspace, parts: PartCode) -> None:
@@ -91,7 +92,10 @@ class LockAnswers:
         return replace(schema, file=place[0], line=place[1]) if schema is not None and place is not None else schema
 
     def record(self, definition: PartDefinition) -> PartRecord | None:
-        """Return the record of a definition, or None if the lock is out of date or does not contain the record. Raises `BadLock`."""
+        """Return the record of a part definition.
+
+        Return None if the lock is out of date or does not contain the record. Raises `BadLock`.
+        """
         if definition.kind == "file":
             held = self.lock.files.get(definition.text)
             if held is None or self.state(definition.reference, "file:") != held[0]:
@@ -101,10 +105,11 @@ class LockAnswers:
         return self.lock.record(definition, self.place(definition.reference))
 
     def relative(self, definition: PartDefinition) -> PartRecord | None:
-        """Return a placeholder for a definition that is not in the lock, or None if the lock does not have its class. Raises `BadLock`.
+        """Return a placeholder record for a part definition that is not in the lock.
 
-        The placeholder has the mounts that the class has with other parameters. It has no mounts if counts, flags, choices or strings that
-        differ from their defaults may affect the names of mounts.
+        Return None if the lock does not contain the class of the part. Raises `BadLock`. The placeholder has the mounts that the class
+        has with other parameters. It has no mounts if counts, flags, choices or strings that differ from their defaults may affect the
+        names of mounts.
         """
         schema = self.lock.schema(definition.reference)
         if schema is None:
@@ -128,7 +133,9 @@ class LockAnswers:
 
 
 class LockFallback:
-    """A lock file as the source of parts that are not in the store. The file is read when it is first needed. `broken` collects its errors.
+    """A lock file as the source of parts that are not in the store.
+
+    The file is read when it is first needed. `broken` collects the errors of the lock file.
     """
 
     def __init__(self, lock: Callable[[], Lock | None] | None, workspace: Workspace, parts: PartCode) -> None:
@@ -153,7 +160,7 @@ class LockFallback:
         return self._asked(lambda answers: answers.schema(reference))
 
     def record(self, definition: PartDefinition) -> PartRecord | None:
-        """Return the record of a definition, or None if the lock does not contain an up-to-date record."""
+        """Return the record of a part definition, or None if the lock does not contain an up-to-date record."""
         return self._asked(lambda answers: answers.record(definition))
 
     def _asked(self, ask: Callable[[LockAnswers], _T | None]) -> _T | None:
@@ -179,8 +186,8 @@ def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> st
 class LockOnlyGeometry:
     """A replacement for `GeometryService` that uses only a lock. It does not import code of the workspace, start processes or use a store.
 
-    `unknown` contains the labels of definitions that are not in the lock, `broken` the errors of the lock. If there is no lock, which the
-    caller reports, the only answers are failures of parts that must not or cannot be loaded.
+    `unknown` contains the labels of definitions that are not in the lock, `broken` the errors of the lock. Without a lock file, the
+    only results are failures of parts that must not or cannot be loaded. The caller reports a missing lock file.
     """
 
     def __init__(self, workspace: Workspace, lock: Lock | None) -> None:
@@ -234,7 +241,7 @@ class LockOnlyGeometry:
         )
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """Return the modules that `module:Class` depends on and that hide other modules of the same name."""
+        """Return the modules that hide other modules of the same name, among the modules on which the part `module:Class` depends."""
         return self._parts.hiding(reference)
 
     def realize(

@@ -89,9 +89,10 @@ def _thing(
 
 
 def lock_text(values: Mapping[str, Any]) -> str:
-    """Return the text of the file, indented by two spaces. Lists of numbers are on one line, so that a changed number changes one line.
+    """Return the text of the lock file, indented by two spaces.
 
-    The file does not contain invisible characters, so that a reviewer sees every change.
+    A list of numbers is on one line, so that a changed number changes only one line. The file does not contain invisible characters, so
+    that a reviewer sees every change.
     """
     return json_text(_format_json(values, "\n")) + "\n"
 
@@ -111,7 +112,10 @@ def _long(value: Any) -> bool:
 
 
 def differences(held: Mapping[str, Any], made: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the differences between an existing lock (`held`) and a new lock (`made`): `(key, description)`, in the order of the lock."""
+    """Compare an existing lock (`held`) with a new lock (`made`).
+
+    Return the differences as `(key, description)`, in the order of the lock.
+    """
     differing: list[tuple[str, str]] = []
     for section, what in (("things", "part"), ("files", "file")):
         old, new = held.get(section, {}), made.get(section, {})
@@ -155,7 +159,7 @@ _CLOSE = 1e-9
 
 
 def _first_difference(old: Any, new: Any, path: str) -> str | None:
-    """Return the path of the first value that differs, or None.
+    """Return the path of the first value that differs between two JSON values, or None if they are equal.
 
     Small differences of numbers between two builds of the CAD kernel are ignored.
     """

@@ -38,8 +38,8 @@ class SliceCache:
     ) -> Records:
         """Return part records with the slices that are `wanted`, by the text of their definition.
 
-        Slices that are not in the store are computed. Records without a mesh are unchanged. `run` sends requests to the workers;
-        `broken` converts a failed answer to a `PartFailure`.
+        Slices that are not in the store are computed. Records without a mesh are unchanged. The function `run` sends requests to the
+        workers. The function `broken` converts a failed answer to a `PartFailure`.
         """
         sliced: Records = dict(records)
         texts = {text: frozenset(slicings) for text, slicings in wanted.items() if slicings and _lacks(records.get(text), slicings)}
