@@ -104,7 +104,8 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
 
 
 def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
-    """Return the mount to use if the option `--on` does not name one: the mount `usual` if it exists, or else the only mount.
+    """Return the mount of a component to use if the command line does not specify one: the mount `usual` if it exists, or else the only
+    mount.
 
     Raises `WrongCommandLine` if the component has several other mounts.
     """
@@ -230,7 +231,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 
 
 def _format_plain(plain: object) -> Written:
-    """Format the values of a new element as plain YAML values, in the same way as in documents that users write."""
+    """Convert the values of a new element to strings, as they are written in documents."""
     if isinstance(plain, dict):
         return {key: _format_plain(one) for key, one in plain.items()}
     return [_format_plain(one) for one in plain] if isinstance(plain, list) else str(plain)

@@ -175,7 +175,7 @@ def add_emit(parser: argparse.ArgumentParser) -> None:
 
 
 def add_compat(parser: argparse.ArgumentParser) -> None:
-    """Add the option `--compat` to a parser. It names the programs with which the outputs must be compatible."""
+    """Add the option `--compat` to a parser. It names additional programs with which to check the MuJoCo models."""
     parser.add_argument(
         "--compat", metavar="C", action="append", default=[],
         help=f"also check the MuJoCo models with this program: {', '.join(CONSUMERS)} (may be repeated; default: those of the workspace)",

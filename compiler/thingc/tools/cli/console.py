@@ -1,4 +1,4 @@
-"""Code that commands share: options, the output of diagnostics and tables, and exit codes."""
+"""Functions that several commands share: they add options, print diagnostics and tables, and compute exit codes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FINDINGS = ("text", "json", "github", "sarif")
 
 
 def error(message: str, help: Hint | None, code: Code, detail: str | None = None) -> Diagnostic:
-    """Create an error without a source location."""
+    """Create an error diagnostic that has no source location."""
     return Diagnostic(code=code, severity=Severity.ERROR, message=message, help=text_of(help), detail=detail)
 
 
@@ -40,14 +40,14 @@ class WrongCommandLine(Exception):
 
 
 def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly document (YAML or TOML)", metavar: str = "DOC") -> None:
-    """Add the optional argument DOC. If it is omitted, `main` replaces None by `document_meant()`."""
+    """Add the optional argument DOC to a parser. If the user omits it, `main` uses the document that `document_meant()` returns."""
     parser.add_argument("document", metavar=metavar, nargs="?", help=f"{what} (default: the only robot of the workspace)")
 
 
 def document_meant() -> str:
-    """Return the default document and print its path. Commands use the result if the command line contains no document.
+    """Find the document that a command processes if the command line names no document. Print the path of the document and return it.
 
-    The default is the only assembly below the working folder, or else in its workspace, that is not nested in another assembly. Raises
+    The document is the only assembly below the working folder, or else in its workspace, that is not nested in another assembly. Raises
     `WrongCommandLine` if no such assembly or more than one exists.
     """
     from thingc.documents.load.discovery import assemblies_in, documents_near, is_document
@@ -71,7 +71,10 @@ def document_meant() -> str:
 
 
 def _unnested(assemblies: Sequence[str]) -> list[str]:
-    """Return the assembly documents that no other document nests. If a document has errors, search its text for references."""
+    """Return the assembly documents that are not nested in another document.
+
+    If a document has errors, search its text for references to documents.
+    """
     from thingc.documents.load.documents import load
     from thingc.documents.workspace import Workspace
 
@@ -89,7 +92,7 @@ def _unnested(assemblies: Sequence[str]) -> list[str]:
 
 
 def add_compiling(parser: argparse.ArgumentParser) -> None:
-    """Add the options of commands that read a document."""
+    """Add the options of all commands that compile a document to a parser."""
     parser.add_argument(
         "-p", "--parameter", metavar="NAME=VALUE", action="append", default=[],
         help="set a parameter of the document, for example -p 'reach=120 mm' (may be repeated)",
@@ -104,7 +107,7 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
 
 
 def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "number of parts to build in parallel") -> None:
-    """Add the options of commands that can build parts. `jobs` is the help text of `--jobs`."""
+    """Add the options of commands that can build the geometry of parts to a parser. `jobs` is the help text of the option `--jobs`."""
     parser.add_argument(
         "--store", metavar="DIR", help="cache of built parts, a folder or a URL (default: THINGC_STORE, else the user's cache folder)",
     )
@@ -114,13 +117,13 @@ def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "number of part
 
 
 def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text", "json")) -> None:
-    """Add the option `--format`."""
+    """Add the option `--format`, which selects the output format, to a parser."""
     metavar = "{" + ",".join(choices) + "}"
     parser.add_argument("--format", type=one_of(choices), metavar=metavar, default=choices[0], help="output format (default: %(default)s)")
 
 
 def one_of(known: Sequence[str]) -> Callable[[str], str]:
-    """Return an argparse type that accepts only the words in `known`."""
+    """Return a function for the argument `type` of argparse that accepts only the words in `known`."""
     def choice(text: str) -> str:
         if text not in known:
             words = ", ".join(f"`{one}`" for one in known[:-1]) + f" or `{known[-1]}`"
@@ -132,14 +135,14 @@ def one_of(known: Sequence[str]) -> Callable[[str], str]:
 
 
 def positive(text: str) -> int:
-    """Parse a positive integer (an argparse type)."""
+    """Parse a positive integer. This function is an argparse type."""
     if not text.isdigit() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number from 1, found `{text}`")
     return int(text)
 
 
 def parameters(words: Sequence[str]) -> Mapping[str, str]:
-    """Parse the values of `-p NAME=VALUE`. Raises `WrongCommandLine`."""
+    """Parse the values of the option `-p NAME=VALUE` to a mapping from names to values. Raises `WrongCommandLine`."""
     values: dict[str, str] = {}
     for word in words:
         name, equals, value = word.partition("=")
@@ -157,9 +160,9 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
 
 
 def paths(words: Sequence[str], form: str, example: str, twice: str, name: Callable[[str], str] = str) -> dict[str, str]:
-    """Parse the values of `--set PATH=TEXT`. Raises `WrongCommandLine`.
+    """Parse the values of the option `--set PATH=TEXT` to a mapping from paths to texts. Raises `WrongCommandLine`.
 
-    Errors about invalid arguments contain `form` and `example`. The error about two paths with the same `name` contains `twice`.
+    `form` and `example` describe a correct argument in error messages. `twice` is the error message if two paths have the same `name`.
     """
     texts: dict[str, str] = {}
     for word in words:
@@ -180,7 +183,7 @@ def refuse_modules_of_others() -> None:
 
 
 def time_of(option: str, text: str) -> float:
-    """Parse a duration [s] given by an option. Raises `WrongCommandLine`."""
+    """Parse the value of an option to a duration in seconds. Raises `WrongCommandLine`."""
     from thingc.base.units import TIME, UnitError, parse_quantity
     from thingc.documents.workspace import LONGEST
 
@@ -195,7 +198,7 @@ def time_of(option: str, text: str) -> float:
 
 
 def options_of(arguments: argparse.Namespace) -> Options:
-    """Return the compile options specified by the command line. Raises `WrongCommandLine`."""
+    """Return the compile options that the arguments of the command line specify. Raises `WrongCommandLine`."""
     timeout = None if arguments.part_timeout is None else time_of("--part-timeout", arguments.part_timeout)
     choices, example = getattr(arguments, "choice", []), "--set components.foot.part=feet:Wide"
     return Options(
@@ -208,7 +211,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
 
 
 def chosen_compat(words: Sequence[str]) -> tuple[str, ...] | None:
-    """Return the programs of `--compat`, or None without this option. Raises `WrongCommandLine`."""
+    """Return the programs that the option `--compat` names. Return None without this option. Raises `WrongCommandLine`."""
     from thingc.driver.pipeline import UnknownChoice, chosen_consumers
 
     try:
@@ -244,9 +247,10 @@ def require_document(path: str) -> None:
 
 
 def _document_meant(path: str, folder: str, beside: Sequence[str]) -> Hint:
-    """Return a hint that suggests existing documents in place of a missing document.
+    """Return a hint for the error that a document is missing. The hint suggests documents that exist.
 
-    Suggest a document with a similar name in `beside`, else in the rest of the workspace, else list all documents.
+    The hint suggests a document with a similar name in the folder `beside`, or else in the rest of the workspace. If there is none, it
+    lists all documents.
     """
     from thingc.documents.load.discovery import documents_near
     from thingc.documents.workspace import Workspace
@@ -262,9 +266,9 @@ def _document_meant(path: str, folder: str, beside: Sequence[str]) -> Hint:
 
 
 def expanded(words: Iterable[str]) -> list[str]:
-    """Return the documents of the command line without duplicates. Each folder is replaced by all documents below it.
+    """Return the documents that the command line names, without duplicates. A folder is replaced by all documents below it.
 
-    Raises `WrongCommandLine` for a folder without documents.
+    Raises `WrongCommandLine` for a folder that contains no documents.
     """
     from thingc.documents.load.discovery import documents_in
 
@@ -282,7 +286,7 @@ def expanded(words: Iterable[str]) -> list[str]:
 
 
 def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator[str]:
-    """Yield the documents that exist. Add an error to `diagnostics` for each missing document."""
+    """Yield the documents that exist. For each document that does not exist, add an error to `diagnostics`."""
     for document in documents:
         try:
             require_document(document)
@@ -293,9 +297,9 @@ def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator
 
 
 class ProgressLine:
-    """Displays the progress of building parts on standard error, with the seconds since the start.
+    """Displays on standard error how many parts have been built, and the seconds since the start.
 
-    On a terminal, the display updates one line. Otherwise, it prints a line at the start, at the end and at most once per second.
+    On a terminal, the same line is updated. Otherwise, a line is printed at the start, at the end and at most once per second.
     """
 
     def __init__(self) -> None:
@@ -313,13 +317,13 @@ class ProgressLine:
 
 
 def show_printed(part: str, lines: Sequence[str]) -> None:
-    """Print the output of a part to standard error. Each line starts with the name of the part."""
+    """Print the text that the code of a part has printed to standard error. Each line starts with the name of the part."""
     say_in_place()
     say(*(f"{part} | {line}" for line in lines), stream=sys.stderr)
 
 
 def say_waiting(folder: str) -> None:
-    """Print a message to standard error that another process is building the same folder."""
+    """Print a message to standard error that this process waits because another process is building the same folder."""
     say(f"waiting for another build of {shown_path(folder)}", stream=sys.stderr)
 
 
@@ -334,17 +338,17 @@ def say(*lines: str, stream: TextIO | None = None) -> None:
 
 
 def say_lines_of_documents(lines: Iterable[str]) -> None:
-    """Print lines of documents like `say`, without escaping tabs."""
+    """Print lines from documents to standard output. Control characters other than tabs are escaped."""
     sys.stdout.write("".join(f"{shown_line(line)}\n" for line in lines))
 
 
 def say_diff(name: str, before: str, after: str) -> None:
-    """Print the changes of a document as a unified diff."""
+    """Print the difference between the old and the new text of a document as a unified diff."""
     say_lines_of_documents(difflib.unified_diff(before.splitlines(), after.splitlines(), name, name, lineterm=""))
 
 
 def hand_on(content: bytes | str) -> None:
-    """Write content for other programs, such as XML, to standard output without escaping it."""
+    """Write output for other programs, such as XML, to standard output. Control characters are not escaped."""
     if isinstance(content, str):
         sys.stdout.write(content)
     else:
@@ -353,16 +357,17 @@ def hand_on(content: bytes | str) -> None:
 
 
 def say_in_place(line: str = "") -> None:
-    """Print a line that the next line overwrites to standard error. Do nothing if standard error is not a terminal."""
+    """Print a line to standard error that the next printed line overwrites. Do nothing if standard error is not a terminal."""
     if sys.stderr.isatty():
         sys.stderr.write(f"\r\x1b[K{escape_control(line)}")
         sys.stderr.flush()
 
 
 def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None) -> int:
-    """Print diagnostics with source excerpts and a summary, and return the exit code. Colours are used on terminals without NO_COLOR.
+    """Print diagnostics as text with source excerpts and a summary, and return the exit code.
 
-    `texts` are the contents of documents that are not on disk, by the file name in the spans of the diagnostics.
+    The text has colours on a terminal without NO_COLOR. `texts` are the contents of documents that are not on disk, by the file name in the
+    spans of the diagnostics.
     """
     if diagnostics:
         color = stream.isatty() and "NO_COLOR" not in os.environ
@@ -373,12 +378,12 @@ def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool
 
 
 def print_json(diagnostics: Sequence[Diagnostic], **more: object) -> None:
-    """Print a JSON object with the diagnostics and the keys `more` to standard output."""
+    """Print diagnostics as one JSON object to standard output. `more` contains additional keys of the object."""
     print_data({"diagnostics": as_json(diagnostics), **more})
 
 
 def print_data(value: Mapping[str, object]) -> None:
-    """Print a JSON object to standard output."""
+    """Print the given data as one JSON object to standard output."""
     import json
 
     sys.stdout.write(json_text(json.dumps(value, indent=2, ensure_ascii=False)) + "\n")
@@ -387,9 +392,9 @@ def print_data(value: Mapping[str, object]) -> None:
 def print_found(
     diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None, **more: object,
 ) -> int:
-    """Print diagnostics in one of the formats in `FINDINGS`, and return the exit code.
+    """Print diagnostics in one of the output formats in `FINDINGS`, and return the exit code.
 
-    Text goes to `stream`, and other formats go to standard output. `more` are additional keys of the JSON output.
+    Text is written to `stream`, and all other formats to standard output. `more` contains additional keys of the JSON output.
     """
     if form == "text":
         print_text(diagnostics, stream=stream, debug=debug, texts=texts)
@@ -421,18 +426,21 @@ def _documentation() -> str | None:
 
 
 def final(report: Report, *, strict: bool) -> list[Diagnostic]:
-    """Return the sorted diagnostics. If `strict` is true, warnings become errors."""
+    """Return the diagnostics in the order in which they are printed. If `strict` is true, warnings become errors."""
     return report.judged(strict=strict).ordered()
 
 
 def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
-    """Return the exit code: 0 without errors, 2 if an error has one of the `USAGE_CODES`, else 1."""
+    """Return the exit code for the diagnostics: 0 without errors, 2 if the code of an error is one of `USAGE_CODES`, else 1."""
     errors = [d for d in diagnostics if d.severity is Severity.ERROR]
     return USAGE if any(d.code in USAGE_CODES for d in errors) else 1 if errors else 0
 
 
 def of_exception(fault: Exception) -> Diagnostic:
-    """Convert an exception to an error of the command line, of the operating system, or of thingc itself (internal error)."""
+    """Convert an exception to an error diagnostic.
+
+    The error is about the command line, the operating system, or a bug in thingc (internal error).
+    """
     if isinstance(fault, WrongCommandLine | ReplacementRefused):
         return fault.diagnostic
     from thingc.driver.output import OutputError
@@ -474,7 +482,7 @@ USAGE_CODES = frozenset({
 
 
 def table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
-    """Format rows with equal numbers of cells as aligned lines. The columns `right` are right-aligned."""
+    """Format rows with equal numbers of cells as lines with aligned columns. The columns whose indices are in `right` are right-aligned."""
     rows = [tuple(map(escape_control, row)) for row in rows]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return [
@@ -484,12 +492,15 @@ def table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[
 
 
 def millimetres(place: Vector) -> str:
-    """Format a position [m] in mm, rounded to 0.1 µm: `0 120 30.5`."""
+    """Format a position, given in metres, in millimetres. The numbers are rounded to 0.1 µm: `0 120 30.5`."""
     return " ".join(f"{round(1000.0 * x, 4) + 0.0:g}" for x in place)
 
 
 def axes(rotation: Matrix) -> str:
-    """Format the axes x, y, z of a frame as signed axes of its parent, `+x, -y, -z`, or else as direction vectors."""
+    """Format the directions of the x, y and z axes of a frame relative to its parent frame.
+
+    If the axes are parallel to axes of the parent, the result is signed axes such as `+x, -y, -z`. Otherwise, it is direction vectors.
+    """
     return ", ".join(_axis((rotation[0][k], rotation[1][k], rotation[2][k])) for k in range(3))
 
 

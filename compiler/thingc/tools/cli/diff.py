@@ -1,4 +1,4 @@
-"""`thingc diff`: show how a change of documents or part code affects a robot."""
+"""Implementation of `thingc diff`, which shows how a change in documents or in part code affects a robot."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str, str], str] | None:
-    """Write the page of `--html` and the pictures of `--pictures`. Raises `OSError`.
+    """Write the HTML page that `--html` requests and the pictures that `--pictures` requests. Raises `OSError`.
 
     Return a function that maps a document and the key of a picture to the path of the picture, or None without `--pictures`.
     """
@@ -122,7 +122,10 @@ def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str
 
 
 def fail_on(words: Sequence[str]) -> frozenset[str]:
-    """Return the kinds of changes in `--fail-on`. They are in the singular, as in `WHATS`. Raises `WrongCommandLine`."""
+    """Parse the option `--fail-on`.
+
+    Return the kinds of changes that make the command fail, in the singular, as in `WHATS`. Raises `WrongCommandLine`.
+    """
     known: dict[str, str] = {what: what for what in WHATS}
     known |= {f"{what}es" if what.endswith("s") else f"{what}s": what for what in WHATS}
     named: set[str] = set()
@@ -135,7 +138,10 @@ def fail_on(words: Sequence[str]) -> frozenset[str]:
 
 
 def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: Options, stack: ExitStack) -> DiffResult | BrokenSide:
-    """Compare the old and the new state. Raises `UnknownComparison`, `NotARepository`, `NoGraphics`, `WrongCommandLine`."""
+    """Compare the old and the new state of the documents, and return the result.
+
+    Raises `UnknownComparison`, `NotARepository`, `NoGraphics` and `WrongCommandLine`.
+    """
     options = replace(options, lock=arguments.no_code, code=not arguments.no_code)
     names = (wanted.old.name, wanted.new.name)
     tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
@@ -149,7 +155,7 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
 
 
 def _apart(work: Callable[[DocumentPair], Comparison | BrokenSide], seconds: float, both: DocumentPair) -> Comparison | BrokenSide:
-    """Compare a document in a sandboxed process that may use `seconds` of CPU time."""
+    """Compare the versions of one document in a sandboxed process. `seconds` is the maximum CPU time of the process."""
     answer = confined(lambda: pack(work(both)), seconds)
     if isinstance(answer, Diagnostic):
         return BrokenSide(name=both.name, diagnostics=(replace(answer, path=both.name),), texts={})

@@ -1,4 +1,4 @@
-"""`thingc explain`: explain a diagnostic code, with a wrong and a right example."""
+"""Implementation of `thingc explain`, which explains a diagnostic code with a wrong and a right example."""
 
 from __future__ import annotations
 

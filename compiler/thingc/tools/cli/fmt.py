@@ -1,4 +1,4 @@
-"""`thingc fmt`: format documents in the canonical layout."""
+"""Implementation of `thingc fmt`, which formats documents in the canonical layout."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _documents(arguments: argparse.Namespace) -> Iterator[str]:
-    """Yield the documents of the command line without duplicates. Raises `WrongCommandLine`."""
+    """Yield the documents that the command line names, without duplicates. Raises `WrongCommandLine`."""
     seen: set[str] = set()
     for word in arguments.document:
         if os.path.isdir(word) and not arguments.touched:
@@ -80,7 +80,7 @@ def _documents(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
-    """Format one document, and return whether its text changes."""
+    """Format one document. Return whether the text of the document changes."""
     try:
         with open(path, "rb") as stream:
             data = stream.read(10_000_001)

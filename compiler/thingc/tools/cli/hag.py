@@ -1,4 +1,4 @@
-"""`thingc hag`: print the assembly graph."""
+"""Implementation of `thingc hag`, which prints the assembly graph (HAG) of a robot."""
 
 from __future__ import annotations
 

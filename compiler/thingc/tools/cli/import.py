@@ -1,4 +1,4 @@
-"""`thingc import`: convert a robot in another format to a workspace."""
+"""Implementation of `thingc import`, which converts a robot from another format, such as URDF, to a workspace."""
 
 from __future__ import annotations
 
@@ -88,7 +88,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousImport, report: Report) -> dict[str, str]:
-    """Update the folder of an earlier import. Return the text of the document for diagnostics. Raises `OutputError`."""
+    """Update the folder of an earlier import with changes in the source.
+
+    Return the text of the document for diagnostics. Raises `OutputError`.
+    """
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
         message = f"`{shown_path(earlier.folder)}` was imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
         raise OutputError(message, "choose another folder with -o; for the same robot, merge with `--update`")
@@ -118,12 +121,15 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousI
 
 
 def _faults(document: str, text: str) -> list[Diagnostic]:
-    """Return the diagnostics of a document with this text."""
+    """Check the text of a document, and return its errors. Warnings are omitted."""
     return [one for one in checked(document, Options(texts={document: text.encode()}))[1] if one.severity is Severity.ERROR]
 
 
 def _merged(now: Update, *, disputed: bool) -> list[str]:
-    """Describe the changes that were merged and the edits that were preserved. `disputed` is True if some of them conflict."""
+    """Describe the changes that were merged into the document, and the edits of the user that were preserved.
+
+    `disputed` is true if some changes in the source conflict with edits of the user.
+    """
     taken = [f"  {dotted(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
     kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
     said = [f"merged: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else []
@@ -133,7 +139,7 @@ def _merged(now: Update, *, disputed: bool) -> list[str]:
 
 
 def _became(old: str, new: str) -> str:
-    """Describe the change of a value."""
+    """Describe how a value in the document has changed."""
     if new == NOTHING:
         return f"removed, was {old}"
     return f"new, {new}" if old == NOTHING else f"{old} -> {new}"
@@ -144,7 +150,7 @@ def _some(lines: list[str]) -> list[str]:
 
 
 def _repair(text: str) -> str:
-    """Parse the value of `--repair` (an argparse type)."""
+    """Parse the value of the option `--repair`. This function is an argparse type."""
     what, _, how = text.partition("=")
     if what != "inertia" or how not in ("nearest", "shapes"):
         raise argparse.ArgumentTypeError(f"expected `inertia=nearest` or `inertia=shapes`, found `{text}`")
@@ -152,7 +158,7 @@ def _repair(text: str) -> str:
 
 
 def _package(word: str) -> tuple[str, str]:
-    """Parse a value of `--package NAME=DIR`. Raises `WrongCommandLine`."""
+    """Parse a value of the option `--package NAME=DIR`. Raises `WrongCommandLine`."""
     name, _, folder = word.partition("=")
     if not name or not os.path.isdir(folder):
         message = f"--package: expected NAME=DIR with a folder, found `{word}`"
@@ -168,7 +174,7 @@ def _folder(word: str) -> str:
 
 
 def _argument(word: str) -> tuple[str, str]:
-    """Parse a value of `--arg NAME=VALUE`. Raises `WrongCommandLine`."""
+    """Parse a value of the option `--arg NAME=VALUE`. Raises `WrongCommandLine`."""
     name, equals, value = word.partition("=")
     if not name or not equals:
         raise console.WrongCommandLine(f"--arg: expected NAME=VALUE, found `{word}`", "write --arg prefix=left_")
@@ -176,7 +182,7 @@ def _argument(word: str) -> tuple[str, str]:
 
 
 def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
-    """Describe the result of an import without writing it: content, repairs, and all losses with their lines."""
+    """Describe what an import would write, without writing it. The text lists the content, the repairs, and all losses with their lines."""
     source = os.path.basename(arguments.file)
     said = [f"would import {_read(arguments, imported)}"]
     said += [f"{source}:{one.link.where.line}: repaired: mass and inertia of `{one.link.name}` ({one.how})" for one in imported.repaired]
@@ -192,7 +198,7 @@ def _read(arguments: argparse.Namespace, imported: Imported) -> str:
 
 
 def _told(arguments: argparse.Namespace, imported: Imported, folder: str, changes: list[str]) -> list[str]:
-    """Describe the result of an import, and list useful next commands."""
+    """Describe what an import has written, and list commands that the user can run next."""
     robot, here = imported.robot, shown_path(folder)
     said = [f"{here}: {_read(arguments, imported)}", *changes]
     if imported.renamed:

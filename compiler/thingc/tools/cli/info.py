@@ -1,4 +1,4 @@
-"""`thingc info`: show the components and masses of a robot, and the source of each mass."""
+"""Implementation of `thingc info`, which shows the components and masses of a robot, and the source of each mass."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
-    """Return the data for JSON output: the robot at q = 0, in SI units and in the frame of the base component."""
+    """Return the data of the JSON output. It describes the robot at q = 0, in SI units and in the frame of the base component."""
     whole = assembly.properties
     return {
         "name": assembly.name, "mass": whole.mass, "centre": list(whole.centre), "inertia": [list(row) for row in whole.inertia],
@@ -71,7 +71,10 @@ def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
 
 
 def mode_data(robot: Robot) -> dict[str, object]:
-    """Return the data of a mode: root, base, pose of the root link, and the names of links and joints, starting at the root."""
+    """Return the data of one mode for the JSON output.
+
+    It contains the root, the base, the pose of the root link, and the names of links and joints, starting at the root.
+    """
     return {
         "root": robot.mode.root.path, "base": robot.base, "X_world_root": [list(row) for row in robot.bodies[0].X_PL.rows()],
         "links": [robot.assembly.links[body.link].name for body in robot.bodies],
@@ -81,7 +84,7 @@ def mode_data(robot: Robot) -> dict[str, object]:
 
 
 def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
-    """Return the data of `as_data` as lines of text, in grams and millimetres."""
+    """Format the data that `as_data` returns as lines of text. Masses are in grams and lengths in millimetres."""
     whole = assembly.properties
     places = (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2), ("iyz", 1, 2))
     moments = "  ".join(f"{name} {1e6 * whole.inertia[i][j]:z.2f}" for name, i, j in places)
@@ -121,12 +124,15 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
 
 
 def _source(occurrence: Occurrence) -> str:
-    """Format the source of a mass. For a print with infill, include the estimation method: `estimated (layers)`."""
+    """Format the source of a mass, such as `estimated`.
+
+    For a print with infill, the result includes the estimation method: `estimated (layers)`.
+    """
     return occurrence.mass_source + (f" ({occurrence.estimate})" if occurrence.estimate is not None else "")
 
 
 def _loops(robot: Robot) -> list[str]:
-    """Describe the supports of a mode, its loops, and the residuals of the loops in its poses."""
+    """Describe the supports and the closed loops of a mode, and how precisely the poses of the mode close the loops."""
     names = [robot.assembly.links[body.link].name for body in robot.bodies]
     lines = [f"  stands on {foot.mount.path} (friction {foot.friction:g})" for foot in robot.mode.feet]
     loops = _cut(robot)
@@ -153,7 +159,7 @@ def _cut(robot: Robot) -> tuple[Loop, ...]:
 
 
 def _why_cut(loop: Loop, robot: Robot) -> list[str]:
-    """Describe the joints of a loop, and the reason why the loop is cut at one of these joints."""
+    """Describe the joints of a closed loop, and the reason why the loop is cut at one of these joints."""
     if any(one.joint == loop.cut for one in robot.mode.cut):
         return [f"    through {', '.join(loop.through)}: cut as the mode specifies"]
     return [f"    through {path}, which {reason}" if reason else f"    through {path}" for path, reason in loop.through.items()]
@@ -168,7 +174,10 @@ def _shares(assembly: Assembly) -> str:
 
 
 def mates_text(assembly: Assembly) -> list[str]:
-    """Return lines of text about mated mounts, with the axis of the parent that each axis of the child is parallel to at q = 0."""
+    """Format the mated mounts as lines of text.
+
+    Each line shows the axes of the parent to which the axes of the child are parallel at q = 0.
+    """
     rows = [("child", "mount", "on", "mount", "by", "child x, y, z along parent")]
     for mate in assembly.mates:
         parent, child = assembly.occurrences[mate.parent], assembly.occurrences[mate.child]

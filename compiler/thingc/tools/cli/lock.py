@@ -1,4 +1,7 @@
-"""`thingc lock`: write the properties of the parts in a workspace to a file, so that documents can be checked without running part code."""
+"""Implementation of `thingc lock`, which writes the properties of the parts in a workspace to a lock file.
+
+With the lock file, documents can be checked without running part code.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str | None:
-    """Write or compare the lock file. Return a summary, or None after reporting an error."""
+    """Write the lock file, or compare it with the current parts. Return a summary, or None after reporting an error."""
     workspace = Workspace.find(os.path.join(folder, "thingc.toml"), report)
     if workspace is None:
         return None
@@ -103,7 +106,10 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
 def _used(
     workspace: Workspace, geometry: GeometryService, options: Options, report: Report,
 ) -> tuple[list[str], list[PartDefinition], dict[str, set[Slicing]]]:
-    """Return the parts in a workspace's assembly documents: references `module:Class`, definitions, and slicings per definition."""
+    """Return the parts that the assembly documents of a workspace use.
+
+    The result contains references `module:Class`, part definitions, and the slicing settings for each definition.
+    """
     references: dict[str, None] = {}
     definitions: dict[str, PartDefinition] = {}
     slicings: dict[str, set[Slicing]] = {}
@@ -128,7 +134,7 @@ def _used(
 
 
 def _line(path: str, lines: list[str], key: str) -> Span:
-    """Return the span of a key in the lock file, or of the first line if the key is missing."""
+    """Return the span of a key in the lock file. If the key is missing, return the span of the first line."""
     word = json_text(json.dumps(key, ensure_ascii=False))
     for number, line in enumerate(lines, 1):
         if line.lstrip().startswith(word + ":"):

@@ -1,4 +1,4 @@
-"""`thingc lsp`: run the language server for editors."""
+"""Implementation of `thingc lsp`, which runs the language server for editors."""
 
 from __future__ import annotations
 

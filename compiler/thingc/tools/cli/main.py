@@ -51,7 +51,7 @@ Run `thingc COMMAND --help` for the arguments and options of a command.
 
 
 class WrongUsage(Exception):
-    """Raised for an invalid command line. `hint` is the help text of the diagnostic."""
+    """Raised if the command line is invalid. `hint` is the help text of the diagnostic."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -59,7 +59,10 @@ class WrongUsage(Exception):
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that raises `WrongUsage` instead of exiting. `main` converts the exception to a diagnostic."""
+    """An argument parser that raises `WrongUsage` instead of exiting if the command line is invalid.
+
+    `main` converts the exception to a diagnostic.
+    """
 
     def error(self, message: str) -> NoReturn:
         """Raise `WrongUsage` with the message of argparse."""
@@ -68,9 +71,10 @@ class Parser(argparse.ArgumentParser):
 
 
 def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Parser | None]:
-    """Return the main parser, and the parser of `command` or None. Only `command` has options; other modules are not imported.
+    """Create the main parser, and the parser of `command`. The second result is None if `command` is None.
 
-    If `alone` is true, the result has no parsers of other commands. Only the main help needs these parsers.
+    Only the parser of `command` has options, and only its module is imported. If `alone` is true, the main parser has no parsers of other
+    commands. Only the main help needs these parsers.
     """
     own: Parser | None = None
     parser = Parser(
@@ -189,7 +193,7 @@ def _interrupted() -> int:
 
 
 def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:
-    """Report an error in the command line in the requested format, and return the exit code."""
+    """Print an error about the command line in the requested output format, and return the exit code."""
     from thingc.tools.cli import console
 
     diagnostics = [console.WrongCommandLine(str(fault), fault.hint).diagnostic]
@@ -201,7 +205,7 @@ def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:
 
 
 def _form(asked: str) -> str:
-    """Return the output format of diagnostics: `asked` if it is a valid format, otherwise text."""
+    """Return the output format for diagnostics: `asked` if it is a valid format, otherwise text."""
     from thingc.tools.cli import console
 
     return asked if asked in console.FINDINGS else "text"

@@ -1,4 +1,4 @@
-"""`thingc new`: create a workspace with a small robot that can be built."""
+"""Implementation of `thingc new`, which creates a workspace with a small robot that can be built."""
 
 from __future__ import annotations
 
@@ -58,7 +58,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def robot_name(place: str) -> str:
-    """Derive the name of a robot from its folder. Replace hyphens, dots and spaces by `_`, and remove accents. Raises `WrongCommandLine`.
+    """Convert the name of a folder to a valid name for a robot. Raises `WrongCommandLine`.
+
+    Hyphens, dots and spaces are replaced by `_`, and accents are removed.
     """
     here = place != "" and os.path.normpath(place) == os.curdir
     word = os.path.basename(os.getcwd() if here else os.path.normpath(place)) if place else ""
@@ -90,7 +92,7 @@ def _plain(word: str) -> str:
 
 
 def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[str]:
-    """Describe the created files and the next commands."""
+    """Describe the files that were created, and the commands that the user can run next."""
     here, document = shown_path(folder), f"{name}.yaml"
     said = [f"{name if here == os.curdir else here}: {TEMPLATES[arguments.template]}"]
     if name != os.path.basename(folder):

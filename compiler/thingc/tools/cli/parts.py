@@ -1,4 +1,4 @@
-"""`thingc parts`: list the available parts with their parameters and mounts."""
+"""Implementation of `thingc parts`, which lists the available parts with their parameters and mounts."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `thingc parts`. Report parts that cannot be described as errors, and list all other parts."""
+    """Run `thingc parts`, and return the exit code. A part whose class cannot be described is an error, and all other parts are listed."""
     report = Report()
     listed: list[tuple[PartSchema, PartRecord | None]] = []
     try:
@@ -91,7 +91,10 @@ def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> lis
 
 
 def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
-    """Return the parts for the names of parts, modules or packages. Raises `WrongCommandLine` for an unknown name."""
+    """Return the parts that have one of the given names. A name can refer to a part, a module or a package.
+
+    Raises `WrongCommandLine` for an unknown name.
+    """
     references = geometry.catalogue()
     installed = installed_modules(geometry.part_code.sources, geometry.workspace.packages)
     for module in {word.partition(":")[0] for word in words} & installed.keys():
@@ -113,7 +116,10 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
 
 
 def unreadable(called: str, done: str, failure: PartFailure) -> Diagnostic:
-    """Return the error for a part. `done` is the failed operation (for example `described`), and `called` the name in the message."""
+    """Create the error for a part that could not be processed.
+
+    `done` is the operation that failed, for example `described`. `called` is the name of the part in the message.
+    """
     span = None if failure.file is None else line_of(failure.file, failure.line or 1)
     return Diagnostic(
         code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{called}` cannot be {done}: {failure.message}",
@@ -140,7 +146,10 @@ def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]
 
 
 def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> list[str]:
-    """Format a part as lines of text. If `whole` is true, list mounts with their frames, and reference geometry."""
+    """Format the description of a part as lines of text.
+
+    If `whole` is true, include the frames of the mounts, and the reference geometry.
+    """
     lines = [schema.reference]
     first = schema.doc.strip().partition("\n")[0]
     if first:
@@ -164,7 +173,7 @@ def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> l
 
 
 def _mounts(mounts: Mapping[str, MountRecord]) -> list[str]:
-    """Format a table of mounts: positions, axes, and interfaces, if any."""
+    """Format the mounts of a part as a table with positions, axes, and interfaces. The column for interfaces is omitted if it is empty."""
     rows = [("mount", "at [mm]", "x, y, z along", "interface")]
     rows += [
         (name, console.millimetres(mount.pose.translation), console.axes(mount.pose.rotation), mount.interface or "")
@@ -174,7 +183,7 @@ def _mounts(mounts: Mapping[str, MountRecord]) -> list[str]:
 
 
 def _in_order(name: str) -> tuple[str, int]:
-    """Return a sort key that orders `hole_9` before `hole_10`."""
+    """Return a key for sorting names of mounts, which sorts `hole_9` before `hole_10`."""
     stem, _, index = name.rpartition("_")
     return (stem, int(index)) if stem and index.isdecimal() else (name, -1)
 
@@ -190,7 +199,7 @@ def _range(p: ParameterSchema) -> str:
 
 
 def _runs(names: Iterable[str]) -> list[str]:
-    """Merge the names of mounts that belong to a list (`hip_0`, `hip_1`, ...)."""
+    """Replace the names of numbered mounts (`hip_0`, `hip_1`, `hip_2`) by one text, such as `hip_0 ... hip_2`."""
     lists: dict[str, int] = {}
     plain: list[str] = []
     for name in names:

@@ -1,4 +1,4 @@
-"""`thingc rename`: rename an element of a document and update all references to the element."""
+"""Implementation of `thingc rename`, which renames an element of a document and updates all references to the element."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _named(sight: WorkspaceIndex, document: str, path: str) -> Name:
-    """Return the name declared in a document at a path. Raises `WrongCommandLine`."""
+    """Return the name that a document declares at the given path. Raises `WrongCommandLine`."""
     keys = tuple(path.split("."))
     written = sight.documents.get(os.path.abspath(document))
     if written is None:

@@ -1,4 +1,4 @@
-"""`thingc render`: render a picture of a robot in a mode and a pose, without a display."""
+"""Implementation of `thingc render`, which renders a picture of a robot in a mode and a pose. No display is required."""
 
 from __future__ import annotations
 
@@ -86,7 +86,10 @@ def _check_output(path: str | None) -> None:
 
 
 def _render(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
-    """Write the picture if there are no errors. Return the diagnostics. Raises `UnknownChoice`, `NoGraphics` and `WrongCommandLine`."""
+    """Render the picture and write it to a file if the document has no errors. Return the diagnostics.
+
+    Raises `UnknownChoice`, `NoGraphics` and `WrongCommandLine`.
+    """
     compilation = pipeline.compile(environment, [arguments.mode] if arguments.mode is not None else [])
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     if console.exit_code(diagnostics):
@@ -125,7 +128,10 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
 
 
 def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) -> list[Mark]:
-    """Return the frames and axes to draw over the picture at `q`, without duplicates. Raises `UnknownChoice`."""
+    """Return the coordinate frames and joint axes to draw over the picture at the joint coordinates `q`.
+
+    Duplicates are removed. Raises `UnknownChoice`.
+    """
     if not (arguments.mounts or arguments.mounts_of or arguments.joints or arguments.root):
         return []
     from thingc.tools.cli import render_overlay
@@ -138,9 +144,9 @@ def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) 
 
 
 def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
-    """Return the keyframe to show, or None if the robot has none. Raises `UnknownChoice`.
+    """Return the keyframe whose pose is rendered, or None if the robot has no keyframes. Raises `UnknownChoice`.
 
-    The result is the requested keyframe, or else the keyframe of the mode, or else the first keyframe.
+    The result is the keyframe that the command line names, or else the keyframe of the mode, or else the first keyframe.
     """
     known = [frame.name for frame in robot.keyframes]
     if wanted is None:
@@ -160,7 +166,7 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _degrees(bound: float) -> Callable[[str], float]:
-    """Return an argparse type for angles from -`bound` to `bound` [degrees]."""
+    """Return an argparse type that accepts angles in degrees from -`bound` to `bound`."""
     def degrees(text: str) -> float:
         try:
             value = float(text.removesuffix("deg").strip())

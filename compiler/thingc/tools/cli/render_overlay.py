@@ -1,4 +1,4 @@
-"""Overlays of `thingc render`: mounts, joints and the root of a robot in a mode."""
+"""Compute the overlays of `thingc render`, which mark the mounts, the joints and the root of a robot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ ROOT_SIZE = 1.6
 
 
 def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
-    """Yield mounts that carry a component, exported mounts, and mounts added by the document, without duplicates."""
+    """Yield the frames of mounts that attach a component, of exported mounts, and of mounts that the document adds.
+
+    Duplicates are omitted.
+    """
     assembly = robot.assembly
     named = [(mate.parent, mate.parent_mount) for mate in assembly.mates]
     named += [(one.occurrence, one.mount) for one in assembly.exported]
@@ -28,7 +31,7 @@ def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
 
 
 def mounts_of(robot: Robot, q: Mapping[str, float], wanted: Sequence[str]) -> Iterator[Mark]:
-    """Yield the frame and all mounts of a component and of the components inside it. Raises `UnknownChoice`."""
+    """Yield the frame and all mounts of a component, and of the components nested in it. Raises `UnknownChoice`."""
     assembly = robot.assembly
     for name in wanted:
         path = name.replace(".", "/")
@@ -41,7 +44,10 @@ def mounts_of(robot: Robot, q: Mapping[str, float], wanted: Sequence[str]) -> It
 
 
 def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
-    """Yield the axis of every coordinate of every joint at `q` [rad or m, by path], moved by the preceding coordinates of the joint."""
+    """Yield the axis of every coordinate of every joint. `q` maps the paths of coordinates to values [rad or m].
+
+    The axis of a coordinate moves with the coordinates that precede it in the same joint.
+    """
     for mate in robot.assembly.mates:
         body, pose = _on_body(robot, q, mate.parent, mate.X_PJ)
         for number, joint in enumerate(mate.joints):
@@ -52,7 +58,7 @@ def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
 
 
 def root(robot: Robot) -> Iterator[Mark]:
-    """Yield the frame of the root of the mode."""
+    """Yield the coordinate frame of the root link of the mode."""
     choice = robot.mode.root
     body, pose = _on_body(robot, {}, choice.occurrence, robot.assembly.occurrences[choice.occurrence].mounts[choice.mount].pose)
     yield Frame(label=f"root {_dotted(choice.path)} ({robot.base})", body=body, pose=pose, size=ROOT_SIZE)
@@ -65,7 +71,10 @@ def _mount(robot: Robot, q: Mapping[str, float], occurrence: int, name: str) -> 
 
 
 def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) -> tuple[str, Pose]:
-    """Return the body of an occurrence (of the preceding link if its link is massless), and `pose` in the frame of the body at `q`."""
+    """Return the body that carries an occurrence, and `pose` in the frame of this body at the joint coordinates `q`.
+
+    If the link of the occurrence is a massless intermediate link, the body is the nearest preceding link that is not.
+    """
     assembly, number = robot.assembly, robot.assembly.link_of[occurrence]
     body = next(body for body in robot.bodies if body.link == number)
     pose = in_link(assembly)[occurrence] @ pose

@@ -1,9 +1,7 @@
-"""Process untrusted documents in a sandboxed child process.
+"""Run the check of an untrusted document in a sandboxed child process.
 
 The child has limits of time and memory. It cannot start processes, open connections or write files. If the child ends early for any reason,
-the result is one diagnostic.
-
-The compiler passes have their own limits. The sandbox is an additional safeguard.
+the result is one diagnostic. The compiler passes have their own limits. The sandbox is an additional safeguard.
 """
 
 from __future__ import annotations
@@ -34,13 +32,17 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
 class SandboxRefusal(Exception):
-    """Raised for an operation that a check of an untrusted document must never perform. It indicates a bug in thingc."""
+    """Raised if the check of an untrusted document tries an operation that is never necessary, such as starting a process.
+
+    It indicates a bug in thingc.
+    """
 
 
 def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -> Any | Diagnostic:
-    """Run `work` in a child process limited to `seconds` of CPU time and `memory` bytes. Return its result (JSON values).
+    """Call the function `work` in a sandboxed child process, and return its result (JSON values).
 
-    If the child ends early, the result is a diagnostic. Without `os.fork` (on Windows), `work` runs in this process without limits.
+    The child may use `seconds` of CPU time and `memory` bytes. If it ends early, the result is a diagnostic. Without `os.fork` (on
+    Windows), `work` runs in this process without limits.
     """
     if not hasattr(os, "fork"):
         return _done(work)
@@ -64,7 +66,10 @@ def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -
 
 
 def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
-    """Return the child's output and True, or False if the child neither wrote output nor used CPU time for `patience` [s]."""
+    """Read the output of the child process. Return the output, and whether the child finished.
+
+    The second result is False if the child neither wrote output nor used CPU time for `patience` seconds.
+    """
     pieces: list[bytes] = []
     computed = _computed(child)
     with os.fdopen(reading, "rb", buffering=0) as stream:
@@ -81,7 +86,7 @@ def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
 
 
 def _computed(child: int) -> int:
-    """Return the CPU time of a process in clock ticks, or 0 if it is unknown."""
+    """Return the CPU time that a process has used, in clock ticks. Return 0 if it is unknown."""
     try:
         with open(f"/proc/{child}/stat", "rb") as stream:
             fields = stream.read().rpartition(b")")[2].split()
@@ -112,7 +117,7 @@ _OUT_OF_MEMORY = 91
 
 
 def _in_child(work: Callable[[], Any], seconds: float, memory: int, writing: int) -> NoReturn:
-    """Run `work` in the child process and exit. This function does not return."""
+    """Call the function `work` in the child process, and exit. This function does not return."""
     code = 1
     try:
         sys.dont_write_bytecode = True
@@ -154,7 +159,7 @@ def _bound(seconds: float, memory: int) -> None:
 
 
 def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
-    """Raise `SandboxRefusal` for operations that checks never perform. This is the audit hook of the child."""
+    """The audit hook of the child process. It raises `SandboxRefusal` for operations that a check never needs."""
     if event == "open":
         _, mode, flags = arguments
         if isinstance(flags, int) and flags & _WRITING or isinstance(mode, str) and set(mode) & set("wax+"):

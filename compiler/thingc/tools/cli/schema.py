@@ -1,4 +1,7 @@
-"""`thingc schema`: write a JSON Schema for each document, with its parts, mounts, joints and names, for editors."""
+"""Implementation of `thingc schema`, which writes a JSON Schema for each document.
+
+Editors use it to suggest parts, mounts, joints and names.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +59,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
-    """Return the workspaces, each with its selected documents, or None for all documents. Raises `WrongCommandLine`."""
+    """Return the workspaces that the command line selects, each with its selected documents.
+
+    None means all documents. Raises `WrongCommandLine`.
+    """
     by_root: dict[str, tuple[Workspace, list[str] | None]] = {}
     for place in places:
         if not os.path.isdir(place):

@@ -1,4 +1,4 @@
-"""`thingc sensitivity`: show how results of a robot change with its parameters."""
+"""Implementation of `thingc sensitivity`, which shows how results of a robot change with its parameters."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _problem(one: Sensitivity, missing: NotDifferentiable) -> Diagnostic:
 
 
 def _as_data(one: Sensitivity) -> dict[str, object]:
-    """Return the data for JSON output, in SI units. `derivative` is null if it does not exist."""
+    """Return the sensitivities as data for the JSON output, in SI units. `derivative` is null if the derivative does not exist."""
     derivative, error = (None, None) if one.missing is not None else (one.derivative, one.error)
     return {
         "result": one.result, "name": one.name, "value": one.value.value, "at": one.number.value, "derivative": derivative, "error": error,
@@ -101,7 +101,7 @@ def _as_data(one: Sensitivity) -> dict[str, object]:
 
 
 def as_text(found: Sequence[Sensitivity]) -> list[str]:
-    """Format the derivatives as a table: for each result, the numbers that change it, the largest change first."""
+    """Format the derivatives as a table. For each result, the table lists the parameters that affect it, the largest change first."""
     rows = [("result", "value", "parameter", "at", "derivative", "error", "+1 % changes it by", "")]
     idle: list[str] = []
     for result, each in groupby(found, key=lambda one: one.result):
@@ -117,7 +117,7 @@ def as_text(found: Sequence[Sensitivity]) -> list[str]:
 
 
 def _cells(one: Sensitivity) -> tuple[str, ...]:
-    """Return the table cells of a derivative."""
+    """Return the cells of the table row that describes one derivative."""
     by, by_size = (one.unit, parse_quantity(f"1 {one.unit}").value) if one.unit else _unit(one.number)
     at = f"{one.number.value / by_size:z.4g} {by}".rstrip()
     if one.missing is not None:
@@ -133,6 +133,6 @@ def _cells(one: Sensitivity) -> tuple[str, ...]:
 
 
 def _unit(value: Quantity) -> tuple[str, float]:
-    """Return the unit in which a value is shown, and its size in SI units."""
+    """Return the unit in which a quantity is displayed, and the value of this unit in SI units."""
     unit = "kg" if value.dimension == MASS and abs(value.value) >= 1.0 else SHOWN.get(value.dimension) or standard_unit(value.dimension)
     return unit, parse_quantity(f"1 {unit}").value

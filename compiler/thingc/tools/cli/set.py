@@ -1,4 +1,4 @@
-"""`thingc set`: set values in a document by their paths, preserving comments and layout."""
+"""Implementation of `thingc set`, which sets values in a document by their paths, and preserves its comments and layout."""
 
 from __future__ import annotations
 
@@ -47,14 +47,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def settings(words: Sequence[str]) -> dict[str, str]:
-    """Parse the arguments `PATH=VALUE`. Raises `WrongCommandLine`."""
+    """Parse the arguments `PATH=VALUE` to a mapping from paths to values. Raises `WrongCommandLine`."""
     return console.paths(words, "PATH=VALUE", "'joints.elbow.limit.upper=90 deg'", "`{}` is set twice", named)
 
 
 def write(document: str, given: Mapping[str, str], options: Options, arguments: argparse.Namespace, *, diff: bool = False) -> int:
-    """Write values (strings by paths or names of parameters) to a document unless the result has errors. Return the exit code.
+    """Write new values to a document, unless the changed document has errors. Return the exit code.
 
-    `arguments` must have the attributes `format` and `debug`. The attribute `strict` is optional.
+    The values are strings, keyed by paths or names of parameters. `arguments` must have the attributes `format` and `debug`. The attribute
+    `strict` is optional.
     """
     typed = {named(path): f"{path}={text}" for path, text in given.items()}
     outcome = write_values(document, given, options, strict=getattr(arguments, "strict", False), dry=diff)
@@ -69,7 +70,7 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
 
 
 def _as_typed(diagnostic: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:
-    """Replace the option (`-p`, `--set`) in the location of a diagnostic by the argument in the command line."""
+    """Replace the option (`-p` or `--set`) in the location of a diagnostic by the argument that the user has typed."""
     option = next((option for option in OPTIONS if diagnostic.path is not None and diagnostic.path.startswith(option)), None)
     if option is None or diagnostic.path is None:
         return diagnostic
@@ -81,7 +82,7 @@ def _say(
     arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[tuple[str, str | None, str]] = (),
     texts: Mapping[str, str] | None = None,
 ) -> int:
-    """Print diagnostics and changes, and return the exit code. `texts` are the contents of the changed documents."""
+    """Print the diagnostics and the changes of documents, and return the exit code. `texts` are the contents of the changed documents."""
     if arguments.format == "text":
         for path, old, new in done:
             console.say(f"{path}: {'' if old is None else old + ' -> '}{new}")

@@ -1,4 +1,4 @@
-"""Handle Ctrl-C and SIGTERM: commands clean up and exit with `INTERRUPTED`."""
+"""Handle Ctrl-C and SIGTERM. A command that is interrupted cleans up and exits with the code `INTERRUPTED`."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ IMPORTING = "<frozen importlib._bootstrap>"
 
 
 def heed(*, ignored: bool = False) -> None:
-    """Raise `KeyboardInterrupt` on SIGINT and SIGTERM. If a signal arrives during an import, wait until the import has finished.
+    """Install a signal handler that raises `KeyboardInterrupt` on SIGINT and SIGTERM.
 
-    If the parent process ignores a signal, this process ignores it, too, unless `ignored` is true. Shells ignore SIGINT in background jobs.
+    If a signal arrives during an import, the exception is delayed. If the parent process ignores a signal, this process ignores it, too,
+    unless `ignored` is true. Shells ignore SIGINT in background jobs.
     """
     sys.unraisablehook = _dropped
     signal.signal(signal.SIGALRM, _interrupt)
@@ -39,13 +40,13 @@ def heed(*, ignored: bool = False) -> None:
 
 
 def leave_at_once() -> None:
-    """Exit immediately on SIGINT and SIGTERM. Use this function in processes that require no cleanup."""
+    """Install a signal handler that exits immediately on SIGINT and SIGTERM. Use this function in processes that require no cleanup."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, lambda *_: os._exit(INTERRUPTED))
 
 
 def spare_the_child_of_glfw() -> None:
-    """Set PYGLFW_LIBRARY to the bundled library of glfw (Linux).
+    """Set the environment variable PYGLFW_LIBRARY to the library that the Python package glfw contains (Linux).
 
     MuJoCo imports glfw, which otherwise starts a Python process to find the library. That process prints a traceback on Ctrl-C.
     """
@@ -62,7 +63,7 @@ def spare_the_child_of_glfw() -> None:
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Delay interrupts until the end of the context, for example to write all files of a group."""
+    """A context manager that delays Ctrl-C and SIGTERM until it exits, for example to write all files of a group."""
     global _held, _late
     _held = True
     try:
@@ -75,7 +76,10 @@ def held() -> Iterator[None]:
 
 
 def has_come() -> bool:
-    """Return whether an interrupt was raised. C or Rust code may have converted it to another exception."""
+    """Return whether Ctrl-C or SIGTERM has interrupted this process.
+
+    C or Rust code may have converted the `KeyboardInterrupt` to another exception.
+    """
     return _come
 
 
@@ -103,7 +107,7 @@ def _raise() -> NoReturn:
 
 
 def _dropped(dropped: UnraisableHookArgs) -> None:
-    """The `sys.unraisablehook`: repeat interrupts that Python ignores, for example in callbacks of weak references."""
+    """The `sys.unraisablehook` of this process. It repeats interrupts that Python ignores, for example in callbacks of weak references."""
     if issubclass(dropped.exc_type, KeyboardInterrupt):
         _come_again()
     else:

@@ -1,4 +1,4 @@
-"""`thingc view`: show a robot in the browser and update the page after every save."""
+"""Implementation of `thingc view`, which shows a robot in the browser and updates the page after every save."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:
-    """Return the result of a rebuild, the page of the robot (None after errors), and the diagnostics for the page."""
+    """Return the result of a rebuild, the page that shows the robot (None after errors), and the diagnostics for the page."""
     environment = live.environment
     assert environment is not None
     page = None
@@ -118,7 +118,10 @@ def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list
 
 
 class _Beside:
-    """The document that is shown as an overlay. A thread watches this document, and compiles it while it holds the lock `turn`."""
+    """The second document of `thingc view`, which is shown as an overlay over the first one.
+
+    A thread watches this document, and compiles it while it holds the lock `turn`.
+    """
 
     def __init__(self, arguments: argparse.Namespace, options: Options, turn: threading.Lock) -> None:
         self._turn = turn
@@ -129,7 +132,7 @@ class _Beside:
 
     @contextmanager
     def followed(self, server: Server) -> Iterator[None]:
-        """Send every rebuild to the server while the context is active."""
+        """A context manager that sends the result of every rebuild of the overlay to the server."""
         thread = threading.Thread(target=self._follow, args=(server,), daemon=True)
         with self._live:
             thread.start()
@@ -150,7 +153,7 @@ class _Beside:
 
 
 def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
-    """Return the page of a document (None after errors), and the diagnostics of the document."""
+    """Compile a document. Return the page that shows it (None after errors), and the diagnostics of the document."""
     compilation = pipeline.compile(environment)
     diagnostics = console.final(compilation.report, strict=False)
     return None if compilation.report.failed else page_of(pipeline.request_of(environment, compilation)), diagnostics
@@ -168,7 +171,7 @@ def _server(arguments: argparse.Namespace) -> Server:
 
 
 def _key() -> bytes | None:
-    """Return random bytes that are stored in a private file of this user, or None if they cannot be stored."""
+    """Return the secret key of this user, which is random bytes in a private file. Return None if the key cannot be stored."""
     path = os.path.join(cache_root(), "view.key")
     try:
         os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
@@ -184,7 +187,7 @@ def _key() -> bytes | None:
 
 
 def _open_build(arguments: argparse.Namespace) -> int:
-    """Open the page of a build, or of the only build in a folder.
+    """Open the page of an existing build in the browser. A folder must contain exactly one build.
 
     Raises `WrongCommandLine` if no build exists, or if an option has no effect.
     """
@@ -205,12 +208,12 @@ def _open_build(arguments: argparse.Namespace) -> int:
 
 
 def _is_page(name: str) -> bool:
-    """Return whether the file is the page of a build. The file can also be a copy outside the build folder."""
+    """Return whether an HTML file is the page of a build. The file can also be a copy outside the build folder."""
     return name.lower().endswith(".html") and os.path.isfile(name)
 
 
 def _build_meant(name: str) -> Path:
-    """Return the folder if it is a build folder, or else the only build folder in it. Raises `WrongCommandLine`."""
+    """Return the given folder if it is a build folder, or else the only build folder in it. Raises `WrongCommandLine`."""
     folder = Path(name)
     if (folder / MANIFEST).is_file():
         return folder
@@ -227,7 +230,7 @@ def _build_meant(name: str) -> Path:
 
 
 def _port(text: str) -> int:
-    """Parse a port number (an argparse type)."""
+    """Parse a port number. This function is an argparse type."""
     if not text.isdigit() or not 0 < int(text) < 65536:
         raise argparse.ArgumentTypeError(f"expected a port from 1 to 65535, found `{text}`")
     return int(text)

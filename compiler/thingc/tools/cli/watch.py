@@ -1,4 +1,4 @@
-"""`thingc watch`: build a document after every save, until Ctrl-C."""
+"""Implementation of `thingc watch`, which builds a document after every save, until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -80,12 +80,12 @@ def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int
 
 
 def hopeless(made: Rebuild) -> bool:
-    """Return whether the first rebuild has an error in the command line, which cannot be fixed by saving a file."""
+    """Return whether the first rebuild has failed with an error in the command line. Such an error cannot be fixed by saving a file."""
     return made.number == 1 and console.exit_code(made.diagnostics) == console.USAGE
 
 
 def say_json(made: Rebuild) -> None:
-    """Print a rebuild as one line of JSON, with the keys of `thingc build --format json` and additional keys."""
+    """Print the result of a rebuild as one line of JSON, with the keys of `thingc build --format json` and additional keys."""
     folder = made.folder or ""
     _say_line({
         "diagnostics": as_json(made.diagnostics),
@@ -106,7 +106,7 @@ def _say_line(value: Mapping[str, object]) -> None:
 
 
 class Lines:
-    """Reports rebuilds on standard error: new diagnostics, followed by one line.
+    """Prints the result of each rebuild to standard error: new diagnostics, followed by one line.
 
     If a rebuild compiles another document than the one in the command line, `of` is the name of this document.
     """
@@ -139,7 +139,7 @@ class Lines:
 
 
 def _outcome(made: Rebuild) -> str:
-    """Describe the changes of a rebuild."""
+    """Describe what has changed in a rebuild, for example which files were written."""
     if made.built is None or not made.good:
         return f"not built ({made.seconds:.2f} s); {'the last successful build remains' if made.kept else 'no successful build yet'}"
     modelled = sorted(made.modelled.values())

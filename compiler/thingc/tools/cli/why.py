@@ -1,4 +1,4 @@
-"""`thingc why`: show why a part was built or reused, or which losses the targets have."""
+"""Implementation of `thingc why`, which shows why a part was built or reused, or which information the targets lose."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _answered(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
-    """Print why a part was built or reused, or the losses of targets. Return the diagnostics."""
+    """Print why a part was built or reused, or print the export losses of targets. Return the diagnostics."""
     compilation = pipeline.compile(environment)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     if console.exit_code(diagnostics):
