@@ -182,7 +182,10 @@ def _argument(word: str) -> tuple[str, str]:
 
 
 def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
-    """Describe what an import would write, without writing it. The text lists the content, the repairs, and all losses with their lines."""
+    """Describe the result of an import without writing any files.
+
+    The text lists the content, the repairs, and all losses with their lines.
+    """
     source = os.path.basename(arguments.file)
     said = [f"would import {_read(arguments, imported)}"]
     said += [f"{source}:{one.link.where.line}: repaired: mass and inertia of `{one.link.name}` ({one.how})" for one in imported.repaired]
@@ -198,7 +201,7 @@ def _read(arguments: argparse.Namespace, imported: Imported) -> str:
 
 
 def _told(arguments: argparse.Namespace, imported: Imported, folder: str, changes: list[str]) -> list[str]:
-    """Describe what an import has written, and list commands that the user can run next."""
+    """Describe the files that an import has written, and list commands that the user can run next."""
     robot, here = imported.robot, shown_path(folder)
     said = [f"{here}: {_read(arguments, imported)}", *changes]
     if imported.renamed:

@@ -1,1 +1,4 @@
-"""`thingc lsp`: the language server, which analyses unsaved text. The entry point is `server`."""
+"""The language server of thingc, which editors start with `thingc lsp`.
+
+It analyses the unsaved text of documents. The entry point is `server`.
+"""

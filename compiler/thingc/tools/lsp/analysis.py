@@ -1,4 +1,4 @@
-"""Check one document, using the unsaved text of open files."""
+"""Check a document for the language server, with the unsaved texts of the files that are open in the editor."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 
 class OpenText(FrozenStruct):
-    """A file that is open in the editor, with the URI from the editor and the version of the text."""
+    """The text of a file that is open in the editor, with the URI that the editor uses and the version of the text."""
 
     uri: str
     version: int
@@ -39,10 +39,10 @@ class OpenText(FrozenStruct):
 
 
 class Analysis(FrozenStruct, eq=False):
-    """The results of checking a document (absolute `path`) with the `open` texts, by absolute path.
+    """The results of checking the document at the absolute path `path`.
 
-    If the file is not a document (Python code of a part), the analysis contains only the text. All attributes omit parts without a cached
-    result.
+    `open` maps the absolute paths of open files to their unsaved texts. If the file is not a document, such as a Python file, the analysis
+    contains only the text. All attributes omit parts without a cached result.
 
     Attributes:
         workspace: The workspace of the document, or None if there is no workspace.
@@ -75,7 +75,10 @@ class Analysis(FrozenStruct, eq=False):
 
     @property
     def known(self) -> Analysis:
-        """The analysis that provides names: this analysis, or the last analysis of well-formed text, whose spans refer to that text."""
+        """The analysis from which to take names: this analysis, or the last analysis in which the text was well-formed.
+
+        Spans in the last analysis refer to the text of that analysis, not to the current text.
+        """
         return self if self.whole or self.last is None else self.last
 
     @property
@@ -85,21 +88,21 @@ class Analysis(FrozenStruct, eq=False):
 
     @property
     def tree(self) -> MappingNode | None:
-        """The tree of the document, or None if it cannot be parsed."""
+        """The syntax tree of the document, or None if the text cannot be parsed."""
         return None if self.documents is None else self.documents.root.tree
 
     @property
     def kind(self) -> str:
-        """`assembly`, `materials`, `variants` or `workspace`, or an empty string if unknown."""
+        """The kind of the document: `assembly`, `materials`, `variants` or `workspace`, or an empty string if unknown."""
         return "" if self.documents is None else self.documents.root.kind
 
     def document(self, path: str) -> Document | None:
-        """Return the document at an absolute path if it is this document or a referenced document, else None."""
+        """Return the document at an absolute path. Return None if it is neither the analysed document nor a document to which it refers."""
         by_path = {} if self.documents is None else self.documents.by_path
         return next((one for one in by_path.values() if one.path == path), None)
 
     def text_of(self, path: str) -> str:
-        """Return the text of a file in this analysis, or an empty string if it cannot be read."""
+        """Return the text of a file as this analysis has read it, or an empty string if the file cannot be read."""
         if path in self.open:
             return self.open[path].text
         document = self.document(path)
@@ -112,16 +115,16 @@ class Analysis(FrozenStruct, eq=False):
             return ""
 
     def lines(self, file: str | None = None) -> TextLines:
-        """Return the lines of a file (default: the document)."""
+        """Return the lines of a file. The default is the analysed document."""
         path = self.path if file is None else file
         return self.once(f"lines {path}", lambda: TextLines(self.text_of(path)))
 
     def uri(self, path: str) -> str:
-        """Return the URI of a file, in the form used by the editor if the file is open."""
+        """Return the URI of a file. If the file is open in the editor, the URI has the form that the editor uses."""
         return self.open[path].uri if path in self.open else Path(path).as_uri()
 
     def once(self, name: str, make: Callable[[], T]) -> T:
-        """Return a result that is computed at the first call and then cached."""
+        """Return the result of a function. The function is called once, and its result is cached for later calls."""
         if name not in self._kept:
             self._kept[name] = make()
         kept: T = self._kept[name]
@@ -129,14 +132,14 @@ class Analysis(FrozenStruct, eq=False):
 
     @property
     def facts(self) -> DocumentFacts:
-        """The facts that schemas for editors need (`tools/schemas/`): names, including names in lines with errors."""
+        """The names in the document that JSON Schemas for editors contain (`tools/schemas/`), including names in lines with errors."""
         if (tree := self.tree) is None:
             return DocumentFacts()
         return self.once("facts", lambda: facts_of(tree, self.model, self.records, self.schemas, {}))
 
 
 def is_document_path(path: str) -> bool:
-    """Return whether a file has the suffix of a document."""
+    """Return whether the path of a file has a suffix that documents have, such as `.yaml`."""
     return path.lower().endswith(DOCUMENT_SUFFIXES)
 
 
@@ -144,7 +147,7 @@ def analyse(
     path: str, opened: Mapping[str, OpenText], options: Options, lend: Lend | None = None, memo: Memo | None = None,
     last: Analysis | None = None,
 ) -> Analysis:
-    """Check the document at an absolute path, with the `opened` texts instead of the files on disk.
+    """Check the document at an absolute path. The `opened` texts are used instead of the files on disk.
 
     `options` specify the store and whether code may run. The function `lend` returns the source of parts; the default is the source that
     `check` uses. See `cached_parts` for pending parts. `memo` caches results of the previous analysis, `last`. The findings of the result
@@ -173,7 +176,7 @@ def analyse(
 
 
 def _of_workspace(environment: Environment, opened: Mapping[str, OpenText], last: Analysis | None) -> Analysis:
-    """Return the analysis of a `thingc.toml`."""
+    """Check the settings file `thingc.toml`, and return the analysis."""
     path, workspace = environment.document, environment.workspace
     general = workspace if workspace is not None else last.workspace if last is not None else None
     documents = load(path, general, Report(), kinds=("workspace",), texts=environment.options.texts) if general is not None else None
@@ -184,7 +187,7 @@ def _of_workspace(environment: Environment, opened: Mapping[str, OpenText], last
 
 
 def _remembering(analysis: Analysis, last: Analysis | None) -> Analysis:
-    """Add the last analysis of well-formed text to an analysis whose text is not well-formed."""
+    """If the text of an analysis is not well-formed, add the last analysis whose text was well-formed."""
     whole = analysis.documents is not None and not any(
         one.code is Code.SYNTAX and one.span is not None and one.span.file == analysis.path for one in analysis.findings
     )

@@ -1,4 +1,4 @@
-"""Provide schemas and records of parts from the store and the lock without waiting. Background workers compute missing results.
+"""Provide schemas and records of parts from the cache and the lock file without waiting. Background workers compute missing results.
 
 This module also provides the names that documents of a workspace can use: available parts, other documents, and their schemas.
 """
@@ -37,10 +37,10 @@ WAITED_FOR: FailureKind = "unlocked"
 
 @dataclass(slots=True)
 class PendingRequests:
-    """The part descriptions, records and slicings that workers should compute.
+    """The descriptions, records and slicings of parts that background workers should compute.
 
-    `references` are parts to describe. `definitions` maps the texts of parts to build to whether convex pieces are needed. `slices` are the
-    requested slicings of records.
+    `references` are the parts to describe. `definitions` maps the text of each part definition to build to whether convex pieces are
+    needed. `slices` are the requested slicings of records.
     """
 
     references: dict[str, None] = field(default_factory=dict)
@@ -51,7 +51,7 @@ class PendingRequests:
         return bool(self.references or self.definitions or self.slices)
 
     def within(self, other: PendingRequests) -> bool:
-        """Return whether `other` contains all of these requests."""
+        """Return whether `other` contains all requests of this object."""
         return (
             self.references.keys() <= other.references.keys() and self.definitions.keys() <= other.definitions.keys()
             and self.slices.keys() <= other.slices.keys()
@@ -65,10 +65,11 @@ class PendingRequests:
 
 
 class CachedParts:
-    """A source of parts that never waits for workers, and records the missing results.
+    """Provides part schemas and part records that are already cached.
 
-    A part without a cached result fails with `WAITED_FOR`, and the compiler omits diagnostics that depend on this part. `failed` and
-    `undescribed` are failures that the store does not cache, such as crashes and timeouts. `unanswered` are the requests without a result.
+    It never waits for workers, and collects the requests for missing results. A part without a cached result fails with `WAITED_FOR`, and
+    the compiler omits diagnostics that depend on this part. `failed` and `undescribed` are failures that the store does not cache, such as
+    crashes and timeouts. `unanswered` are the requests without a result.
     """
 
     def __init__(self, service: GeometryService) -> None:
@@ -82,12 +83,12 @@ class CachedParts:
 
     @property
     def decisions(self) -> Mapping[str, BuildReason]:
-        """The reason why each part record was built or reused, by definition text."""
+        """The reason why each part record was built or taken from the cache, keyed by the text of the part definition."""
         return self.service.decisions
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Absolute paths of all files that the results depend on, including files that do not exist."""
+        """The absolute paths of all files on which the provided results depend, including files that do not exist."""
         return self.service.inputs
 
     def anticipate(self) -> bool:
@@ -98,19 +99,19 @@ class CachedParts:
         """Do nothing, because this source starts no workers."""
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """Return the schema of each `module:Class`, by reference."""
+        """Return the schema of each part class, keyed by its reference `module:Class`."""
         answers = _answers(self.service.describe(references), self.undescribed)
         self.unanswered.references.update((one, None) for one in references if _waited_for(answers.get(one)))
         return answers
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """Return the modules that `module:Class` depends on and that hide other modules of the same name."""
+        """Return the modules on which the part `module:Class` depends and that hide other modules of the same name."""
         return self.service.hiding(reference)
 
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None,
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return the record of each definition, by text."""
+        """Return the record of each part definition, keyed by the text of the definition."""
         answers = _answers(self.service.realize(definitions, convex), self.failed)
         waited_for = [one for one in definitions if _waited_for(answers.get(one.text))]
         self.unanswered.definitions.update((one.text, (one, one.text in convex)) for one in waited_for)
@@ -120,7 +121,7 @@ class CachedParts:
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return the `records` with the results of the slicings `wanted`, by text."""
+        """Return the part `records`, keyed by the text of the definition, with the results of the requested slicings `wanted`."""
         answers = _answers(self.service.slice(definitions, records, wanted), self.failed)
         for one in definitions:
             record = records.get(one.text)
@@ -141,10 +142,10 @@ def _waited_for(answer: object) -> bool:
 
 
 class AvailableNames:
-    """The names that documents of one workspace can use.
+    """The names of parts and of other documents that the documents of one workspace can use.
 
-    `at_hand` is the source of parts, or None if no code may run. If it is None, only parts that a document uses are known. The function
-    `wake` is called after new requests for workers.
+    `at_hand` is the source of parts. It is None if no code may run; then only parts that a document uses are known. The function `wake` is
+    called after new requests for workers.
     """
 
     def __init__(self, workspace: Workspace, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
@@ -153,7 +154,7 @@ class AvailableNames:
         self._schemas = Schemas(workspace, _Parts(at_hand, wake))
 
     def schema_of(self, analysis: Analysis, scalars: Mapping[Path, str]) -> dict[str, Any] | None:
-        """Return the schema of a document, or None for files that are not documents.
+        """Return the JSON Schema of a document. Return None if the file is not a document.
 
         If the document has never been well-formed, return the general schema of its kind, which is determined by its `scalars`.
         """
@@ -166,7 +167,10 @@ class AvailableNames:
 
 
 class _Parts:
-    """The parts that a workspace can use, with cached results. Missing schemas are requested from workers, and parts are not built."""
+    """Provides the parts that a workspace can use, with cached results.
+
+    Missing schemas are requested from workers. Parts are never built.
+    """
 
     def __init__(self, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
         self._at_hand = at_hand
@@ -177,7 +181,7 @@ class _Parts:
         return [] if self._at_hand is None else self._at_hand.service.catalogue()
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """Return the schemas of parts as `AvailableParts` specifies. Pending parts are omitted."""
+        """Return the schemas of parts, in the form that `AvailableParts` specifies. Parts whose schemas are not yet cached are omitted."""
         answers = {} if self._at_hand is None else self._at_hand.describe(references)
         known = {name: one for name, one in answers.items() if not isinstance(one, PartFailure) or one.kind != WAITED_FOR}
         if len(known) < len(answers):
@@ -200,7 +204,7 @@ Answered = Callable[["Workspace", Mapping[str, PartFailure], Mapping[str, PartFa
 
 
 class BackgroundWorkers:
-    """A thread that sends the latest requests to workers, and calls `answered` when their results are in the store."""
+    """A thread that sends the most recent requests to worker processes. It calls `answered` when the results are cached."""
 
     def __init__(self, workspace: Workspace, store: Store, options: Options, answered: Answered) -> None:
         self.workspace = workspace
@@ -214,7 +218,7 @@ class BackgroundWorkers:
         self._thread: threading.Thread | None = None
 
     def want(self, wanted: PendingRequests) -> None:
-        """Replace the pending requests, without requests that already have results."""
+        """Replace the pending requests by new requests. Requests that already have results are omitted."""
         with self._changed:
             if self._ended or wanted == self._wanted or wanted.within(self._asked):
                 return
@@ -226,13 +230,16 @@ class BackgroundWorkers:
             self._give_up_soon()
 
     def renew(self) -> None:
-        """Discard the record of earlier requests, so that they can be sent again. Call this after a file of parts was saved."""
+        """Forget which requests were sent to workers, so that they can be sent again.
+
+        Call this method after a Python file of a part was saved.
+        """
         with self._changed:
             self._asked, self._wanted = PendingRequests(), PendingRequests()
             self._give_up_soon()
 
     def end(self) -> None:
-        """End the worker processes."""
+        """Stop the thread and end the worker processes."""
         with self._changed:
             self._ended = True
             self._changed.notify_all()
@@ -245,7 +252,7 @@ class BackgroundWorkers:
             timer.start()
 
     def _give_up(self, work: PendingRequests) -> None:
-        """End the workers if they are still processing an obsolete request."""
+        """End the worker processes if they are still processing a request that is no longer needed."""
         with self._changed:
             if self._at_work is not work or self._wanted is work or self._ended:
                 return
@@ -276,7 +283,10 @@ class BackgroundWorkers:
             self._answered(self.workspace, undescribed, failed)
 
     def _found_out(self, work: PendingRequests, workers: EndingWorkers) -> tuple[dict[str, PartFailure], dict[str, PartFailure]]:
-        """Compute all requests and cache the results in the store. Return the failures, by reference and by definition text."""
+        """Compute the results of all requests and store them in the cache.
+
+        Return the failures, keyed by part reference and by definition text.
+        """
         service = geometry_of(self.workspace, self._options, self._store, workers=workers)
         definitions = [definition for definition, _ in work.definitions.values()]
         convex = {text for text, (_, pieces) in work.definitions.items() if pieces}

@@ -1,4 +1,6 @@
-"""Convert diagnostics to LSP, and compute edits: fixes (as in `thingc check --fix`), missing components, and formatting."""
+"""Convert diagnostics to the format of LSP, and compute edits: quick fixes (as in `thingc check --fix`), missing components, and
+formatting.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ MOST_LINES = 3000
 
 
 def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
-    """Return the LSP edits that convert one text to another, or an empty list if they are equal."""
+    """Return the LSP text edits that change one text to another. Return an empty list if the texts are equal."""
     old, new = before.with_breaks(), TextLines(after).with_breaks()
     top, end = equal_ends(old, new)
     old_middle, new_middle = old[top : len(old) - end], new[top : len(new) - end]
@@ -39,7 +41,7 @@ def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
 
 
 def _start(lines: TextLines, number: int) -> int:
-    """Return the offset of a line (from 0), or the offset of the end of the text."""
+    """Return the offset at which a line (numbered from 0) starts. Return the length of the text for a line after the last line."""
     return lines.starts[number] if number < len(lines.starts) else len(lines.text)
 
 
@@ -54,7 +56,7 @@ _TOP = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 0}
 
 
 def by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
-    """Return the diagnostics in LSP format by the absolute path of their file.
+    """Convert diagnostics to the format of LSP, and group them by the absolute path of their file.
 
     If the file of a diagnostic does not exist (such as a missing lock file), assign the diagnostic to the document. The result always
     contains the document.
@@ -71,7 +73,7 @@ def _by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
 
 
 def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -> dict[str, Any]:
-    """Convert a diagnostic to LSP. If `span` is None, use the beginning of the file.
+    """Convert a diagnostic to the format of LSP. If `span` is None, the diagnostic is located at the beginning of the file.
 
     The help of the diagnostic is a separate line. Notes with a location become related information.
     """
@@ -95,7 +97,7 @@ KIND = "quickfix"
 
 
 def actions(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the quick fixes for diagnostics in a range. Mark unambiguous fixes as preferred."""
+    """Return the quick fixes for the diagnostics in a range of the text. A fix is marked as preferred if it is the only possible fix."""
     wanted = params["context"].get("only")
     if wanted and not any(kind == KIND or KIND.startswith(f"{kind}.") or kind == "" for kind in wanted):
         return []
@@ -119,7 +121,7 @@ def _fixes(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any
 
 
 def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
-    """Return the edits with which `thingc check --fix` fixes a diagnostic."""
+    """Return the edits with which `thingc check --fix` would fix a diagnostic."""
     documents = () if analysis.documents is None else tuple(analysis.documents.by_path.values())
     return safe_edits(
         CheckResult(found=[diagnostic], documents=documents), {}, is_document_path,
@@ -128,7 +130,10 @@ def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
 
 
 def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
-    """Yield the action that adds a missing component: a part with this name if one exists, else a frame with the referenced mounts."""
+    """Yield a quick fix that adds a component to which the document refers, but which does not exist.
+
+    The component is a part with this name if one exists, else a frame with the mounts to which the document refers.
+    """
     document = None if analysis.documents is None else analysis.documents.root
     if diagnostic.code is not Code.UNKNOWN_COMPONENT or diagnostic.span is None or document is None or document.text != analysis.text:
         return
@@ -153,7 +158,7 @@ def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[d
 
 
 def _as_name(text: str) -> str:
-    """Convert the name of a class to the name of a component: `RotorBrace` becomes `rotor_brace`."""
+    """Convert the name of a class to the name of a component in snake case: `RotorBrace` becomes `rotor_brace`."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", text).lower()
 
 

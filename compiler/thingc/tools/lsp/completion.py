@@ -52,9 +52,9 @@ _USUAL = ("params", "parameters", "attach", "at", "limit", "drive", "components"
 
 
 class CompletionItem(FrozenStruct):
-    """A completion item that replaces the characters from `start` to before `end` by `text`.
+    """An item of a completion list. It replaces the characters from offset `start` up to, but not including, `end` by `text`.
 
-    `shown` is its label. Items are sorted by ascending `rank`.
+    `shown` is the label of the item. Items are sorted by ascending `rank`.
     """
 
     shown: str
@@ -84,7 +84,7 @@ def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[
 
 
 def items(analysis: Analysis, text: str, offset: int) -> list[CompletionItem]:
-    """Return the completion items at the offset `offset`, the most likely item first."""
+    """Return the completion items for the cursor at the given offset of the text, the most likely item first."""
     cursor = cursor_at(text, offset, toml=analysis.path.lower().endswith(".toml"))
     known = analysis.known
     schema = None if cursor is None or known.in_reach is None else known.in_reach.schema_of(known, cursor.scalars)
@@ -98,7 +98,7 @@ def items(analysis: Analysis, text: str, offset: int) -> list[CompletionItem]:
 
 
 class _Asked:
-    """A completion request: the document, the cursor and the schema."""
+    """A request for completion. It contains the document, the position of the cursor and the JSON Schema of the document."""
 
     def __init__(self, analysis: Analysis, text: str, offset: int, cursor: Cursor, walk: SchemaWalk) -> None:
         self.analysis = analysis.known
@@ -111,7 +111,7 @@ class _Asked:
     # --- keys ---------------------------------------------------------------------------------------------------------
 
     def keys(self) -> Iterator[CompletionItem]:
-        """Yield completion items for the keys that can be added to a mapping."""
+        """Yield completion items for the keys that can be added to the mapping at the cursor."""
         for number, offer in enumerate(self.walk.key_offers(self.cursor.path)):
             if self.cursor.header and not offer.mapping:
                 continue
@@ -145,7 +145,7 @@ class _Asked:
     # --- values -------------------------------------------------------------------------------------------------------
 
     def values(self) -> Iterator[CompletionItem]:
-        """Yield completion items for the values that match the typed text."""
+        """Yield completion items for the values that are valid at the cursor and match the typed text."""
         typed = self.cursor.typed
         if typed.lstrip().startswith("="):
             yield from self._in_expression()
@@ -173,7 +173,7 @@ class _Asked:
                     yield self._item(f"={name}", self._quoted(f"={name}"), _VARIABLE, rank=100, detail=quantity.shown(6))
 
     def _word(self, word: str, *, rank: int, description: str) -> CompletionItem:
-        """Create a completion item for a word in the schema, such as a name, a part or a document."""
+        """Create a completion item for a word that the JSON Schema suggests, such as a name, a part or a document."""
         kind, detail, text = _VALUE, "", self._quoted(word)
         if self.cursor.path[-1:] == ("part",):
             kind, detail = _CLASS, ", ".join(self.walk.parameters_of(word))
@@ -188,7 +188,10 @@ class _Asked:
         return self._item(word, text, kind, rank=rank, detail=detail, description=description)
 
     def _params(self, part: str) -> str:
-        """Return the text of `params:` with example values of the required parameters of a part, or an empty string."""
+        """Return the text of a mapping `params:` that sets the required parameters of a part to example values.
+
+        Return an empty string without such parameters.
+        """
         owner = self.cursor.path[:-1]
         needed = self.walk.needed_parameters(part)
         if not needed or "params" in self.cursor.keys.get(owner, ()) or self.cursor.quote:
@@ -203,7 +206,10 @@ class _Asked:
         return f"\n{' ' * (len(line) - len(line.lstrip()))}params: {{{pairs}}}"
 
     def _behind_dot(self) -> Iterator[CompletionItem]:
-        """Yield completions of a reference after a dot: mounts of a component, and nested components."""
+        """Yield completion items for a reference that ends with a dot.
+
+        The items are the mounts of the component, and components nested in it.
+        """
         head = self.cursor.typed[: self.cursor.typed.rindex(".") + 1]
         start = self.cursor.start + len(head)
         mounts: dict[str, str] = {}
@@ -222,7 +228,9 @@ class _Asked:
                 yield replace(one, shown=one.shown[len(head) :], text=one.text[len(head) :], start=start)
 
     def _counted(self) -> Iterator[CompletionItem]:
-        """Yield references by the index of a repeated component: `plate.servo_screw_$i` for `plate.servo_screw_0`, `_1`, ..."""
+        """Yield references in which the index of a repeated component is a variable: `plate.servo_screw_$i` for `plate.servo_screw_0`,
+        `_1`, ...
+        """
         path = self.cursor.path
         index = self.cursor.scalars.get((*path[:2], "repeat", "as"), "i") if "repeat" in self.cursor.keys.get(path[:2], ()) else None
         if index is None:
@@ -244,7 +252,7 @@ class _Asked:
                 )
 
     def _own(self, word: str) -> bool:
-        """Return whether a suggested word refers to the element that is being written, for example to a mount of the same component."""
+        """Return whether a suggested word refers to the element that the user is editing, for example to a mount of the same component."""
         path = self.cursor.path
         if path[:1] == ("components",) and len(path) > 2 and path[2] in ("attach", "at"):
             return path[-1] != "mount" and re.fullmatch(rf"{re.escape(str(path[1]))}(_(\d+|\$\w+))?", word.partition(".")[0]) is not None
@@ -254,7 +262,7 @@ class _Asked:
         return len(path) > 2 and path[-1] in ("extends", "joint") and word == path[1]
 
     def _taken(self, word: str) -> bool:
-        """Return whether another value of the same kind already uses the word. Completion lists such items last."""
+        """Return whether another value of the same kind already uses the word. Completion lists such words last."""
         kind = self.cursor.path[-1:]
         if kind not in (("drive",), ("parent",), ("child",)) and self.cursor.path[2:3] != ("attach",):
             return False
@@ -265,7 +273,10 @@ class _Asked:
     # --- quantities and expressions ----------------------------------------------------------------------------------
 
     def _dimensions(self) -> tuple[Dimension, ...]:
-        """Return the possible physical dimensions of the value. The dimension of joint limits depends on the type of the joint."""
+        """Return the physical dimensions that the value at the cursor can have.
+
+        The dimension of joint limits depends on the kind of the joint.
+        """
         path = self.cursor.path
         dimensions = self.walk.dimensions(path)
         if set(dimensions) != {ANGLE, LENGTH}:
@@ -277,7 +288,10 @@ class _Asked:
         return ((ANGLE,) if known[-1].angle else (LENGTH,)) if known else dimensions
 
     def _units(self, start: int, end: int, close: bool) -> Iterator[CompletionItem]:
-        """Yield the possible units of a number that ends at `start`. `close` specifies whether the cursor directly follows the number."""
+        """Yield completion items for the units of a number that ends at offset `start`.
+
+        `close` specifies whether the cursor directly follows the number.
+        """
         dimensions = self._dimensions()
         for number, unit in enumerate(_by_use(dimensions)):
             space = " " if close and unit != "°" else ""
@@ -336,7 +350,10 @@ class _Asked:
         )
 
     def _quoted(self, word: str) -> str:
-        """Quote a word if necessary: always in TOML, in YAML only if required, and never inside quotes."""
+        """Add quotes to a word if the language of the document requires them. TOML always requires quotes.
+
+        If the cursor is already inside quotes, only a missing closing quote is added.
+        """
         cursor = self.cursor
         if cursor.quote:
             return word if self.text.startswith(cursor.quote, cursor.end) else f"{word}{cursor.quote}"
@@ -345,7 +362,7 @@ class _Asked:
 
 
 def _by_use(dimensions: tuple[Dimension, ...]) -> list[str]:
-    """Return the units of these physical dimensions, the most common units first."""
+    """Return the units that have one of these physical dimensions, the most common units first."""
     fitting = [name for name, one in _DIMENSIONS.items() if one in dimensions or any(fits(one, other) for other in dimensions)]
     return sorted(fitting, key=lambda name: _FIRST.index(name) if name in _FIRST else len(_FIRST))
 

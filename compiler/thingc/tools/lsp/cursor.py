@@ -23,7 +23,7 @@ _LINE_OF_TABLE = re.compile(
 
 @dataclass(slots=True)
 class TomlScan(Scan):
-    """A scanner for TOML text that may not be valid. It reads table headers, lines `key = value`, and as much other text as possible."""
+    """Scans TOML text that may not be valid. It reads table headers and lines `key = value`, and skips text that it cannot read."""
 
     table: Path = ()
     counts: dict[Path, int] = field(default_factory=dict)
@@ -81,7 +81,7 @@ class TomlScan(Scan):
     # --- brackets and quotes ------------------------------------------------------------------------------------------
 
     def key_tokens(self, at: int) -> tuple[list[Token], int]:
-        """Return the segments of a dotted key (see `Scan`)."""
+        """Return the segments of the dotted key at the offset `at`, and the offset where the key ends."""
         tokens: list[Token] = []
         while True:
             match = _SEGMENT.match(self.text, at)
@@ -96,7 +96,7 @@ class TomlScan(Scan):
             at += 1
 
     def ends_flow(self, line: int, column: int) -> bool:
-        """Return whether the line is a header or contains a key (see `Scan`)."""
+        """Return whether the line at the offset `line` is a table header or contains a key, and so cannot continue an open bracket."""
         return _LINE_OF_TABLE.match(self.text, line) is not None
 
     def quotes(self, at: int, column: int) -> tuple[int, int, int]:
@@ -124,7 +124,7 @@ _PLAIN_KEY_IN_FLOW = re.compile(r"(?:[^,{}\[\]\r\n:# \t]|:(?![\s,{}\[\]]|$)|[ \t
 
 @dataclass(slots=True)
 class _Frame:
-    """An unfinished block mapping or list: the column of its keys or dashes, its path, and its last key or index.
+    """A block mapping or list that is being scanned. It has the column of its keys or dashes, its path, and its last key or index.
 
     `state` describes the last entry: `open` (no value yet), `scalar` (a plain value, which may continue on the next line), or `done`.
     """
@@ -136,13 +136,13 @@ class _Frame:
     state: str = "done"
 
     def inner(self) -> Path:
-        """Return the path of the value of the last entry."""
+        """Return the path of keys to the value of the last entry."""
         return self.path if self.last is None else (*self.path, self.last)
 
 
 @dataclass(slots=True)
 class YamlScan(Scan):
-    """A scanner for YAML text that may not be valid. It reads blocks by their columns, and as much other text as possible."""
+    """Scans YAML text that may not be valid. It finds nested blocks by their indentation, and skips text that it cannot read."""
 
     stack: list[_Frame] = field(default_factory=lambda: [_Frame(0, (), False)])
 
@@ -176,7 +176,7 @@ class YamlScan(Scan):
         return self.text[here] == "-" and (here + 1 >= end or self.text[here + 1] in " \t")
 
     def _blank(self, column: int) -> None:
-        """Find the context of a cursor on an empty line or in the indentation of a line."""
+        """Find the context of the cursor if the cursor is on an empty line or in the indentation of a line."""
         top = self.stack[-1]
         if top.state == "open" and (column > top.column or (top.sequence and column >= top.column)):
             self.place = CursorPlace(role="key", path=top.inner(), start=self.target, end=self.target, either=True)
@@ -294,13 +294,15 @@ class YamlScan(Scan):
         return [Token(name=name, start=at, end=at + len(name))], end
 
     def ends_flow(self, line: int, column: int) -> bool:
-        """Return whether the line starts a block entry and is not indented more than the key (see `Scan`)."""
+        """Return whether the line at the offset `line` starts a block entry and is not indented more than the key, so that it cannot
+        continue an open bracket.
+        """
         match = _LINE_OF_BLOCK.match(self.text, line)
         return match is not None and len(match.group(1)) <= column
 
 
 class Cursor(CursorPlace):
-    """The position of the cursor in a text. Positions are offsets in characters.
+    """The position of the cursor in a document, and the token at the cursor. Positions are offsets in characters.
 
     `typed` is the text from `start` to the cursor. A completion replaces the text from `start` to before `end`, on the same line.
     `separated` specifies whether `:` or `=` already follows the key. `toml` specifies whether the language is TOML, not YAML.
@@ -316,7 +318,10 @@ class Cursor(CursorPlace):
 
 
 def cursor_at(text: str, offset: int, *, toml: bool) -> Cursor | None:
-    """Return the cursor at the offset `offset`, or None in comments and multi-line strings, which have no completion."""
+    """Find the context of the cursor at the given offset of the text.
+
+    Return None in comments and multi-line strings, which have no completion.
+    """
     scan: Scan = (TomlScan if toml else YamlScan)(text, offset)
     scan.run()
     place = scan.place

@@ -1,4 +1,4 @@
-"""Create the hover texts of documents in Markdown."""
+"""Create the Markdown texts that an editor shows when the mouse pointer hovers over a key or value of a document."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _CODES = {code.code: code for code in all_codes()}
 
 
 def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the hover text at a position, in the format of LSP, or None."""
+    """Return the hover text for a position in a document, in the format of LSP. Return None if there is no text to show."""
     lines = analysis.lines()
     cursor = cursor_at(text, lines.index(place), toml=analysis.path.lower().endswith(".toml"))
     if cursor is None or cursor.start == cursor.end:
@@ -34,7 +34,7 @@ def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, 
 
 
 def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
-    """Return the hover text for the key or value `written` at a cursor, or an empty string."""
+    """Return the hover text for the key or value `written` at the cursor. Return an empty string if there is no text to show."""
     if cursor.role == "key" and written in _CODES:
         code = _CODES[written]
         return f"**{code.code}**: {code.title}\n\nFix: {code.cure}\n\nRun `thingc explain {code.code}` for details."
@@ -50,7 +50,7 @@ def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
 
 
 def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
-    """Format the value of a quantity or expression."""
+    """Format the value of a quantity or expression for a hover text."""
     values = evaluate_expression(analysis, cursor.path, written)
     if not values or (not written.startswith("=") and not written.strip()[-1:].isalpha()):
         return ""
@@ -64,7 +64,7 @@ def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
 
 
 def _of_name(analysis: Analysis, path: Path) -> str:
-    """Describe a declared name: a component, joint, pose, mode or mount, or a joint in a pose."""
+    """Describe the element that a document declares with this name: a component, joint, pose, mode or mount, or a joint in a pose."""
     section, name = path[0], str(path[-1])
     if len(path) == 2 and section in _OF:
         return _OF[str(section)](analysis, name)
@@ -78,7 +78,7 @@ def _of_name(analysis: Analysis, path: Path) -> str:
 
 
 def _referred(analysis: Analysis, path: Path, written: str) -> str:
-    """Describe the element to which a reference refers."""
+    """Describe the element of the robot to which a reference in a document refers."""
     key = path[-1] if not isinstance(path[-1], int) else path[-2] if len(path) > 1 else ""
     if key in ("pose", "poses"):
         return _of_pose(analysis, written)
@@ -107,7 +107,7 @@ def _of_parameter(analysis: Analysis, name: str) -> str:
 
 
 def _of_component(analysis: Analysis, name: str) -> str:
-    """Describe a component: its kind, its mass and its pose."""
+    """Describe a component for a hover text: its kind, its mass and its pose."""
     facts = analysis.facts
     piece = next((one for one in facts.pieces if name == one.name or name in one.items), None)
     what = piece.what if piece is not None else facts.components.get(name, "")
@@ -123,7 +123,7 @@ def _of_component(analysis: Analysis, name: str) -> str:
 
 
 def _measured(assembly: Assembly, name: str) -> Iterator[str]:
-    """Yield the mass and the pose of a component, or the mass of a nested assembly."""
+    """Yield texts about the mass and the pose of a component. For a nested assembly, yield only its mass."""
     path = name.replace(".", "/")
     inside = [one for one in assembly.occurrences if one.path == path or one.path.startswith(f"{path}/")]
     if not inside:
@@ -153,7 +153,7 @@ def _of_mount(analysis: Analysis, reference: str) -> str:
 
 
 def _of_joint(analysis: Analysis, name: str) -> str:
-    """Describe a joint: its kind, mounts, limits and drive."""
+    """Describe a joint for a hover text: its kind, its mounts, its limits and its drive."""
     facts = analysis.facts.joints.get(name)
     mates = () if analysis.assembly is None else analysis.assembly.mates
     coordinate = next(((mate, edge) for mate in mates for edge in mate.joints if str(edge.name) == name), None)
@@ -181,7 +181,10 @@ def _motion(edge: JointEdge) -> str:
 
 
 def _of_pose(analysis: Analysis, name: str) -> str:
-    """Describe a pose: the joint values, with patterns and nested poses resolved, and the modes that start in this pose."""
+    """Describe a pose for a hover text: the values of its joints, and the modes that start in this pose.
+
+    Name patterns and nested poses are resolved to joints.
+    """
     model = analysis.model
     pose = None if model is None else next((one for one in model.poses if one.name == name and name in analysis.facts.poses), None)
     if model is None or pose is None:
@@ -198,7 +201,7 @@ def _of_pose(analysis: Analysis, name: str) -> str:
 
 
 def _of_mode(analysis: Analysis, name: str) -> str:
-    """Describe a mode: its root, its base and its start pose."""
+    """Describe a mode for a hover text: its root, its base and its start pose."""
     mode = None if analysis.model is None else next((one for one in analysis.model.modes if one.name == name and one.stated), None)
     if mode is None:
         return ""

@@ -1,4 +1,4 @@
-"""Navigate to names and rename them in documents and part modules, and compute symbols, folding ranges and semantic tokens.
+"""Find and rename names in documents and part modules, and compute symbols, folding ranges and semantic tokens.
 
 If the text cannot be parsed, this module uses the names of the last parsable text on lines that have not changed. In this case, renaming is
 not possible.
@@ -33,7 +33,7 @@ MAX_SYMBOLS = 500
 
 
 class _Names:
-    """The names that a document can use, with spans in its current text."""
+    """The names that a document can use, with their spans in the current text of the document."""
 
     def __init__(self, analysis: Analysis, sight: WorkspaceIndex) -> None:
         self.analysis = analysis
@@ -48,12 +48,12 @@ class _Names:
         return None if cursor is None else self.sight.index.at(path, cursor.line, cursor.column)
 
     def range(self, span: Span) -> Any:
-        """Return the LSP range of a span, or None if its line has changed."""
+        """Return the LSP range of a span. Return None if the line of the span has changed since the text was parsed."""
         where = self.now(span) if span.file == self.analysis.path else span
         return None if where is None else TextLines(self.sight.read(span.file) or "").range(where)
 
     def locations(self, spans: Iterable[Span]) -> list[dict[str, Any]]:
-        """Return the LSP locations of spans, in order."""
+        """Convert spans to LSP locations. The order does not change."""
         places = ((span, self.range(span)) for span in dict.fromkeys(spans))
         return [{"uri": self.analysis.uri(span.file), "range": there} for span, there in places if there is not None]
 
@@ -80,7 +80,10 @@ def _found(analysis: Analysis, place: TextPlace, *, near: bool = False) -> tuple
 
 
 def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the declaration of the name at a position. If a Python file declares the name, return the documents that use it."""
+    """Return the location where the name at a position is declared.
+
+    If a Python file declares the name, return the documents that use it.
+    """
     named = _found(analysis, place, near=not analysis.path.endswith(".py"))
     if named is None:
         return []
@@ -95,7 +98,7 @@ def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 
 def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return all uses of the name at a position, including patterns that match the name."""
+    """Return the locations of all uses of the name at a position, including patterns that match the name."""
     named = _found(analysis, place)
     if named is None:
         return []
@@ -105,7 +108,7 @@ def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 
 def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the uses of the name at a position in the same document."""
+    """Return the locations in the same document where the name at a position is used."""
     named = _found(analysis, place, near=True)
     if named is None:
         return []
@@ -128,7 +131,7 @@ def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any)
 
 
 def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the edits that rename the name at a position everywhere. Raises `RenameRefused` with the reason."""
+    """Return the edits that rename the name at a position in all files of the workspace. Raises `RenameRefused` with the reason."""
     named = _found(analysis, place)
     if named is None:
         raise RenameRefused("there is no name here")
@@ -145,7 +148,7 @@ def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
 
 
 def workspace_symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the names in a workspace that contain the letters of the query in the given order."""
+    """Return the names in a workspace that match a query. A name matches if it contains the letters of the query in the same order."""
     names, wanted = _names(analysis), params.get("query", "").lower()
     symbols: list[dict[str, Any]] = []
     for one in names.sight.index.places if names is not None else ():
@@ -174,12 +177,12 @@ _MODULE = 2
 
 
 def symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the sections of the document, with their names."""
+    """Return the outline of a document: its sections, each with the names that it declares."""
     return _symbols_in(analysis, analysis.known.tree, None)
 
 
 def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> list[dict[str, Any]]:
-    """Return the keys of a mapping as symbols of a `kind`. If `kind` is None, the keys are sections, which contain names."""
+    """Convert the keys of a mapping to LSP symbols of a `kind`. If `kind` is None, the keys are sections, which contain names."""
     if not isinstance(mapping, MappingNode):
         return []
     listed = []
@@ -196,7 +199,10 @@ def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> l
 
 
 def folds(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the folding ranges: comments, and values on several lines. The range of a value starts at the line of its key."""
+    """Return the ranges of a document that an editor can fold: comments, and values on several lines.
+
+    The range of a value starts at the line of its key.
+    """
     ends: dict[int, int] = {}
     for key, node in _inside(analysis.known.tree):
         whole = _now(analysis, _around(key, node))
@@ -219,7 +225,7 @@ def _comments(text: str) -> Iterator[dict[str, Any]]:
 
 
 def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the semantic tokens of expressions in LSP's relative encoding, with the types in `TOKENS`."""
+    """Return the semantic tokens of the expressions in a document, in LSP's relative encoding. Their types are in `TOKENS`."""
     known = analysis.known
     if known.documents is None:
         return None
@@ -266,14 +272,14 @@ def _inside(node: Node | None) -> Iterator[tuple[Span, Node]]:
 
 
 def _around(key: Span, node: Node) -> Span:
-    """Return the span of a key and its value. In TOML, a table may start before its key."""
+    """Return the span that contains a key and its value. In TOML, a table may start before its key."""
     begin = min((key.line, key.column), (node.span.line, node.span.column))
     end = max((key.end_line, key.end_column), (node.span.end_line, node.span.end_column))
     return Span(file=key.file, line=begin[0], column=begin[1], end_line=end[0], end_column=end[1])
 
 
 def _now(analysis: Analysis, span: Span) -> Span | None:
-    """Convert a span in the text that provides names to the current text, or None if its lines have changed."""
+    """Convert a span in the last parsed text to a span in the current text. Return None if the lines of the span have changed."""
     known = analysis.known
     if known.whole and known is analysis:
         return span
