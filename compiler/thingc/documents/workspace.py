@@ -51,7 +51,7 @@ class Tessellation(FrozenStruct):
     angular: float
 
     def coarser(self, other: Tessellation) -> Tessellation:
-        """Return the tolerances with the larger value of each of two tessellations."""
+        """Return a tessellation with the larger value of each tolerance of two tessellations."""
         return Tessellation(linear=max(self.linear, other.linear), angular=max(self.angular, other.angular))
 
 
@@ -184,7 +184,7 @@ def _default(folder: str, inputs: dict[str, str | None]) -> Workspace:
 
 
 def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) -> tuple[str, ...]:
-    """Return the existing folders inside the workspace.
+    """Return the absolute paths of the folders in `names` that exist in the workspace.
 
     Missing folders are added to the inputs, because creating such a folder changes the workspace.
     """
@@ -227,7 +227,7 @@ def _has_table(data: bytes) -> bool:
 
 
 def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | None], report: Report) -> Workspace | None:
-    """Return the workspace that a file describes.
+    """Create the workspace that a workspace file describes.
 
     The settings are first read without positions and models, which is fast. If any setting is unusual, the document model validates the
     file and reports errors.
@@ -336,7 +336,7 @@ def bytes_of(memory: Any) -> int:
 
 
 def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[str, str | None]) -> Workspace | None:
-    """Return the workspace, or None if one of its folders is invalid."""
+    """Create a workspace from its settings. Return None if one of its folders is invalid."""
     folders = DEFAULT_PARTS if settings.parts is None else settings.parts
     if len(folders) > MAX_FOLDERS or len(settings.packages) > MAX_FOLDERS:
         return None

@@ -162,6 +162,6 @@ _PROPERTY = re.compile(r"&[^\s\[\]{},]+\s+")
 
 
 def body_of(text: str, start: int) -> int:
-    """Return the index at which a value starts after its YAML anchor (`&name`). An anchor on a separate line is not skipped."""
+    """Skip the YAML anchor (`&name`) at the index `start`, if any, and return the index of the first character of the value."""
     match = _PROPERTY.match(text, start)
     return match.end() if match is not None else start

@@ -117,7 +117,7 @@ def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, 
 
 
 def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
-    """Report that a document has a kind that is not accepted."""
+    """Report that the root document has a kind that the command does not accept, such as `materials` instead of `assembly`."""
     if root.kind == "variants":
         report.add(
             Code.WRONG_KIND, "this is a variants document, but a single assembly is required here", root.span(("thingc",)),

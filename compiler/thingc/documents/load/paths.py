@@ -91,7 +91,7 @@ def named(text: str, beside: str) -> str | None:
 def libraries(path: str) -> tuple[str, ...]:
     """Return the material libraries in the folder of an OBJ file to which the first lines of the file refer.
 
-    Return an empty tuple for other files.
+    Return an empty tuple for files of other formats.
     """
     if not path.lower().endswith(".obj"):
         return ()
@@ -113,7 +113,7 @@ def refuse_name(name: str, where: Span | None, report: Report) -> None:
 
 
 def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> Hint:
-    """Return a hint that shows a similar file in the folder, or the existing files."""
+    """Return a hint for a file that does not exist: a file with a similar name in the same folder, or the names of existing files."""
     folder = os.path.dirname(path)
     prefix = text[: len(text) - len(os.path.basename(text))]
     try:

@@ -54,7 +54,7 @@ def report_syntax(error: Any, source: Source, report: Report) -> None:
 
 
 class _Stop(Exception):
-    """Raised to stop parsing after the reason has been reported."""
+    """Raised to stop parsing a YAML document. The reason has been reported before."""
 
 
 @dataclass(slots=True)
@@ -67,7 +67,10 @@ class _Anchored:
 
 
 class _Builder:
-    """Builds nodes from the events in one pass. `nodes` counts the nodes with all aliases expanded."""
+    """Builds the tree of a YAML document from the events of the parser in one pass.
+
+    `nodes` counts the nodes of the tree with all aliases expanded.
+    """
 
     def __init__(self, source: Source, report: Report, events: Any) -> None:
         self.source = source
@@ -338,7 +341,7 @@ class _Builder:
         return pairs, following
 
     def vector(self, first: Any, more: list[Any]) -> ScalarNode:
-        """Return the intended vector for three values in a mapping, as in `{xyz: 0, 0, 4 mm}`."""
+        """Return the vector that the user intended by three values without brackets in a mapping, as in `{xyz: 0, 0, 4 mm}`."""
         start, end = first.start_mark.index, more[-1].end_mark.index
         span, text = self.source.span(start, end), " ".join(piece.value for piece in (first, *more))
         written = self.source.text[start:end]
@@ -383,12 +386,12 @@ class _Builder:
 
 
 def _cut(event: Any) -> bool:
-    """Return whether an event is a plain scalar that contains an expression with unclosed parentheses."""
+    """Return whether a parser event is an unquoted scalar that contains an expression with unclosed parentheses."""
     return type(event).__name__ == "ScalarEvent" and not event.style and event.value.startswith("=") and _open([event])
 
 
 def _is_value(event: Any) -> bool:
-    """Return whether an event is a plain scalar that begins with a number or an expression."""
+    """Return whether a parser event is an unquoted scalar that begins with a number or an expression."""
     if type(event).__name__ != "ScalarEvent" or event.style:
         return False
     return event.value.startswith("=") or scan_number(event.value) is not None
@@ -409,7 +412,7 @@ def is_flow(text: str) -> bool:
 def read_flow(text: str, place: Span) -> Node | Diagnostic:
     """Parse a one-line mapping or list that replaces a value of a document (`{on: floor}`). If the text is invalid, return the diagnostic.
 
-    All nodes have the same `place`.
+    All nodes of the resulting tree have the same position, `place`.
     """
     report = Report()
     tree = read_yaml(Source("", text), report)

@@ -58,7 +58,8 @@ def allow() -> Any:
 
 
 def allowances(spec: AssemblySpec, document: Document) -> Iterator[Allowance]:
-    """Yield every entry of every `allow` in a document: in the document itself, its components, its joints and its modes.
+    """Yield the entries of all `allow` mappings of a document, which suppress warnings: in the document itself, its components, its joints
+    and its modes.
 
     Warnings that a mode suppresses are also suppressed in modes that extend it.
     """
@@ -77,7 +78,10 @@ def allowances(spec: AssemblySpec, document: Document) -> Iterator[Allowance]:
 
 
 def _lines(written: Mapping[str, str], document: Document, path: Path, covered: list[Path] | None = None) -> Iterator[Allowance]:
-    """Yield the entries of the `allow` in the mapping at `path`. The entries suppress warnings at the paths `covered` (default: `path`)."""
+    """Yield the entries of the mapping `allow` of the element at `path`.
+
+    They suppress warnings at the paths `covered`, by default at `path`.
+    """
     for code, reason in written.items():
         yield Allowance(
             code=_BY_CODE[code], reason=reason, where=document.span((*path, "allow", code), key=True), path=".".join(map(str, path)),

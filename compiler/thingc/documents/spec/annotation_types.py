@@ -39,7 +39,7 @@ class FieldType(FrozenStruct):
 
     @property
     def by_number(self) -> bool:
-        """Whether the value is a mapping whose keys are the indices of coordinates."""
+        """Whether the value is a mapping whose keys are the indices of a joint's coordinates."""
         return self.kind == "dict" and self.key is Index
 
     @property
@@ -68,7 +68,7 @@ class FieldType(FrozenStruct):
 
 @cache
 def shape_of(annotation: Any) -> FieldType:
-    """Return the type of an annotation. A `None` branch is ignored."""
+    """Convert a Python annotation of a document model to a `FieldType`. The branch `None` of an optional type is ignored."""
     return _field_shape(annotation, ())
 
 
@@ -102,7 +102,7 @@ def _field_shape(annotation: Any, metadata: Sequence[Any]) -> FieldType:
 
 @cache
 def model_keys(model: type[BaseModel]) -> dict[str, tuple[FieldType, bool]]:
-    """Return the keys of a model, in order. Each key has its type and whether it is required."""
+    """Return the keys that a document model defines, in order. Each key has the type of its value, and whether the key is required."""
     return {
         field.alias or name: (_field_shape(field.annotation, field.metadata), field.is_required())
         for name, field in model.model_fields.items()
@@ -110,12 +110,12 @@ def model_keys(model: type[BaseModel]) -> dict[str, tuple[FieldType, bool]]:
 
 
 def alternatives(shape: FieldType) -> list[FieldType]:
-    """Return the branches of a union; for any other type, the type itself."""
+    """Return the types that a value may have: the branches of a union type, or the type itself."""
     return [shape_of(member) for member in shape.members] if shape.kind == "union" else [shape]
 
 
 def branch_of(shape: FieldType, value: Any) -> FieldType | None:
-    """Return the branch of a union that `value` is probably meant for; None if no branch accepts such a value."""
+    """Return the branch of a union type that `value` is probably meant for. Return None if no branch accepts this type of value."""
     branches = alternatives(shape)
     if isinstance(value, dict):
         fitting = [branch for branch in branches if branch.kind in ("model", "dict")]
@@ -137,7 +137,7 @@ def branch_of(shape: FieldType, value: Any) -> FieldType | None:
 
 
 def likeness(branch: FieldType, value: dict[str, Any]) -> float:
-    """Return the number of keys of `value` that exist in a type.
+    """Rate how well a value fits a type: count the keys of `value` that the type defines.
 
     A similar key counts 0.5. A mapping with arbitrary names counts 0.25 in total.
     """
@@ -148,11 +148,11 @@ def likeness(branch: FieldType, value: dict[str, Any]) -> float:
 
 
 def one_of(words: Sequence[str]) -> str:
-    """Join alternatives for a message, such as `a`, `b` or `c`."""
+    """Join the alternatives in `words` for a message: `a, b or c`."""
     quoted = [f"`{word}`" for word in words]
     return quoted[0] if len(quoted) == 1 else ", ".join(quoted[:-1]) + " or " + quoted[-1]
 
 
 def spoken(choice: Any) -> str:
-    """Return a choice as it is written in a document."""
+    """Format an allowed value of a field in the syntax of documents."""
     return {True: "true", False: "false"}[choice] if isinstance(choice, bool) else str(choice)

@@ -1,4 +1,4 @@
-"""The base class of all document models, and the errors for violated rules of these models."""
+"""The base class of all document models, and a function that creates the validation error of a rule between fields."""
 
 from __future__ import annotations
 
@@ -19,5 +19,5 @@ class Model(BaseModel):
 
 
 def rule(message: str, help: Hint = "", key: str | None = None) -> PydanticCustomError:
-    """Return an error for a violated rule of a mapping; `key` is the key that causes it."""
+    """Create a validation error for a mapping that violates a rule between its fields. `key` is the key that causes the error."""
     return PydanticCustomError("rule", "{message}", {"message": message, "help": help, "path": (key,) if key is not None else ()})

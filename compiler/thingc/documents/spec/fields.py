@@ -76,7 +76,10 @@ class FieldValidator:
 
 
 def fault(kind: str, message: Hint, *, help: Hint | None = None, offset: int | None = None, end: int | None = None) -> PydanticCustomError:
-    """Return an error for `spec.validation`. The module docstring describes the context of the error."""
+    """Create a pydantic validation error with the message and the help text of thingc.
+
+    The module docstring describes the context of the error.
+    """
     context: dict[str, Any] = {"message": message}
     if help:
         context["help"] = help
@@ -87,7 +90,7 @@ def fault(kind: str, message: Hint, *, help: Hint | None = None, offset: int | N
 
 
 def found(value: object) -> str:
-    """Return the description of a value in messages: "the string `x`", "the number `3`", "a list of 2", "a mapping"."""
+    """Describe an invalid value for a message: "the string `x`", "the number `3`", "a list of 2", "a mapping"."""
     if isinstance(value, str):
         return f"the string `{shortened(value)}`" if value else "an empty string"
     if isinstance(value, bool):
@@ -121,7 +124,7 @@ def _of_unit(error: UnitError) -> PydanticCustomError:
 
 
 def _bare(value: int | float) -> Quantity:
-    """Convert a bare number to a quantity. Numbers that overflow a double are rejected."""
+    """Convert a number without a unit to a quantity. Numbers that overflow a double are rejected."""
     try:
         number = float(value)
     except OverflowError:
@@ -180,8 +183,8 @@ def decimal_point(text: str, whole: str, rest: str) -> Suggestion:
 def quantity(*dimensions: Dimension, doc: str = "") -> FieldValidator:
     """Return a validator for values of one of the physical dimensions. The validated value is a `Quantity` or an `Expression`.
 
-    A bare 0 is 0 of every dimension; other bare numbers are rejected unless NUMBER is among the dimensions.
-    `doc` replaces the default description ("an angle or a length") in messages and in the schema.
+    The number 0 needs no unit. Other numbers without a unit are rejected, unless NUMBER is one of the physical dimensions. `doc` replaces
+    the default description ("an angle or a length") in messages and in the schema.
     """
     words = doc or " or ".join(dimension.words for dimension in dimensions)
     examples = [dimension.example for dimension in dimensions]
@@ -248,7 +251,10 @@ def _joint_value(value: Any) -> Value | str:
 
 
 def _vector(dimension: Dimension) -> FieldValidator:
-    """Return the type of three values of one dimension: `[10 mm, 0, =h]` or `0 120 30 mm`. The validated value is a tuple of three."""
+    """Return the field type of a vector with three values of one physical dimension: `[10 mm, 0, =h]` or `0 120 30 mm`.
+
+    The validated value is a tuple of three values.
+    """
     words = f"three values, each {dimension.words}"
     number, _, unit = dimension.example.partition(" ")
     short = f"0 0 -{number} {unit}" if dimension == ACCELERATION else f"0 {number} 30 {unit}"
@@ -290,14 +296,16 @@ def _vector(dimension: Dimension) -> FieldValidator:
 
 
 def within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticCustomError:
-    """Return an error with its `path` inside a value, so that `spec.validation` can locate the error."""
+    """Return a copy of a validation error with the path of the faulty item inside a value, so that `spec.validation` can locate the
+    error.
+    """
     context = dict(error.context or {})
     context["path"] = path
     return PydanticCustomError(error.type, "{message}", context)
 
 
 def raise_all(errors: list[PydanticCustomError]) -> None:
-    """Raise the first error inside a value, if any. Its context contains the other errors."""
+    """Raise the first of several validation errors, if any. The context of the raised error contains the other errors."""
     if errors:
         first, *others = errors
         raise PydanticCustomError(first.type, "{message}", {**(first.context or {}), "others": others})
@@ -321,7 +329,7 @@ def name_of(value: Any) -> str:
 
 
 def _index(value: Any) -> str:
-    """Validate the index of a coordinate, from 0."""
+    """Validate the index of a joint coordinate, which is a whole number of at least 0."""
     if isinstance(value, str) and value.isdecimal() and value.isascii() and len(value) < 3:
         return value
     raise fault("name", f"expected the index of a coordinate such as `0`, found {found(value)}")
@@ -331,7 +339,10 @@ _REFERENCE_WORD = re.compile(r"(?:[A-Za-z*?\[]|\$\{?[A-Za-z])(?:[A-Za-z0-9_*?\[\
 
 
 def _reference(value: Any) -> str:
-    """Validate dotted words, with `$i` inside a repeat, and with `*`, `?`, `[...]` if patterns are allowed."""
+    """Validate a reference, which consists of names with dots.
+
+    It may contain the index `$i` of a repeat and, if patterns are allowed, `*`, `?` and `[...]`.
+    """
     if not isinstance(value, str):
         raise fault("type", f"expected a reference such as `plate.servo_seat`, found {found(value)}")
     at = 0

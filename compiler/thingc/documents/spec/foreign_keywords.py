@@ -166,7 +166,10 @@ WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
 
 
 def key_for(model: type[BaseModel], key: str) -> str | None:
-    """Return the key or the sentence for a foreign `key` in a mapping of this model, or None."""
+    """Return the key of thingc that corresponds to a key of another format, or a sentence that explains the difference.
+
+    Return None for an unknown key.
+    """
     for one in model.__mro__:
         known = KEYS.get(one, {}).get(key.lower().replace("-", "_"))
         if known is not None:
@@ -184,7 +187,7 @@ def choice_hint(word: str, choices: list[str]) -> Hint | None:
 
 
 def written_whole(model: type[BaseModel], texts: list[str], value: object) -> str | None:
-    """Return the mapping of this model that a value or a list was probably meant as, or None. `texts` are the scalars of the value."""
+    """Return the mapping that the user probably intended by a bare value or a list, or None. `texts` contains the scalars of the value."""
     keys = WHOLE.get(model)
     if keys is None or not texts or not all(texts) or isinstance(value, bool):
         return None

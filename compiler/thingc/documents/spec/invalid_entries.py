@@ -19,7 +19,8 @@ ANY_NAME = "*"
 
 
 class InvalidEntries(FrozenStruct):
-    """Paths of a document whose values are invalid and were removed, and paths for which an invalid key may be a misspelling.
+    """The paths of invalid values that validation removed from a document, and the paths of keys that an invalid key may be a misspelling
+    of.
 
     Each error has been reported.
 
@@ -63,7 +64,7 @@ class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
         self.allowances: list[Allowance] = []
 
     def joined(self, more: Specs) -> Specs:
-        """Return the union of these document models and others."""
+        """Return the validated models of these documents and of the documents in `more`."""
         both = Specs({**self, **more})
         both.doubts = {**self.doubts, **more.doubts}
         both.allowances = [*self.allowances, *more.allowances]

@@ -1,4 +1,7 @@
-"""Remove the invalid parts of a document. For each error, the smallest removable entry that contains it is removed."""
+"""Remove the invalid entries of a document, so that later passes can use the rest.
+
+For each error, the smallest removable entry that contains the error is removed.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +81,7 @@ def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
 
 
 def take_out(plain: dict[str, Any], path: Path, *, name: bool = False) -> Path | None:
-    """Remove the value at `path` from a document; for an item of a list, remove the list.
+    """Remove the value at `path` from the plain values of a document. For an item of a list, remove the whole list.
 
     `name` is True if the name of the entry is invalid.
 

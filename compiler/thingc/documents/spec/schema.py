@@ -51,7 +51,9 @@ class _Generator(GenerateJsonSchema):
     """pydantic's schema generator, extended with the schemas of our own types."""
 
     def dict_schema(self, schema: Any) -> dict[str, Any]:
-        """Return the schema of a mapping with the pattern of its keys, which pydantic omits for validated types."""
+        """Return the JSON Schema of a mapping, with the regular expression of its keys. pydantic omits this expression for types with
+        validators.
+        """
         mapping: dict[str, Any] = super().dict_schema(schema)
         keys = schema.get("keys_schema")
         if keys is not None and keys.get("metadata"):
@@ -139,7 +141,7 @@ def write(folder: str) -> list[str]:
 
 
 def text_of(kind: str) -> str:
-    """Return the content of the schema file of a kind."""
+    """Return the JSON text of the schema file for a kind of document, such as `assembly`."""
     return json.dumps(json_schema(kind), indent=2, ensure_ascii=False, sort_keys=False) + "\n"
 
 

@@ -32,7 +32,7 @@ SECTIONS = ("components", "defaults", "joints", "links", "materials", "poses", "
 
 
 class ChoicePath(FrozenStruct):
-    """A parsed path: the names of nested components, and the key (`DEFAULT_MATERIAL` or one of `KEYS`)."""
+    """The parsed path of a choice such as `components.leg.components.foot.part`: the names of the components and the key, here `part`."""
 
     components: tuple[str, ...]
     key: str
@@ -62,13 +62,13 @@ def nested(path: str) -> tuple[str, str] | None:
 
 
 def is_value(path: str) -> bool:
-    """Return whether a path has the form of the path of a value, not of a choice."""
+    """Return whether a path leads to a value of the document, such as a limit, and not to a choice of a part or material."""
     words = path.split(".")
     return len(words) > 1 and all(words) and " " not in path and parse(path) is None
 
 
 def dimension_at(document: Document, path: Path) -> Dimension | None:
-    """Return the dimension of the value at `path`; None if it is not a value of a joint, or if the dimension is ambiguous.
+    """Return the physical dimension of the joint value at `path`. Return None for other values, and if the dimension is ambiguous.
 
     The dimension depends on the `type` of the joint. For `defaults`, poses and patterns, it depends on the types of all matching joints.
     """
@@ -82,7 +82,7 @@ _VECTOR = re.compile(r"(\S+)\s+(\S+)\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)", r
 
 
 def _joints(document: Document, path: Path) -> tuple[Iterator[str], str]:
-    """Return the joints to which a value may belong, and the key of the value."""
+    """Return the joints to which the value at a path may apply, and the key of the value."""
     every = node_at(document.tree, ("joints",))
     names = list(every.entries) if isinstance(every, MappingNode) else []
     key = str(path[-1]) if path else ""
@@ -113,7 +113,8 @@ def current_value(documents: Documents, path: str) -> ExpressionValue | Expressi
 
 
 def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
-    """Return the value of a parameter that a nested document declares (`components.leg.parameters.length`).
+    """Return the value of the parameter that a path such as `components.leg.parameters.length` refers to, as the nested document declares
+    it.
 
     Return None for other paths, and if the value is an expression.
     """
@@ -169,7 +170,9 @@ def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
 
 
 def in_full(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] | None:
-    """Return the path and the long form of a value in short form into which a path leads. For other paths, return None.
+    """Convert a value in short form to its long form if a path leads to a key inside it.
+
+    Return the path of the value and its long form, or None.
 
     Short forms are a drive of a joint that only names a component or comes from `defaults` (`joints.elbow.drive.kp`), and a vector that is
     written as one string (`modes.moon.gravity.2`).
@@ -192,6 +195,6 @@ def in_full(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] |
 
 
 def stated_node(tree: Node, keys: tuple[str, ...]) -> Node | None:
-    """Return the node at a path, also inside short forms, or None."""
+    """Return the node at a path of a document, or None. The path may lead into a value in short form."""
     place, node = in_full(tree, keys) or ((), tree)
     return node_at(node, keys[len(place):])

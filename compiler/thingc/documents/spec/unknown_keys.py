@@ -15,7 +15,7 @@ from thingc.documents.spec.pruning import MISPLACED, Fault
 
 
 class UnknownKey:
-    """An unknown key in a document whose model is `root`. `fault` is the error.
+    """An unknown key in a document, with the model of the document (`root`) and the validation error (`fault`).
 
     `instead` is the intended key of the same mapping, or None. `help` is the help text of the diagnostic.
     """
@@ -50,7 +50,10 @@ class UnknownKey:
             self.help = did_you_mean(self.key, self.known, what="keys")
 
     def _called(self, told: str) -> Hint:
-        """Return the help text for the intended key `told`. If `told` is a whole sentence, return this sentence."""
+        """Return the help text that suggests the key `told` instead of the unknown key.
+
+        If `told` is a whole sentence, return this sentence.
+        """
         if told not in self.known:
             return told
         if told in self.present:
@@ -59,7 +62,7 @@ class UnknownKey:
         return Suggestion(f"use `{told}`", (self.key, told))
 
     def _mate(self) -> str | None:
-        """Suggest the full form of an `attach` for `turn` or `gap` beside a short form."""
+        """Suggest the long form of `attach` if the unknown key `turn` or `gap` is next to the short form of `attach`."""
         if not {"mount", "to"} <= set(self.known) - self.present:
             return None
         return f"write in full: `mount: {shortened(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
@@ -106,7 +109,7 @@ class UnknownKey:
         return f"move `{self.key}` below the key `{best}`, indented by two more spaces"
 
     def _of_entries(self, root: type[Model]) -> str | None:
-        """Return a description of the sections whose entries have the key."""
+        """Describe the sections of the document in whose entries the unknown key is valid."""
         having = [name for name, entry in sections(root) if entry.model is not None and self.key in model_keys(entry.model)]
         return f"`{self.key}` is a key of an entry of {one_of(having)}: check the indentation" if having else None
 
@@ -130,7 +133,7 @@ def sections(root: type[Model]) -> Iterator[tuple[str, FieldType]]:
 
 
 def along(root: type[Model], document: Document, path: Path) -> Iterator[FieldType]:
-    """Yield the types of the document and of every value along `path`, up to the first unknown key."""
+    """Yield the type of the document, and then the type of every value along `path` up to the first unknown key."""
     shape = shape_of(root)
     yield shape
     for depth, step in enumerate(path):
@@ -150,7 +153,7 @@ def along(root: type[Model], document: Document, path: Path) -> Iterator[FieldTy
 
 
 def _models(model: type[Model] | Any, key: str) -> Iterator[type[Model] | Any]:
-    """Yield the models that a value of a key may have."""
+    """Yield the document models of the mappings that are valid as the value of a key."""
     return (one.model for one in alternatives(model_keys(model)[key][0]) if one.model is not None)
 
 

@@ -22,7 +22,7 @@ KINDS = ("assembly", "materials", "variants", "workspace")
 
 
 def model_of(kind: str) -> type[Model] | None:
-    """Return the model of a kind of document, or None."""
+    """Return the pydantic model of a kind of document, such as `assembly`. Return None for an unknown kind."""
     match kind:
         case "assembly":
             return AssemblySpec
@@ -40,7 +40,7 @@ def model_of(kind: str) -> type[Model] | None:
 
 
 def validate(documents: Documents, report: Report, memo: Memo | None = None) -> Specs:
-    """Validate every document; return the models by path in the workspace.
+    """Validate all documents, and return their models by path in the workspace.
 
     For an invalid document, all errors are reported, the model contains the valid rest, and `doubts` contains the removed entries.
     Documents without a useful rest are omitted. `memo` caches the models of valid documents.
@@ -111,7 +111,7 @@ def _build(model: type[Model]) -> None:
 
 
 def part_references(specs: Specs, documents: Documents) -> tuple[tuple[str, Span], ...]:
-    """Return every `part` value of every assembly with its place, in source order."""
+    """Return every reference to a part class (`part: module:Class`) in the assembly documents, with its location and in source order."""
     references: list[tuple[str, Span]] = []
     for path, spec in specs.items():
         if isinstance(spec, AssemblySpec):

@@ -1,6 +1,6 @@
-"""Explain validation errors in terms of the document, each with its place in the document, and extract the valid rest.
+"""Convert the validation errors of pydantic to diagnostics with positions in the document, and extract the valid rest of the document.
 
-Imported only for invalid documents.
+This module is imported only for invalid documents.
 
 pydantic validates the plain values and reports locations in the model. This module resolves these locations with the annotations
 (`annotation_types`). pydantic's location contains the tag of a union, which is not in the document. Therefore the written value determines
@@ -137,7 +137,7 @@ def _faults(shape: FieldType, value: Any, path: Path, error: ValidationError) ->
 
 
 def _each(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the kind and the context of an error of `spec.fields`, and of every further error in its context."""
+    """Yield the type and the context of a validation error from `spec.fields`, and of all further errors that its context contains."""
     others: list[PydanticCustomError] = context.pop("others", [])
     yield kind, context
     for other in others:

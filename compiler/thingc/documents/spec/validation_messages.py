@@ -1,4 +1,4 @@
-"""Report the validation errors of a document in terms of the document, each with its place and a help text."""
+"""Report the validation errors of a document as diagnostics, each with its position in the document and a help text."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ KINDS: dict[str, Code] = {
 
 
 class FaultReporter(FrozenStruct, eq=False):
-    """Reports the errors of a document whose model is `root`.
+    """Reports the validation errors of a document. `root` is the model of the document.
 
     `empty` are the paths that have been reported as keys without a value. `damaged` are the paths of placeholders for invalid values and of
     mappings with an invalid key (reported), which may be a misspelling of a missing key.
@@ -94,7 +94,10 @@ class FaultReporter(FrozenStruct, eq=False):
         self.report.add(code, message, where, help=help or None, path=dotted(path) or None)
 
     def _place(self, path: Path, *, key: bool = False) -> Span:
-        """Return the span of the value at a path. If the value is missing or on several lines, return the span of its key."""
+        """Return the span of the value at a path in the document.
+
+        If the value is missing or on several lines, return the span of its key.
+        """
         node = node_at(self.document.tree, path)
         if node is None or not path:
             first = next(iter(self.document.tree.keys.values()), self.document.tree.span)
@@ -144,7 +147,7 @@ class FaultReporter(FrozenStruct, eq=False):
         self._add(KINDS[fault.kind], fault.context["message"], where, path, help)
 
     def _of_its_joint(self, fault: Fault) -> Fault:
-        """For a missing unit, add the physical dimension that the type of the joint requires to the error."""
+        """Add the physical dimension that the type of the joint requires to the error of a missing unit."""
         dimension = dimension_at(self.document, fault.path)
         if dimension is not None:
             try:
@@ -223,7 +226,7 @@ def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
 
 
 def _space_hint(value: Any) -> str | None:
-    """Return a hint for `key:value` that was meant as a mapping."""
+    """Return a hint for the string `key:value`, in which the space after the colon is missing."""
     match = re.fullmatch(r"([A-Za-z_]\w*):(\S.*)", value) if isinstance(value, str) else None
     return f"a space is missing after the `:`: `{match.group(1)}: {shortened(match.group(2))}`" if match else None
 
