@@ -125,8 +125,8 @@ class PartDefinition(OneLineRepr, FrozenStruct):
     (`arm:RotorBrace(length=100 mm)`). Two definitions with almost equal values may have the same label. `words` contains the display values
     of all parameters.
 
-    A mirror image is a separate definition (`arm:RotorBrace(length=0.1, mirror=y)`): `mirror` is the axis of the part's frame along which
-    the part is mirrored, and `plain` is the definition of the original part.
+    A mirror image is a separate definition, such as `arm:RotorBrace(length=0.1, mirror=y)`. `mirror` is the axis of the part's frame
+    along which the part is mirrored. `plain` is the definition of the original part.
     """
 
     reference: str
@@ -291,19 +291,19 @@ class PartRecord(OneLineRepr, FrozenStruct):
     `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals over the B-rep. For a
     Thing without geometry, these values are zero, and `box` is None.
 
-    `meshes` is empty without geometry. Otherwise it contains `visual`, `hull` and `mesh` (OBJ, metres), `print` (binary STL, millimetres),
-    `slicing` (the triangles of `print` in 64-bit floats, so that results of slicing are smooth functions of parameters), and `simulation`
-    (OBJ, metres) if the definition limits the triangles for simulators. `fits` contains the smallest primitives that enclose the part, by
-    shape. `pieces` contains the solids of the Thing's own `collision()`: a primitive if the solid is exactly a primitive, otherwise an OBJ
-    file. `convex` contains the OBJ files of the convex decomposition, if requested.
+    `meshes` is empty without geometry. Otherwise it contains `visual`, `hull` and `mesh` (OBJ, metres) and `print` (binary STL,
+    millimetres). The mesh `slicing` contains the triangles of `print` in 64-bit floats, so that results of slicing are smooth functions
+    of parameters. The mesh `simulation` (OBJ, metres) exists if the definition limits the triangles for simulators. `fits` contains the
+    smallest primitives that enclose the part, by shape. `pieces` contains the solids of the Thing's own `collision()`: a primitive if
+    the solid is exactly a primitive, otherwise an OBJ file. `convex` contains the OBJ files of the convex decomposition, if requested.
 
     `up` is the Thing's preferred direction away from the print bed (a unit vector). `slices` contains the requested results of slicing.
     `apart` contains the volumes [m^3] of the bodies of a part that should be one solid, the largest volume first. It is empty if the bodies
     are connected or if several bodies are intended. `own_image` is True for a mirror image that equals its original in the solid and in the
     place and z axis of each mount. `brep` is the digest of the B-rep in the store. `code` is `(file, line)` of the class.
 
-    A record that is not `exact` is a placeholder for a part that must not be built in this run: only the names of its mounts, its material
-    and whether it has an actuator are valid.
+    A record that is not `exact` is a placeholder for a part that must not be built in this run. In such a record, only the names of
+    mounts, the material, and whether the part has an actuator are valid.
     """
 
     text: str

@@ -20,8 +20,8 @@ def elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
     """Describe the place where simulators measure the force of a sensor.
 
     Return None if the measured force equals the force through the mount. Simulators measure the force between a body and its parent in
-    the tree. This is equal to the force through the mount in two cases: the mount belongs to the root or to the joint to the parent, or
-    the body has no other joints, so that only external forces act on it.
+    the tree. This force equals the force through the mount if the mount belongs to the root, or to the joint that leads to the parent.
+    It also equals this force if no other body is attached to the body, so that only external forces act on the body.
     """
     index = body_of(robot, sensor)
     body = robot.bodies[index]

@@ -35,12 +35,13 @@ MAX_STEPS = 20
 class ModuleFacts(FrozenStruct):
     """Facts about a source file, made by `source_reader` and cached as JSON.
 
-    `syntax` is the digest of its syntax tree without positions and docstrings, `documented` with docstrings, and `outline` without the
-    parts of functions that only matter when they are called. `bodies` contains the digests of these parts, one for each function. `imports`
-    contains the imported modules and names (`pkg.leg`, `pkg.leg:foot`, `.shapes:*`). `names` contains the names that the file binds at top
-    level: kind (`class | function | import | value`), line, and the origin of an imported name. `telling` means that the code may read
-    docstrings or line numbers, `looking` that it may inspect functions without calling them, and `more` that it may define names that this
-    analysis does not find. `broken` means that the file is not valid Python; the digests are then computed from its bytes.
+    `syntax` is the digest of the file's syntax tree without positions and docstrings. `documented` is the digest with docstrings.
+    `outline` is the digest without the parts of functions that only matter when the functions are called. `bodies` contains the digests
+    of these parts, one for each function. `imports` contains the imported modules and names (`pkg.leg`, `pkg.leg:foot`, `.shapes:*`).
+    `names` contains the names that the file binds at top level: kind (`class | function | import | value`), line, and the origin of an
+    imported name. `telling` is True if the code may read docstrings or line numbers. `looking` is True if the code may inspect
+    functions without calling them. `more` is True if the code may define names that this analysis does not find. `broken` means that
+    the file is not valid Python; the digests are then computed from its bytes.
     """
 
     syntax: str

@@ -47,10 +47,10 @@ MAX_NAME = 500
 class Module(FrozenStruct):
     """A module found by name, without importing it.
 
-    `kind` is `content` (the code and the imported modules are part of the key), `installed` (found by Python itself: the key contains the
-    version, or the loaded files) or `absent`. `file` is the source, or the binary of an extension. It is None for a folder without
-    `__init__.py` and for built-in modules. `folders` contains the folders of submodules, and is empty for a plain module. `hides` contains
-    other files in the part folders that have the same module name but lower precedence.
+    `kind` is `content`, `installed` or `absent`. For `content`, the code and the imported modules are part of the key. For `installed`,
+    Python itself finds the module, and the key contains the version or the loaded files. `file` is the source, or the binary of an
+    extension. It is None for a folder without `__init__.py` and for built-in modules. `folders` contains the folders of submodules, and
+    is empty for a plain module. `hides` contains other files in the part folders that have the same module name but lower precedence.
     """
 
     name: str

@@ -131,8 +131,8 @@ class PartCode:
     def around(self, code: CodeIngredients | None) -> dict[str, Any]:
         """Return the fields of a worker request that describe the code.
 
-        The result contains the folders and packages of the workspace, the SHA-256 of files that the key contains, part packages without
-        `__init__.py`, and installed packages to load before the fork.
+        The fields contain the folders and packages of the workspace, and the SHA-256 of the files in the key. The fields also contain
+        part packages without `__init__.py`, and the installed packages to load before the fork.
         """
         code = code or CodeIngredients()
         return {

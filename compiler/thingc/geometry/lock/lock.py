@@ -32,8 +32,8 @@ REMAKE = "run `thingc lock` on a machine that may run part code, and commit `par
 class LockedThing(FrozenStruct):
     """The entry of one Thing in the lock.
 
-    `code` is the hash of the Thing's code, `reads` contains the files that the Thing read (states by path in the workspace), `values` is
-    the schema as parsed JSON, and `records` contains the records of its definitions by text.
+    `code` is the hash of the Thing's code. `reads` contains the states of the files that the Thing read, by path in the workspace.
+    `values` is the schema as parsed JSON. `records` contains the records of the Thing's definitions by text.
     """
 
     code: str

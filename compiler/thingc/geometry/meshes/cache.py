@@ -45,8 +45,8 @@ def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | No
 def mesh_records(listed: Mapping[MeshFile, tuple[Origin, bool]], store: Store, report: Report, memo: Memo) -> dict[MeshFile, MeshRecord]:
     """Return the records of mesh files.
 
-    `listed` maps each file to its place in the document and whether to read the file if it is not cached. An uncached file that is not read
-    does not have a record. Report an error at the place of each file that is not a mesh.
+    `listed` maps each file to its place in the document, and to a flag. If the flag is False and the file is not cached, the file is
+    not read and the result has no record for it. Report an error at the place of each file that is not a mesh.
     """
     records: dict[MeshFile, MeshRecord] = {}
     for file, (origin, read) in listed.items():

@@ -18,9 +18,9 @@ from thingc.geometry.store.file_digests import digest_of
 class MeshFile(OneLineRepr, FrozenStruct):
     """A mesh file of the workspace.
 
-    `path` is the path of the file in the workspace, `folder` its absolute folder, and `sha256` the digest of its content. `beside` contains
-    the names and digests of the files that define its colours. `scale` contains the factors to metres along x, y and z. Some factors are
-    negative if the mesh is mirrored.
+    `path` is the path of the file in the workspace, `folder` is the absolute path of its folder, and `sha256` is the digest of its
+    content. `beside` contains the names and digests of other files that define the colours of the mesh. `scale` contains the factors to
+    metres along x, y and z. Some factors are negative if the mesh is mirrored.
     """
 
     path: str
@@ -52,9 +52,9 @@ class MeshFile(OneLineRepr, FrozenStruct):
 
 
 def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], str] = digest_of) -> MeshFile:
-    """Return the mesh file at an absolute path; `path` is its path in the workspace, `digest` returns the SHA-256 of a file.
+    """Create the `MeshFile` for an absolute path.
 
-    Raises `OSError`.
+    `path` is the path of the file in the workspace, and the function `digest` returns the SHA-256 of a file. Raises `OSError`.
     """
     folder = os.path.dirname(absolute)
     beside = [(name, os.path.join(folder, name)) for name in libraries(absolute)]

@@ -44,7 +44,10 @@ _FACE, _NEXT = (re.compile(rb"^[ \t]*%s[ \t]" % word, re.MULTILINE) for word in 
 
 
 class _Beside(trimesh.resolvers.Resolver):
-    """Opens the files that a mesh file references. Only files that define its colours and whose digest is known can be opened."""
+    """Opens the files to which a mesh file refers.
+
+    Only files that define the colours of the mesh, and whose digests are known, can be opened.
+    """
 
     def __init__(self, file: MeshFile) -> None:
         self._file = file

@@ -1,8 +1,8 @@
 """Construct Things: check the arguments, return the same object for equal parameters, and make the object immutable after `__init__`.
 
-`__init__` runs once and in isolation. The metaclass intercepts the call before the object exists, in order to look up an existing object
-with equal parameters and to check arguments before geometry is created. It also wraps each `__init__` of a family, so that the parameters
-of parent classes are recorded.
+`__init__` runs once and in isolation. The metaclass intercepts the call before the object exists. It can therefore return an existing
+object with equal parameters, and check arguments before geometry is created. It also wraps each `__init__` of a family, so that the
+parameters of parent classes are recorded.
 """
 
 from __future__ import annotations
@@ -34,7 +34,10 @@ _files: list[str] = []
 
 @dataclass(slots=True, kw_only=True)
 class InitCall:
-    """A call of `__init__` during the construction of a Thing: its arguments, and the adjusted `values` that `__init__` received."""
+    """A recorded call of `__init__` during the construction of a Thing.
+
+    It contains the arguments of the call, and the adjusted `values` that `__init__` received.
+    """
 
     family: type[Any]
     given: dict[str, Value]

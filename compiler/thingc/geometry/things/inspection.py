@@ -90,8 +90,9 @@ def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingMember:
-    """A missing member of a class: a message to be appended to the name of the class, and the file and line where the member should be
-    added.
+    """A missing member of a class.
+
+    It contains a message, which is appended to the name of the class, and the file and line where the member should be added.
     """
 
     words: str

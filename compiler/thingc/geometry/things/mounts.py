@@ -84,7 +84,7 @@ class MountPoint(Framed):
 
     @property
     def expected(self) -> tuple[tuple[Thing, str], ...]:
-        """Mounts that were aligned to this mount during the construction of its Thing.
+        """The mounts that were aligned to this mount while its Thing was constructed.
 
         Each item is the other Thing and the name of its mount.
         """
@@ -134,7 +134,7 @@ def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike 
 
 
 def origin_of(thing: Thing) -> MountPoint:
-    """Return the mount `origin` of a Thing, which is its own frame."""
+    """Return the mount `origin` of a Thing. The frame of this mount is the Thing's own frame."""
     mount = MountPoint(Location())
     mount._owner, mount._name = thing, "origin"
     return mount

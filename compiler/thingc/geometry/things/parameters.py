@@ -25,9 +25,10 @@ NOUNS = {
 
 
 class ParameterError(ValueError):
-    """Raised if a part cannot be built with a value of a parameter. It is raised before any geometry is created.
+    """Raised if a part cannot be built with a value of a parameter.
 
-    `parameter` is the name of the parameter, `owner` the name of the class or function.
+    The exception is raised before any geometry is created. `parameter` is the name of the parameter, and `owner` is the name of the
+    class or function.
     """
 
     def __init__(self, message: str, *, owner: str, parameter: str) -> None:
@@ -37,7 +38,10 @@ class ParameterError(ValueError):
 
 
 class CallError(ParameterError, TypeError):
-    """Raised if a Thing is called with an unknown parameter or without a required parameter. It is a `TypeError`, as in plain Python."""
+    """Raised if a Thing is called with an unknown parameter or without a required parameter.
+
+    The exception is a `TypeError`, as in plain Python.
+    """
 
 
 class SignatureError(TypeError):

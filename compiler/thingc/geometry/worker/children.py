@@ -49,9 +49,9 @@ _PARENT_DEATH_SIGNAL = 1
 class Child:
     """A running child process of the worker.
 
-    `request` is the request of the child (empty before a request is sent), `process` its process id (it leads its own process group),
-    `asking` the pipe for the request (-1 after the request is sent), `pipe` the pipe for the answer, `errors` its standard error, and
-    `scratch` its folder. `status` is the wait status, if known.
+    `request` is the request of the child, which is empty until a request is sent. `process` is the id of the process, which leads its
+    own process group. `asking` is the pipe for the request (-1 after the request is sent), and `pipe` is the pipe for the answer.
+    `errors` is the standard error of the child, and `scratch` is its folder. `status` is the wait status, if known.
     """
 
     request: Mapping[str, Any]

@@ -9,8 +9,8 @@ files of installed packages, of Python and of thingc, the key contains versions 
 other modules, the source counts, even if Python read the compiled file. A code file that is in the key counts only if the part reads it as
 text.
 
-Two kinds of reads do not count, because they would make a record valid on only one machine: searches of Python and thingc for modules (the
-key of the code covers the result), and checks whether the folders above the workspace exist.
+Two kinds of reads do not count, because they would make a record valid on only one machine. The first are searches of Python and thingc
+for modules, whose results are part of the key. The second are checks whether the folders above the workspace exist.
 """
 
 from __future__ import annotations

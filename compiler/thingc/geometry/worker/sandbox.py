@@ -3,9 +3,9 @@
 Part code may change only its own folder. A change in another folder, such as the store, could affect other parts or persist. In addition,
 expressions of an imported robot may read only certain folders, and must not start programs or open connections.
 
-The audit hook refuses an action first, so that the error has a line, but the hook detects only actions of Python. If the system supports
-Landlock (Linux since 5.13), Landlock refuses the same actions in all libraries that the code loads and all programs that it starts, and the
-code cannot remove this restriction.
+The audit hook refuses an action first, so that the error has a line, but the hook detects only actions of Python. If the system
+supports Landlock (Linux since 5.13), Landlock also refuses these actions in all libraries that the code loads and in all programs that
+it starts. The code cannot remove this restriction.
 """
 
 from __future__ import annotations

@@ -34,8 +34,8 @@ TIMESTEP = 0.002
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
     """Add the equality constraints that close the loops and holds of a mode. The constraints are as stiff as the time step allows.
 
-    A clamp or rigid loop has a `weld`, a point or ball has a `connect`, a hinge has two `connect`, and a universal joint has a `connect`
-    and a `tendon`.
+    A clamp or a rigid loop is written as a `weld`. A point or a ball is written as a `connect`, and a hinge as two `connect`. A
+    universal joint is written as a `connect` and a tendon.
     """
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
     stiff: dict[str, XmlValue] = {"solref": (2.0 * cast("float", stepped), 1.0), "solimp": STIFFNESS}

@@ -107,10 +107,10 @@ def _verdicts(
     """Compile each scene with MuJoCo, and yield the results and the files that MuJoCo read.
 
     Modes in `looked` come first; their scenes need the true meshes whose names are in `touching`. Another mode is omitted if `settled`
-    already contains it. The meshes in `instead` are used until MuJoCo reports a message (see `_one_by_one`). Scenes are compiled one after
-    the other, because MuJoCo caches files by name: in parallel, a scene could get the model of another scene, or the process could crash.
-    MuJoCo also caches the meshes of the first scene, so only the first compilation needs threads. Textures are the same in all scenes, so
-    later scenes do not generate textures.
+    already contains it. The meshes in `instead` are used until MuJoCo reports a message (see `_one_by_one`). Scenes are compiled one
+    after the other, because MuJoCo caches files by name. In parallel, a scene could get the model of another scene, or the process
+    could crash. MuJoCo also caches the meshes of the first scene, so only the first compilation needs threads. Textures are the same in
+    all scenes, so later scenes do not generate textures.
     """
     first, standing = True, [*instead, {}]
     for true in (touching, ()):

@@ -38,8 +38,8 @@ def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dic
 def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Return the centre and radius of the smallest disc `(n, 2)` or ball `(n, 3)` that contains all points.
 
-    The algorithm starts with one point, and adds the farthest outside point until all points are inside (Gaertner, "Fast and robust
-    smallest enclosing balls", 1999, the pivoting heuristic; the small problems are solved by trying every support).
+    The algorithm starts with one point, and adds the farthest outside point until all points are inside. This is the pivoting heuristic
+    of Gaertner, "Fast and robust smallest enclosing balls", 1999. The small problems are solved by trying every set of support points.
     """
     middle = points.mean(axis=0)
     support = points[[int(np.argmax(((points - middle) ** 2).sum(axis=1)))]]

@@ -111,10 +111,11 @@ class BuiltPart(FrozenStruct):
 def build_part(definition: dict[str, Any], tessellations: Tessellations, around: RequestContext, store: Store) -> dict[str, Any]:
     """Build a part definition, and return the record (or failure) and the reads: `{"record" | "failure": ..., "reads": [...]}`.
 
-    In addition to a record, `ran` contains the functions of the code that have run (see `PartSession.ran`), and `loaded` is the time at
-    which the class was loaded (`time.monotonic`). `definition` contains `kind`, `reference`, `text`, the canonical `parameters` (in SI
-    units; missing parameters have their defaults), `mirror`, and `placed`, which is True if the place of the class is already known. (The
-    search for this place is slow.) Blobs are put into the store. Raises `StoreUnusable`.
+    Together with a record, the function returns `ran` and `loaded`. `ran` contains the functions of the code that have run (see
+    `PartSession.ran`). `loaded` is the time at which the class was loaded (`time.monotonic`). `definition` contains `kind`,
+    `reference`, `text`, `mirror`, and the canonical `parameters` in SI units. Missing parameters have their default values. It also
+    contains `placed`, which is True if the location of the class is already known, because the search for this location is slow. Blobs
+    are put into the store. Raises `StoreUnusable`.
     """
     text = definition["text"]
     with PartSession(around) as session, warnings.catch_warnings(record=True) as caught:
