@@ -31,7 +31,7 @@ MAX_CHAIN = 100
 
 
 class Documents(FrozenStruct):
-    """A document and all documents that it references, directly or indirectly.
+    """A parsed root document and all parsed documents that it references, directly or indirectly.
 
     `by_path` is keyed by path in the workspace, in the order of first reference. `links` maps (path of a document, reference in the
     document) to the path of the referenced document. `broken` are the documents on a cycle of assemblies; the cycle has been reported.

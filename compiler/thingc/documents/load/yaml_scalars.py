@@ -1,4 +1,4 @@
-"""The scalars of YAML 1.2 (core schema, chapter 10.3.2 of the specification)."""
+"""Parse the scalars of YAML 1.2 (core schema, chapter 10.3.2 of the specification) to Python values."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class _Module:
                 self.imports.update({one.asname or one.name: f"{source}:{one.name}" for one in statement.names})
 
     def inside(self, node: ast.ClassDef) -> _Inside:
-        """Return the attributes of `self` in a class of the module."""
+        """Return the attributes of `self` that a class of the module assigns or uses."""
         if node.name not in self._inside:
             self._inside[node.name] = _Inside(node)
         return self._inside[node.name]
@@ -77,7 +77,7 @@ class _Module:
 
 
 class _Inside:
-    """The attributes of `self` that a class uses.
+    """The attributes of `self` that the methods of a Python class assign or use.
 
     `assigned` maps each assigned attribute to whether its value creates mounts. `by_name` maps each attribute to all its places,
     assignments first.
@@ -188,7 +188,7 @@ class PartNames:
                     declared = True
 
     def classes(self) -> Iterator[tuple[str, PartClass]]:
-        """Yield the requested classes that exist, each with its reference."""
+        """Yield the part classes that were requested by `thing` and that exist, each with its reference `module:Class`."""
         yield from ((reference, thing) for reference, thing in self._things.items() if thing is not None)
 
     def elsewhere(self, name: PartName) -> tuple[str, int] | None:

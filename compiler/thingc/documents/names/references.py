@@ -39,7 +39,7 @@ class Name(FrozenStruct, kw_only=False):
 
 
 class NamePlace(FrozenStruct, kw_only=False):
-    """A place where a name is declared or used.
+    """A location at which a name is declared or used, in a document or in a part module.
 
     The place covers only the characters of the name, or the whole pattern for the role `fits`.
     """

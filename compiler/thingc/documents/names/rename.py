@@ -133,7 +133,7 @@ def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
 
 
 def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, str]]:
-    """Yield existing names that conflict with a new name, and their kinds."""
+    """Yield the existing names that conflict with a new name, each with the type of element that it names."""
     written = sight.documents[name.file]
     if name.what == "index":
         if new in written.section("parameters"):
@@ -198,7 +198,7 @@ def _known_by(place: NamePlace) -> tuple[str, int, str, str, str, str, str]:
 
 
 def _differing(old: Node, new: Node, spans: set[Span]) -> Iterator[Span]:
-    """Yield the differences between two trees, except at the edited places."""
+    """Yield the spans at which two document trees differ, except for the spans that the rename edits."""
     if isinstance(old, MappingNode) and isinstance(new, MappingNode):
         if len(old.entries) != len(new.entries):
             yield old.span

@@ -148,7 +148,7 @@ def likeness(branch: FieldType, value: dict[str, Any]) -> float:
 
 
 def one_of(words: Sequence[str]) -> str:
-    """Join the alternatives in `words` for a message: `a, b or c`."""
+    """Format a list of alternatives for a message: each word in backticks, with commas and a final "or" between the words."""
     quoted = [f"`{word}`" for word in words]
     return quoted[0] if len(quoted) == 1 else ", ".join(quoted[:-1]) + " or " + quoted[-1]
 

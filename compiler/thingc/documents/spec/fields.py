@@ -379,7 +379,7 @@ def _color(value: Any) -> str:
 
 
 def _count(value: Any) -> int | Expression:
-    """Validate a whole number of at least 0, or an expression."""
+    """Validate a count, which is a whole number of at least 0 or an expression."""
     if is_expression(value):
         return read_expression(value)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -401,7 +401,7 @@ _COST = re.compile(r"\d+(?:\.\d+)? [A-Z]{3}", re.ASCII)
 
 
 def _cost(value: Any) -> str:
-    """Validate an amount with a currency. The string is returned unchanged."""
+    """Validate a cost, which is an amount with a currency, such as `12.50 EUR`. The string is returned unchanged."""
     if isinstance(value, str) and _COST.fullmatch(value):
         return value
     amount = value if isinstance(value, (int, float)) and not isinstance(value, bool) else "12.50"

@@ -53,7 +53,7 @@ NO_DOUBTS = InvalidEntries()
 
 
 class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
-    """The models of documents by path in the workspace.
+    """The validated models of documents, keyed by the path of the document in the workspace.
 
     `doubts` contains the invalid entries of each document; `allowances` contains the warnings that each document suppresses.
     """

@@ -33,7 +33,7 @@ def quantity_pattern(*dimensions: Dimension, word: str = "") -> str:
 
 
 def vector_pattern(dimension: Dimension) -> str:
-    """Return the pattern of three numbers and a unit, or of three zeros."""
+    """Return the regular expression of a vector in one string: three numbers and a unit, or three zeros."""
     numbers, zeros = ((_BETWEEN.join([one] * 3)) for one in (_DIGITS, _ZERO))
     return rf"^\s*({numbers}\s*{_units_of(dimension)}|{zeros})\s*$"
 

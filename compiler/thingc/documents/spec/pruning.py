@@ -110,7 +110,7 @@ def _copied(value: Any) -> Any:
 
 
 def _at(value: Any, path: Path) -> Any:
-    """Return the Python value at a path of a document, or None."""
+    """Return the plain Python value at a path of a document. Return None if the path does not exist."""
     for step in path:
         if isinstance(value, dict):
             value = value.get(step)

@@ -106,7 +106,7 @@ class SensorSpec(Model):
     """The largest absolute value of the reading; a mapping by name for several readings."""
 
     def said(self, key: SensorKey) -> Any:
-        """Return the value of a key, or None if the key is missing."""
+        """Return the value of a key of the sensor. Return None if the document does not contain the key."""
         return getattr(self, f"{key}_" if key in ("in", "with") else key)
 
     @model_validator(mode="after")

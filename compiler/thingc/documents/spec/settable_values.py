@@ -113,8 +113,7 @@ def current_value(documents: Documents, path: str) -> ExpressionValue | Expressi
 
 
 def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
-    """Return the value of the parameter that a path such as `components.leg.parameters.length` refers to, as the nested document declares
-    it.
+    """Return the value that a nested document declares for one of its parameters, at a path such as `components.leg.parameters.length`.
 
     Return None for other paths, and if the value is an expression.
     """

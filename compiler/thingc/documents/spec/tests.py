@@ -17,12 +17,12 @@ class _OneKind(Model):
 
     @property
     def kind(self) -> str:
-        """The kind, which is the key of the mapping."""
+        """The type of the test, such as `mass`, which is the only key of the mapping."""
         return next(kind for kind in kinds() if getattr(self, kind) is not None)
 
     @property
     def stated(self) -> Any:
-        """The value under the key, an instance of the kind's model."""
+        """The specification of the test, which is the value of the only key of the mapping."""
         return getattr(self, self.kind)
 
     @model_validator(mode="after")

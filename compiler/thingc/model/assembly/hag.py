@@ -1,4 +1,4 @@
-"""The hierarchical assembly graph (HAG): definitions and their subcomponents."""
+"""The hierarchical assembly graph (HAG), which contains the definitions of a robot and their components."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def hag_of(model: AssemblyDefinition) -> Hag:
 
 
 class _Names:
-    """The nodes of the graph, by the definition that they represent.
+    """Assigns a node of the hierarchical assembly graph to each definition, and makes the texts of the nodes unique.
 
     Edges refer to definitions by text. If two definitions have the same text (two documents, or an assembly and a frame), the reference is
     appended in brackets to the text of the later definition.
@@ -122,7 +122,7 @@ class _Names:
         self._taken: set[str] = set()
 
     def of(self, made: PartDefinition | LinkDefinition | AssemblyDefinition | None) -> Definition:
-        """Return the node of an assembly, a part, a link, or a frame (None)."""
+        """Return the graph node of a definition: an assembly, a part, a link, or None for a frame."""
         node = Definition.of(made) if made is not None else FRAME
         key = (node.kind, node.reference, node.text)
         if key not in self._given:

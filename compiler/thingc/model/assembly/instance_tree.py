@@ -1,4 +1,4 @@
-"""The tree of instances of all definitions, and lookup of references in it.
+"""The tree of all instances of definitions in a robot, with methods that find the target of a reference.
 
 An instance is one use of a definition in the robot. An instance of a part or a frame is called an occurrence.
 """
@@ -83,7 +83,7 @@ def unplaced(definition: AssemblyDefinition) -> list[str]:
 
 
 class Tree:
-    """The tree of instances of a model.
+    """The tree of all instances of assemblies, parts, links and frames in a robot.
 
     `assemblies` lists parents before children. `occurrences` is in document order and includes nested assemblies. `added` contains the
     mounts that documents add to nested assemblies, keyed by the occurrence of the assembly's base.
@@ -244,7 +244,7 @@ class Tree:
 
 
 def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> _Fault:
-    """Return the fault for a part that has no mount with this name."""
+    """Create the error for a reference to a mount that the part does not have."""
     part = instance.part
     if part is None or instance.index is None:
         return _SILENT
@@ -273,7 +273,7 @@ def _mount_help(name: str, mounts: Collection[str], document: Instance) -> Hint:
 
 
 def _may_be_there(name: str, mounts: Collection[str]) -> bool:
-    """Return whether a part with incomplete information may have this mount.
+    """Return whether a part may have a mount with this name although its geometry is not known completely.
 
     The result is True if no mounts are known. The result is also True if `name` is an element of a list (`hip_7` if `hip_0` exists),
     because the length of the list may depend on any parameter.
@@ -295,6 +295,6 @@ def _owner(instance: Instance, shown: str) -> str:
 
 
 def _shown_by(definition: AssemblyDefinition) -> tuple[Note, ...]:
-    """Return a note with the location of an assembly's exported mounts."""
+    """Return a note with the location of the section `mounts` of an assembly's document."""
     places = [reference.origin[0] for reference in definition.mounts.values() if reference.origin] or list(definition.origin[:1])
     return (Note(message=f"`{definition.label}` exports its mounts here", span=places[0]),) if places else ()

@@ -1,4 +1,4 @@
-"""Forward kinematics over the mate graph, from any root."""
+"""Compute forward kinematics over the mate graph, starting from any occurrence."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
 
 
 def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> MassProperties:
-    """Return the total mass properties of several bodies.
+    """Compute the total mass, the common centre of mass and the total inertia of several bodies.
 
     The properties of each body are in its own frame, and `poses` contains the poses of these frames.
     """
@@ -154,7 +154,10 @@ def links_between(
 
 
 def neighbouring_links(assembly: Assembly, root: int) -> Iterator[tuple[int, int]]:
-    """Yield the links on both sides of every joint, in joint order, skipping massless intermediate links except `root`."""
+    """Yield the two links that every joint connects, in the order of the joints.
+
+    Massless intermediate links other than `root` are skipped.
+    """
     ends = [
         (assembly.link_of[mate.parent], assembly.link_of[mate.child]) for mate in assembly.mates if mate.joints or mate.loop is not None
     ]

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of one component.
+"""Compute the mass, the centre of mass and the inertia of one component.
 
 In order of precedence: overrides of the component, the Thing's `mass()` and `matrix_of_inertia()`, and density times volume. For a part
 with infill, the volume is the estimated printed volume.

@@ -42,7 +42,7 @@ def check_expectations(robot: Connected, laid: Collection[int], findings: LinkRe
 
 
 def _is(other: Occurrence, expected: MountExpectation, owner: Occurrence) -> bool:
-    """Return whether `other` is the expected part.
+    """Return whether the attached component `other` is the part that the mount is designed for.
 
     For a mirrored owner, the mirror image is expected. A symmetric part is its own mirror image.
     """

@@ -62,7 +62,7 @@ def _own(tree: Tree, path: str, one: NameInFiles, occurrences: Sequence[Occurren
 
 
 def _check(things: Iterable[tuple[str, Origin]], given: Mapping[str, tuple[str, Origin]], findings: LinkReport) -> None:
-    """Report elements of the same kind with the same name in files."""
+    """Report elements of the same type (two joints, two links) that have the same name in output files."""
     owners: dict[str, tuple[str, Origin]] = {}
     for path, origin in things:
         name, where = given.get(path, (path, origin))

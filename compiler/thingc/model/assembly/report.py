@@ -12,7 +12,7 @@ _Key = tuple[Code, str, Span | None]
 
 
 class LinkReport:
-    """The report of the pass `link`, which omits duplicate diagnostics.
+    """Collects the diagnostics of the pass `link`, and omits duplicates.
 
     If a definition is used several times, its errors are reported once, at the first use, with the chain of documents.
     `failed` is set if linking found an error, and `earlier` if an earlier pass found one. `incomplete` is set if an element was omitted

@@ -1,4 +1,4 @@
-"""Resolve the references of tendons in the linked assembly."""
+"""Resolve the mounts and joints to which tendons refer, in the linked assembly."""
 
 from __future__ import annotations
 

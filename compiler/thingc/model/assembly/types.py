@@ -34,7 +34,7 @@ from thingc.model.resolve.types import (
 
 
 class MountFrame(OneLineRepr, FrozenStruct):
-    """A mount with its pose in the frame of its occurrence."""
+    """A named mount of a part, a link or a frame, with its pose in the frame of the occurrence."""
 
     pose: Pose
     interface: str | None = None
@@ -208,10 +208,10 @@ class JointEdge(Coordinate):
 class Mate(OneLineRepr, FrozenStruct):
     """An edge of the mate graph between occurrences `parent` and `child` (indices).
 
-    `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ X_JC` over its `joints`; rigid without joints.
-    `name` is the path of the joint (None if rigid). `parent_mount` and `child_mount` are the names of the mated mounts (`origin` for `at`).
-    `loop` is the path of a joint that closes a loop. A mate with a `loop` does not place its child and is not an edge of the tree of
-    placements.
+    Over the coordinates in `joints`, `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ X_JC`. A mate
+    without joints is rigid. `name` is the path of the joint (None if rigid). `parent_mount` and `child_mount` are the names of the mated
+    mounts (`origin` for `at`). `loop` is the path of a joint that closes a loop. A mate with a `loop` does not place its child and is not
+    an edge of the tree of placements.
     """
 
     parent: int
@@ -276,13 +276,13 @@ class ExportedMount(LinkedMount):
 
 
 class Adhesion(LinkedMount):
-    """A magnet at a mount. `force` [N] is its largest force in any mode."""
+    """A magnet at a mount. `force` [N] is the largest force that any mode specifies for the magnet."""
 
     force: float
 
 
 class LinkedHold(OneLineRepr, FrozenStruct):
-    """A hold of a mode, which mates a mount to the frame `pose` in the world.
+    """A mount that a mode holds to the world. The mount is mated to the frame `pose` in the world.
 
     If `pose` is None, the hold is at the place of the mount in the mode's own pose.
 
@@ -361,7 +361,7 @@ class LinkedTendon(OneLineRepr, FrozenStruct):
 
     @property
     def mounts(self) -> tuple[LinkedMount, ...]:
-        """The mounts that the tendon refers to."""
+        """The mounts through which the path of the tendon passes, and the mounts of the shapes that it wraps."""
         return tuple(one for step in self.steps for one in (step.mount, step.side) if one is not None)
 
     def length(self, q: Mapping[str, float]) -> float:

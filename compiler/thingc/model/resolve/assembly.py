@@ -138,7 +138,7 @@ def _definition(
 
 
 def _check_names(scope: Scope, spec: AssemblySpec) -> None:
-    """Check the names of all elements that are not created by a `repeat`."""
+    """Check the names of all elements of a document, except for components and joints that a `repeat` creates."""
     for name in spec.parameters:
         if name in CONSTANTS or name in FUNCTIONS:
             scope.error(

@@ -157,7 +157,7 @@ def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSp
 
 
 def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> bool:
-    """Return whether a chosen part is available. Report an error if it is not."""
+    """Return whether the part class that a choice selects exists in the workspace. Report an error if it does not."""
     schema = context.schemas.get(reference)
     if schema is not None and not isinstance(schema, PartFailure):
         return True
@@ -168,7 +168,7 @@ def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> boo
 
 
 def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
-    """Report a chosen file that is not a part."""
+    """Report a file that a choice selects for a component although the file is not a part."""
     context.say_of_option(
         f"components.{node.name}.file", f"`{shortened(text)}` is not a part file in this workspace",
         f"write a path relative to `{context.documents.root.relative}`, for example `parts/motor.step`",
@@ -176,7 +176,7 @@ def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
 
 
 def refuse_circle(context: ResolveRun, node: ComponentScope, relative: str) -> None:
-    """Report an assembly that would contain itself."""
+    """Report a choice by which an assembly would contain itself."""
     context.say_of_option(f"components.{node.name}.assembly", f"`{relative}` would contain itself", "choose another assembly")
 
 

@@ -30,7 +30,7 @@ class Limit(OneLineRepr, FrozenStruct):
 
 
 class Dynamics(OneLineRepr, FrozenStruct):
-    """The passive dynamics of a joint in SI units, as far as they are specified.
+    """The passive dynamics of a joint in SI units. Values that the document does not specify are None.
 
     The fields are viscous `damping`, dry `friction`, reflected inertia `armature`, and the `stiffness` and rest position `rest` of a
     spring.
@@ -125,7 +125,7 @@ class Mimic(OneLineRepr, FrozenStruct):
 
 
 class Coordinate(OneLineRepr, FrozenStruct):
-    """A coordinate of a joint, with its name, the kind of its joint, and its values in SI units."""
+    """One coordinate of a joint: its name, the type of the joint, and its limits, dynamics and mimic in SI units."""
 
     name: CoordinateName
     kind: JointKind

@@ -60,7 +60,7 @@ class ComponentScope:
 
     @property
     def bare(self) -> str | None:
-        """`frame` or `link` for components whose mounts are only from the document, otherwise None."""
+        """The type of a component whose mounts are all defined in the document: `frame` or `link`. None for other components."""
         return "frame" if self.frame else "link" if self.spec.link is not None else None
 
 

@@ -185,7 +185,7 @@ def _ball(
 
 
 def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int, Drive]:
-    """Return the drives of a ball joint by index. Report and omit invalid drives."""
+    """Return the drives of a ball joint, keyed by the index of the coordinate. Report and omit invalid drives."""
     scope, written, path, name = item.scope, item.spec.drive, (*item.path, "drive"), item.name
     if written is None:
         return {}
@@ -455,7 +455,7 @@ def _drive(table: DocumentScope, scope: Scope, name: str, coordinate: Dimension,
 
 
 def _driving_part(table: DocumentScope, scope: Scope, name: str, text: str, path: Path) -> Reference | None:
-    """Return the reference to the part with the actuator of joint `name`.
+    """Resolve the reference to the part whose actuator drives the joint `name`.
 
     If the reference is not a part, report an error and return None.
     """

@@ -164,7 +164,7 @@ def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
 
 
 def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
-    """Return the modes that extend themselves. Report each cycle once."""
+    """Return the names of modes that extend themselves directly or indirectly. Report each cycle once."""
     circular: set[str] = set()
     for circle in find_cycles(specs, lambda name: specs[name].extends if name in specs else None):
         circular.update(circle)

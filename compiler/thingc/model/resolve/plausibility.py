@@ -97,7 +97,7 @@ def length_words(length: float, digits: int = 6) -> str:
 
 
 def times_words(ratio: float) -> str:
-    """Format a ratio with three digits."""
+    """Format a ratio with three significant digits."""
     return f"{ratio:.3g}" if ratio < 1000.0 else f"{ratio:.0f}"
 
 

@@ -331,7 +331,7 @@ def declared(node: ComponentScope) -> list[Note]:
 
 
 def defined(table: DocumentScope) -> list[Note]:
-    """Return a note with the location of a nested document's assembly."""
+    """Return a note with the location at which a nested document defines its assembly."""
     return [Note(message=f"`{table.spec.name}` is defined here", span=table.document.span(("name",)))]
 
 

@@ -32,7 +32,7 @@ _EXPRESSION_CODES = {"dimension": Code.DIMENSION, "unit": Code.DIMENSION, "value
 
 
 class TooManyErrors(Exception):
-    """The maximum number of errors has been reported, and the pass is aborted."""
+    """Raised to abort a pass after the maximum number of errors has been reported."""
 
 
 class Scope(FrozenStruct):

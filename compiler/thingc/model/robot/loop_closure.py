@@ -76,7 +76,10 @@ def closures_of(
 
 
 def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Report) -> bool:
-    """Return whether the tree cuts all joints in `cut`. Report joints that are not on a loop, or on a loop that is cut at another joint."""
+    """Return whether loops are cut at all joints in the mode's `cut`.
+
+    Report joints that are not on a loop, or whose loop is cut at another joint.
+    """
     joints = {mate.name: number for number, mate in enumerate(assembly.mates) if mate.name is not None}
     wrong = [one for one in mode.cut if joints.get(one.joint) in taken]
     for one in wrong:

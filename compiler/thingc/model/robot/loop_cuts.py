@@ -24,7 +24,7 @@ class CutPriority(NamedTuple):
     earlier: int
 
     def over(self, other: CutPriority) -> str:
-        """Describe why this mate stays in the tree and `other` is cut."""
+        """Describe why the loop is cut at the joint `other` and not at this joint."""
         first = next((name for name, mine, theirs in zip(CutPriority._fields, self, other, strict=True) if mine != theirs), "earlier")
         return _WORDS[first]
 
@@ -54,7 +54,10 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
 
 
 def closing(assembly: Assembly, taken: Collection[int], number: int) -> list[Mate]:
-    """Return the mates that close loops through a mate (by index) of the tree `taken`. The result is empty if the mate is not on a loop."""
+    """Return the mates that close a loop through the mate with index `number` of the tree `taken`.
+
+    The result is empty if this mate is not on a loop.
+    """
     groups = DisjointSets(len(assembly.links))
     for other in taken:
         if other != number:

@@ -61,14 +61,14 @@ limits, the correct state may have only one joint at its limit.
 
 
 class SolverState(FrozenStruct):
-    """The state of the solver: q [rad or m] of all joints by path, and the pose of the root link in the world."""
+    """The state of the loop solver: the positions q [rad or m] of all joints by path, and the pose of the root link in the world."""
 
     q: dict[str, float]
     base: Pose
 
 
 class Solution(FrozenStruct):
-    """The result of the solver: the state, and the residual (|p| [m], |w| [rad]) of every closure."""
+    """The result of the loop solver: the final state, and the position error |p| [m] and rotation error |w| [rad] of every loop closure."""
 
     state: SolverState
     residuals: tuple[tuple[float, float], ...]
@@ -147,7 +147,10 @@ class Loops:
         return Loops(bodies, self.closures, [free[path] if path in outside else one for path, one in self.joints.items()], self.base)
 
     def _above(self, body: int | None) -> tuple[int, ...]:
-        """Return a body and all its parents in the tree, with the root last. For the world, return an empty tuple."""
+        """Return the index of a body and the indices of all its ancestors in the tree, with the root last.
+
+        For the world (None), return an empty tuple.
+        """
         chain: list[int] = []
         while body is not None:
             chain.append(body)
@@ -400,7 +403,7 @@ class Loops:
 
 
 def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCoordinate, ...]:
-    """Return an independent coordinate for every joint that does not mimic another joint, in joint order.
+    """Create an independent coordinate for every joint that does not mimic another joint, in the order of `joints`.
 
     The limits of a coordinate respect the limits of its followers.
     """

@@ -82,8 +82,8 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
 def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:
     """Return the pairs of bodies that do not collide.
 
-    Neighbours through a joint (including loop closures) come first, in joint order. The pairs in the mode's own `exclude` come last. The
-    bodies of a pair are in link order, which is the same in every mode.
+    Pairs of bodies that a joint connects (including loop closures) come first, in the order of the joints. The pairs in the mode's own
+    `exclude` come last. The bodies of a pair are in link order, which is the same in every mode.
     """
     pairs: dict[tuple[int, int], None] = {}
     for one, other in (*neighbouring_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):

@@ -1,4 +1,4 @@
-"""The tree of bodies below a root: the joints in the tree, the loops that the tree cuts, and the direction of each joint."""
+"""Build the tree of bodies of a mode: the joints in the tree, the direction of each joint, and the loops that the tree cuts."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
 
 
 def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection[int]) -> tuple[Closure, ...]:
-    """Return the loops that a tree cuts: joints that the tree does not contain, and `fixed` joints that close a loop."""
+    """Return a loop closure for each joint that the kinematic tree does not contain, including `fixed` joints that close a loop."""
     placed = in_link(assembly)
     body_of = {body.link: index for index, body in enumerate(bodies)}
     closures: list[Closure] = []

@@ -16,7 +16,7 @@ from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode
 
 
 class TreeJoint(JointEdge):
-    """A joint coordinate in the kinematic tree: the child link moves relative to its parent in the tree.
+    """A joint coordinate in the kinematic tree, by which a child link moves relative to its parent link in the tree.
 
     `twist` is in the child link's frame with the following coordinates of the body at 0. The twist is the same for all values of its own
     and the preceding coordinates. Positive q has the document's meaning in either direction. `reversed` means that the document's child is
@@ -155,7 +155,7 @@ class Robot(OneLineRepr, FrozenStruct):
     are pairs of body indices without collisions: neighbours through a joint, which are the same links in every mode, and the mode's own
     pairs. A link that a hold fixes to the world is a neighbour of the world in this mode. `closures` are holds, then joints that were cut.
     `keyframes` contains the poses whose loops close, `unclosed` the other poses. `adhesion` is the control [N] of each adhesion in this
-    mode by path (0 by default). `present` are the joints whose actuators exist in this mode, in joint order.
+    mode by path (0 by default). `present` contains the paths of the joints whose actuators exist in this mode.
     """
 
     name: str

@@ -114,11 +114,11 @@ def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[
 
     The result is keyed by joint path, and positive along positive q.
 
-    `q` has all joints by path (rad or m); the poses of the bodies are in the world. The gravity load is the moment about the joint's axis
-    of everything behind the joint in the tree, with loops open. A closed loop does no work along motions that it allows, so the loads are
-    also the generalized forces of a robot with loops. A joint that was cut has only the load of its spring. For the moments of weights
-    about axes see Featherstone, Rigid Body Dynamics Algorithms, section 5.3 (inverse dynamics at rest). The time is linear in the number of
-    bodies.
+    `q` maps the paths of all joints to positions [rad or m], and `bodies` contains the poses of all bodies in the world. The gravity load
+    of a joint is the moment about the joint's axis of the weights of all bodies below the joint in the tree, with loops open. A closed loop
+    does no work along motions that it allows, so the loads are also the generalized forces of a robot with loops. A joint that was cut has
+    only the load of its spring. For the moments of weights about axes see Featherstone, Rigid Body Dynamics Algorithms, section 5.3
+    (inverse dynamics at rest). The time is linear in the number of bodies.
     """
     count = len(robot.bodies)
     masses = [0.0] * count
