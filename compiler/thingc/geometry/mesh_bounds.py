@@ -131,7 +131,8 @@ def _unfold_collada(root: ElementTree.Element) -> None:
 def _told_by_gltf(text: bytes) -> int:
     """Return a lower bound of the number of triangles that the accessors of a glTF file declare.
 
-    Sparse accessors do not need bytes for their elements, and several accessors may share the same bytes. Raises `BadMesh`.
+    Sparse accessors do not need bytes for their elements, and several accessors may share the same bytes. Raises `BadMesh` if the file
+    is not a valid mesh.
     """
     try:
         document = json.loads(text)

@@ -338,7 +338,7 @@ class PartRecord(OneLineRepr, FrozenStruct):
 
     @property
     def simulated(self) -> Mesh | None:
-        """The mesh that simulators use for collisions, as a whole or in convex pieces. None without geometry."""
+        """The mesh that simulators use for collisions, as a whole or in convex pieces. It is None for a part without geometry."""
         return self.meshes.get("simulation") or self.meshes.get("mesh")
 
 

@@ -88,7 +88,10 @@ BESIDE = Companion()
 
 
 def written(cell: Cell[By]) -> By | None:
-    """Return the emitter's keyword for how a feature is written. Return None if the feature has no keyword or is not written."""
+    """Return the keyword of a table cell.
+
+    The emitter uses this keyword to decide how to write the feature. Return None if the feature has no keyword or is not written.
+    """
     return cell.by if isinstance(cell, (Supported, Lossy)) else None
 
 

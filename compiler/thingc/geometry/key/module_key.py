@@ -78,10 +78,11 @@ class ModuleSource(FrozenStruct, kw_only=False):
 class CodeIngredients:
     """The code of a part, with all files and paths that determine which code it is.
 
-    `ingredients` contains digests and paths by module (`module arm`), `documented` the same with docstrings. `installed` contains the
-    imported modules of installed packages. `files` contains the source files with their SHA-256. `plain` contains the packages without
-    `__init__.py`. `hiding` contains the modules that hide other modules of the same name. `place` is `(file, line)` of the class. `sources`
-    contains the modules by file. It is empty if some code may inspect itself, because then all code counts, even code that does not run.
+    `ingredients` contains the digest and the path of each module, by a label such as `module arm`. `documented` contains the same with
+    digests that include docstrings. `installed` contains the imported modules of installed packages. `files` contains the source files
+    with their SHA-256. `plain` contains the packages without `__init__.py`. `hiding` contains the modules that hide other modules of
+    the same name. `place` is `(file, line)` of the class. `sources` contains the modules by file. It is empty if some code may inspect
+    itself, because then all code counts, even code that does not run.
     """
 
     ingredients: dict[str, str] = field(default_factory=dict)

@@ -43,7 +43,7 @@ class PartCode:
     def code(self, reference: str) -> CodeIngredients | None | PartFailure:
         """Return the source code that the part `module:Class` depends on, or None for a part of an installed package.
 
-        If the class must not or cannot be loaded, return the failure.
+        If the class of the part must not or cannot be loaded, return a failure.
         """
         if reference not in self._codes:
             code = self._read_code(reference)

@@ -157,7 +157,10 @@ def _stated_values(stated: DeclaredValue[Any] | None) -> Any:
 
 
 def read_schema(reference: str, value: Any, path: str) -> PartSchema:
-    """Parse the schema of the part `module:Class`, without the location of the class. Raises `BadLock`."""
+    """Parse the schema of the part `module:Class`, without the location of the class.
+
+    Raises `BadLock` if the lock file contains an invalid value.
+    """
     table = mapping(value, path)
     return PartSchema(
         reference=reference, kind=_one_of({"thing", "shape", "function"}, table, "kind", path), doc=_text_at(table, "doc", path) or "",
@@ -200,7 +203,10 @@ def _of_kind(kind: str, value: Value, choices: tuple[Value, ...]) -> bool:
 
 
 def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) -> PartRecord:
-    """Parse the part record of the definition `text`, without meshes. `code` is the location of the class of the part. Raises `BadLock`."""
+    """Parse the part record of the definition `text`, without meshes.
+
+    `code` is the location of the class of the part. Raises `BadLock` if the lock file contains an invalid value.
+    """
     table = mapping(value, path)
     box = None if table.get("box") is None else numbers(table["box"], 6, f"{path}.box")
     inertia = numbers(table.get("inertia"), _ENTRIES, f"{path}.inertia")

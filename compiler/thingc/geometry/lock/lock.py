@@ -60,7 +60,7 @@ class Lock(FrozenStruct):
     def schema(self, reference: str) -> PartSchema | None:
         """Return the schema of the part `module:Class` from the lock, without the location of the class.
 
-        Return None if the lock does not contain it. Raises `BadLock`.
+        Return None if the lock does not contain it. Raises `BadLock` if the lock file contains an invalid value.
         """
         thing = self.things.get(reference)
         if thing is None:
@@ -72,7 +72,7 @@ class Lock(FrozenStruct):
     def record(self, definition: PartDefinition, code: tuple[str, int] | None = None) -> PartRecord | None:
         """Return the record of a part definition from the lock, or None if the lock does not contain it.
 
-        Raises `BadLock`.
+        Raises `BadLock` if the lock file contains an invalid value.
         """
         if definition.kind == "file":
             held = self.files.get(definition.text)
@@ -86,7 +86,7 @@ class Lock(FrozenStruct):
     def relatives(self, reference: str, code: tuple[str, int] | None = None) -> Iterable[PartRecord]:
         """Yield the records of all definitions of the part `module:Class` in the lock, for any parameters.
 
-        Raises `BadLock`.
+        Raises `BadLock` if the lock file contains an invalid value.
         """
         thing = self.things.get(reference)
         for text, values in (thing.records if thing is not None else {}).items():
@@ -160,7 +160,7 @@ def report_bad(path: str, fault: BadLock, report: Report, *, severity: Severity 
 
 
 def parse_lock(path: str, data: bytes) -> Lock:
-    """Parse the content of a lock file. Raises `BadLock`."""
+    """Parse the content of a lock file. Raises `BadLock` if the lock file contains an invalid value."""
     if len(data) > MAX_BYTES:
         raise BadLock("", f"it has more than {MAX_BYTES} bytes")
     try:

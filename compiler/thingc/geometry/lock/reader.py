@@ -83,7 +83,7 @@ class LockAnswers:
 
         Return None if the lock is out of date or does not contain the schema.
 
-        Raises `BadLock`.
+        Raises `BadLock` if the lock file contains an invalid value.
         """
         if not self.current(reference):
             return None
@@ -94,7 +94,7 @@ class LockAnswers:
     def record(self, definition: PartDefinition) -> PartRecord | None:
         """Return the record of a part definition.
 
-        Return None if the lock is out of date or does not contain the record. Raises `BadLock`.
+        Return None if the lock is out of date or does not contain the record. Raises `BadLock` if the lock file contains an invalid value.
         """
         if definition.kind == "file":
             held = self.lock.files.get(definition.text)
@@ -107,9 +107,9 @@ class LockAnswers:
     def relative(self, definition: PartDefinition) -> PartRecord | None:
         """Return a placeholder record for a part definition that is not in the lock.
 
-        Return None if the lock does not contain the class of the part. Raises `BadLock`. The placeholder has the mounts that the class
-        has with other parameters. It has no mounts if counts, flags, choices or strings that differ from their defaults may affect the
-        names of mounts.
+        Return None if the lock does not contain the class of the part. Raises `BadLock` if the lock file contains an invalid value. The
+        placeholder has the mounts that the class has with other parameters. It has no mounts if counts, flags, choices or strings that
+        differ from their defaults may affect the names of mounts.
         """
         schema = self.lock.schema(definition.reference)
         if schema is None:

@@ -26,7 +26,7 @@ VERSION = 3
 def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | None:
     """Return the record of a mesh file, from the store or by reading the file.
 
-    If `read` is False and the store does not contain the record, return None. Raises `BadMesh`.
+    If `read` is False and the store does not contain the record, return None. Raises `BadMesh` if the file is not a valid mesh.
     """
     key = json.dumps([VERSION, *file.content])
     known = store.get_json(KIND, key)

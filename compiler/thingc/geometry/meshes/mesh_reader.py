@@ -77,7 +77,7 @@ class _Beside(trimesh.resolvers.Resolver):
 def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
     """Read a mesh file, write its triangles to the store, and return the record of the file.
 
-    If MuJoCo can read the file itself, its bytes are also written to the store. Raises `BadMesh`.
+    If MuJoCo can read the file itself, its bytes are also written to the store. Raises `BadMesh` if the file is not a valid mesh.
     """
     data = read_bounded(os.path.join(file.folder, os.path.basename(file.path)), file.suffix)
     if hashlib.sha256(data).hexdigest() != file.sha256:

@@ -134,7 +134,7 @@ class Store:
         return data
 
     def size(self, sha256: str) -> int:
-        """Return the size of a blob [bytes]. Raises `BlobMissing`."""
+        """Return the size of a blob [bytes]. Raises `BlobMissing` if the store does not contain the blob."""
         try:
             return os.stat(self.path(sha256)).st_size
         except OSError:
@@ -273,7 +273,7 @@ class Outbox(Store):
         return sha256
 
     def read(self, sha256: str) -> bytes:
-        """Return the bytes of a blob in the outbox or in the store. Raises `BlobMissing`."""
+        """Return the bytes of a blob in the outbox or in the store. Raises `BlobMissing` if the store does not contain the blob."""
         return self._held[sha256] if sha256 in self._held else super().read(sha256)
 
     def deliver(self) -> None:

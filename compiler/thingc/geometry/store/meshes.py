@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def vertices(store: Store, mesh: Mesh) -> tuple[Vector, ...]:
     """Read the vertices [m] of a mesh in the store, and return them sorted.
 
-    The code does not import numpy, which is slow. Raises `BlobMissing`.
+    The code does not import numpy, which is slow. Raises `BlobMissing` if a mesh is missing in the store.
     """
     numbers = (line.split() for line in store.read(mesh.sha256).splitlines() if line.startswith(b"v"))
     return tuple(sorted((float(x), float(y), float(z)) for _, x, y, z in numbers))

@@ -80,7 +80,7 @@ class SharedStore(Store):
             return super().read(sha256)
 
     def size(self, sha256: str) -> int:
-        """Return the size of a blob [bytes]. Raises `BlobMissing`."""
+        """Return the size of a blob [bytes]. Raises `BlobMissing` if the store does not contain the blob."""
         if not self.has(sha256):
             raise BlobMissing(sha256)
         return super().size(sha256)

@@ -307,7 +307,10 @@ def wrap_importers() -> None:
 
 
 def _telling(function: Callable[..., Any], position: int | None) -> Callable[..., Any]:
-    """Wrap `function` to record its file before the call. The file is the argument at `position`, or any argument that is a path (None)."""
+    """Wrap a function that reads a file, so that the read is recorded before each call.
+
+    The file is the argument at `position`, or any argument that is a path (None).
+    """
 
     @functools.wraps(function)
     def telling(*arguments: Any, **options: Any) -> Any:

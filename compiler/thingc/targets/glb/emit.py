@@ -137,7 +137,7 @@ def _nodes(robot: Robot) -> Iterator[_Node]:
 
 
 def _called(surface: Surface) -> str:
-    """Return a name for the mesh of a visual shape that a document lists. The name depends on the content of the mesh."""
+    """Return a name for the mesh of a visual shape. The name depends on the content of the mesh."""
     solid = surface.solid
     if isinstance(solid, Primitive):
         return f"{solid.shape} {' '.join(f'{number:.9g}' for number in solid.size)}"

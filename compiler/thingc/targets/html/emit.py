@@ -64,7 +64,7 @@ def _framed(name: str, data: str, glb: bytes, *, live: str | None, editor: str |
 
 
 def page_of(request: EmitRequest) -> Page:
-    """Create the web page of a robot in all chosen modes. Raises `BlobMissing`."""
+    """Create the web page of a robot in all chosen modes. Raises `BlobMissing` if a mesh is missing in the store."""
     packed = PackedMeshes(request.store)
     data = describe(request.assembly, request.robots, request.workspace, packed)
     return Page(name=request.assembly.name, data=in_script(data), glb=packed.glb())

@@ -39,7 +39,7 @@ class PackedMeshes:
         return self._numbers.setdefault(mesh.sha256, len(self._numbers))
 
     def glb(self) -> bytes:
-        """Return a glTF file with all requested meshes. Raises `BlobMissing`."""
+        """Return a glTF file with all requested meshes. Raises `BlobMissing` if a mesh is missing in the store."""
         tree: dict[str, list[dict[str, object]]] = {"nodes": [], "meshes": [], "accessors": [], "bufferViews": []}
         data = bytearray()
         for sha256 in self._numbers:

@@ -112,8 +112,8 @@ class AcceptedModels:
     ) -> dict[str, bytes]:
         """Return the contents of the files that MuJoCo reads, by name.
 
-        A mesh that is unknown, or whose name is in `true`, has the bytes in `instead`, or else its own bytes. Any other mesh is
-        replaced by a tetrahedron. If raw attributes may affect meshes, all meshes count as unknown.
+        A known mesh is replaced by a tetrahedron, unless its name is in `true`. Any other mesh is replaced by the bytes in `instead`,
+        if any. If raw attributes may affect meshes, all meshes count as unknown.
         """
         whole = any(about_meshes(model) for model in models)
         files = {mesh.file for mesh in (self._meshes if whole else self.unread(true))}

@@ -115,10 +115,11 @@ def _heading(robot: Robot) -> str:
 
 
 def emit_archives(request: EmitRequest) -> Artifacts:
-    """Return `mjcf/<name>_<mode>.mjz` of each chosen mode: a reproducible zip file of a model and its meshes that MuJoCo can open.
+    """Write `mjcf/<name>_<mode>.mjz` for each chosen mode.
 
-    This module writes the zip files itself. `MjSpec.encode` stores the current time and writes numbers with only six digits. Python's
-    `zipfile` would compress the meshes again for every mode and every edit. Here each mesh is compressed once and cached in the store.
+    This is a reproducible zip file that contains a model and its meshes, and that MuJoCo can open. This module writes the zip files
+    itself. `MjSpec.encode` stores the current time and writes numbers with only six digits. Python's `zipfile` would compress the
+    meshes again for every mode and every edit. Here each mesh is compressed once and cached in the store.
     """
     made = models(request)
     if request.report.failed:

@@ -183,7 +183,7 @@ def look(model: Any, robot: Robot) -> InitialState:
 
 
 def _pose(model: Any, data: Any, number: int | None) -> None:
-    """Set the state to the keyframe with this number or, for None, set every joint to 0."""
+    """Set the state of the simulation to the keyframe with index `number`. If `number` is None, set every joint to 0."""
     import mujoco
 
     if number is None:

@@ -88,7 +88,10 @@ def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> lis
 
 
 def _exported(robot: Robot) -> Iterator[Site]:
-    """Yield the exported mounts, first the mounts of the document itself. A mount with the same frame as an earlier mount is omitted."""
+    """Yield the mounts that documents export.
+
+    The mounts of the robot's own document come first. A mount with the same frame as an earlier mount is omitted.
+    """
     exported = {mount.path for mount in robot.assembly.exported}
     known: set[object] = set()
     for site in sorted((site for site in robot.sites if site.path in exported), key=lambda site: site.path.count("/")):

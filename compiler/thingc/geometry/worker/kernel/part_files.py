@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tuple[str, ...]]:
     """Read a CAD file or mesh file. Return its shapes, their colours (`#rrggbb`), and descriptions of the repairs.
 
-    `unit` [mm] is the unit of a file that does not specify a unit. Raises `BadPartFile`.
+    `unit` [mm] is the unit of a file that does not specify a unit. Raises `BadPartFile` if the file cannot be used as a part.
     """
     suffix = os.path.splitext(path)[1].lower()
     if suffix in (".step", ".stp"):

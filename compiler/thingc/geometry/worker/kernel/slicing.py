@@ -88,7 +88,7 @@ def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
 
 
 def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:
-    """Slice a closed mesh [mm], and compute the material of the printed part. Raises `NotSliced`."""
+    """Slice a closed mesh [mm], and compute the material of the printed part. Raises `NotSliced` if the part cannot be sliced."""
     turn = _turned_up(how.up)
     vertices = np.ascontiguousarray(mesh.vertices @ turn.T)
     lengths = _Lengths(how)
