@@ -23,24 +23,24 @@ NOTHING = "missing"
 
 
 class Text(FrozenStruct):
-    """A document in a merge: its text and its parsed tree."""
+    """One of the documents that are merged, as text and as a parsed tree."""
 
     source: Source
     tree: MappingNode
 
     def at(self, path: Path) -> Plain:
-        """Return the value at a path, or `MISSING`."""
+        """Return the value at a path of keys, or `MISSING` if the document does not contain the path."""
         node = node_at(self.tree, path)
         return MISSING if node is None else node.plain()
 
     def written(self, path: Path) -> str:
-        """Return the text of the value at a path as one shortened line."""
+        """Return the text of the value at a path of keys on one line. Long texts are shortened."""
         node = node_at(self.tree, path)
         return NOTHING if node is None else shortened(inline(self, node))
 
 
 class Conflict(FrozenStruct):
-    """A value that the user and the source changed differently, with the text of each version on one line."""
+    """A value that both the user and the source have changed, in different ways. It contains the text of each version on one line."""
 
     path: Path
     ours: str
@@ -48,7 +48,7 @@ class Conflict(FrozenStruct):
 
 
 class Merged(FrozenStruct):
-    """The result of a three-way merge: the merged text, the accepted changes and the conflicts.
+    """The result of a three-way merge: the merged text of the document, the changes that were merged, and the conflicts.
 
     `taken` contains the paths changed in the source, each with the old and the new value. `kept` contains the paths changed by the user.
     """
@@ -60,22 +60,22 @@ class Merged(FrozenStruct):
 
 
 class MergeConflict(Exception):
-    """Raised if the layout of the document prevents a correct merge. The message contains the path of the value."""
+    """Raised if the documents cannot be merged correctly because of their layout. The message contains the path of the value."""
 
 
 def read_text(path: str, text: str, report: Report) -> Text | None:
-    """Parse the text of a document. Return None after reporting that it is not a well-formed mapping."""
+    """Parse the text of a document. Return None after reporting that the text is not well-formed or not a mapping."""
     tree = read_tree(path, text.encode(), report)
     return Text(source=Source(path, text), tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
 
 def shortened(text: str) -> str:
-    """Shorten a value to 80 characters."""
+    """Shorten the text of a value to at most 80 characters."""
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 class Merge:
-    """Merges `new` and `ours`, two versions of `base`."""
+    """Merges the documents `new` and `ours`, which are two changed versions of the document `base`."""
 
     def __init__(self, base: Text, new: Text, ours: Text) -> None:
         self.base, self.new, self.ours = base, new, ours
@@ -85,7 +85,7 @@ class Merge:
         self.conflicts: list[Conflict] = []
 
     def merged(self) -> Merged:
-        """Merge the two versions, and return the result. Raises `MergeConflict`."""
+        """Merge the two versions of the document, and return the merged text with the conflicts. Raises `MergeConflict`."""
         expected = self._whole((), self.base.tree.plain(), self.new.tree.plain(), self.ours.tree.plain())
         text = self.ours.source.text
         parts, at, line_end = list[str](), 0, "\r\n" if "\r\n" in text else "\n"
@@ -101,7 +101,10 @@ class Merge:
         return Merged(text=whole, taken=tuple(self.taken), kept=tuple(self.kept), conflicts=tuple(self.conflicts))
 
     def _whole(self, path: Path, base: Any, new: Any, ours: Any) -> Any:
-        """Return the merged value at a path, and record the edit or conflict. The arguments and the result can be `MISSING`."""
+        """Merge the value at a path as a whole, and return the merged value. Record the edit or the conflict.
+
+        The arguments and the result are `MISSING` if a version does not contain the value.
+        """
         if _alike(new, base) or _alike(new, ours):
             if not _alike(ours, base) and not _alike(new, ours):
                 self.kept += _changed(path, base, ours)
@@ -116,7 +119,7 @@ class Merge:
         return ours
 
     def _inside(self, path: Path, base: Any, new: Any, ours: Any, keys: Sequence[Any]) -> Any:
-        """Merge the entries of nested mappings or lists."""
+        """Merge nested mappings or lists of mappings entry by entry."""
         of = {key: tuple(_get(one, key) for one in (base, new, ours)) for key in keys}
         after = {key: self._whole((*path, key), *three) for key, three in of.items()}
         changed = [key for key in keys if not _alike(after[key], of[key][2]) and _keys(*of[key]) is None]
@@ -133,7 +136,7 @@ class Merge:
         return {key: value for key, value in after.items() if value is not MISSING}
 
     def _rewrite(self, path: Path, node: Node, keys: Sequence[Any], changed: Sequence[Any]) -> None:
-        """Rewrite a flow mapping, preserving the text of unchanged values."""
+        """Write a flow mapping (`{a: 1, b: 2}`) again with changed values. The text of unchanged values is preserved."""
         whole, inner = self.ours.source.range(node.span), []
         for key in keys:
             of = self.new if key in changed else self.ours
@@ -150,7 +153,7 @@ class Merge:
         self.edits.append((*whole, "{" + ", ".join(inner) + "}"))
 
     def _change(self, path: Path, key: Any, after: Any) -> None:
-        """Add an edit that sets, adds or removes an entry of a mapping, or sets an item of a list."""
+        """Record the edit that sets, adds or removes one entry of a mapping, or sets one item of a list."""
         mine, theirs = node_at(self.ours.tree, (*path, key)), node_at(self.new.tree, (*path, key))
         parent = node_at(self.ours.tree, path)
         assert parent is not None
@@ -175,7 +178,7 @@ class Merge:
             self.edits.append((self._start(first), self._start(last + 1), text))
 
     def _add(self, path: Path, parent: Node, key: Any) -> None:
-        """Insert a new entry. Its position is after the entry that precedes it in `new`, or at the beginning."""
+        """Record the edit that inserts a new entry after the entry that precedes it in `new`, or at the beginning of the mapping."""
         wanted = node_at(self.new.tree, path)
         assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
         order = list(wanted.entries)
@@ -187,7 +190,10 @@ class Merge:
         self.edits.append((start, start, text if ended else f"\n{text}"))
 
     def _entry(self, path: Path, parent: Node, key: Any) -> list[str]:
-        """Return the lines of an entry of `new`, including the comments above it, with the indentation of the entries of `parent`."""
+        """Return the lines of an entry of `new`, including the comments above it.
+
+        They are indented like the entries of the mapping `parent`.
+        """
         wanted = node_at(self.new.tree, path)
         assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
         column = next(iter(parent.keys.values())).column
@@ -204,7 +210,7 @@ class Merge:
 
 
 def inline(text: Text, node: Node) -> str:
-    """Format a value on one line. The text of scalars does not change."""
+    """Format a YAML value on one line. The text of numbers, strings and other scalars does not change."""
     match node:
         case ScalarNode():
             return text.source.text[slice(*text.source.range(node.span))]
@@ -215,17 +221,17 @@ def inline(text: Text, node: Node) -> str:
 
 
 def _alike(one: Any, other: Any) -> bool:
-    """Return whether two values are equal and have equal types: True and 1 are different."""
+    """Return whether two values are equal and have the same types. For example, True and 1 are different."""
     if one is MISSING or other is MISSING:
         return one is other
     return bool(one == other) and (type(one) is type(other) or not {bool} & {type(one), type(other)})
 
 
 def _keys(base: Any, new: Any, ours: Any) -> list[Any] | None:
-    """Return the keys to merge if all three are mappings, or lists of mappings with equal lengths, else None.
+    """Return the keys to merge one by one if the three values are mappings, or lists of mappings with equal lengths.
 
-    Keys are in the order of `ours`, followed by new keys. A list of numbers is merged as a whole, because merging the components of two
-    versions of an axis gives a third axis.
+    Otherwise, return None. Keys are in the order of `ours`, followed by new keys. A list of numbers is merged as a whole, because merging
+    the components of two versions of an axis gives a third axis.
     """
     if all(isinstance(one, dict) for one in (base, new, ours)):
         return [*dict.fromkeys([*ours, *new, *base])]
@@ -238,7 +244,7 @@ def _get(values: Any, key: Any) -> Any:
 
 
 def _changed(path: Path, base: Any, ours: Any) -> Iterator[Path]:
-    """Yield the path of each value that differs, as deep in the tree as possible."""
+    """Yield the path of each value that differs between two documents. Nested mappings are compared key by key."""
     keys = _keys(base, base, ours)
     if keys is None:
         yield path
@@ -254,14 +260,14 @@ def _is_flow(text: Text, node: Node) -> bool:
 
 
 def _is_block(text: Text, parent: Node | None, key: Any) -> bool:
-    """Return whether the value of a key starts on a new line."""
+    """Return whether the value of a key in a YAML document starts on a line after the key."""
     assert isinstance(parent, MappingNode)
     node = parent.entries[key]
     return not isinstance(node, ScalarNode) and not _is_flow(text, node)
 
 
 def _last_line(text: Text, node: Node) -> int:
-    """Return the index of the last line of a value."""
+    """Return the index of the last line of a value in a YAML document."""
     if isinstance(node, ScalarNode) or _is_flow(text, node):
         start, end = text.source.range(node.span)
         return text.source.line_at(start + len(text.source.text[start:end].rstrip()))
@@ -270,14 +276,14 @@ def _last_line(text: Text, node: Node) -> int:
 
 
 def _lines(text: Text, parent: Node, key: Any) -> tuple[int, int]:
-    """Return the indices of the first and last line of an entry."""
+    """Return the indices of the first and the last line of an entry in a YAML document."""
     assert isinstance(parent, MappingNode)
     where: Span = parent.keys[key]
     return where.line - 1, max(where.line - 1, _last_line(text, parent.entries[key]))
 
 
 def _leading(text: Text, path: Path, key: Any) -> list[str]:
-    """Return the comments and blank lines between an entry and the previous entry, or nothing for the first entry."""
+    """Return the comments and blank lines between an entry and the entry before it. Return nothing for the first entry."""
     parent = node_at(text.tree, path)
     assert isinstance(parent, MappingNode)
     order = list(parent.entries)

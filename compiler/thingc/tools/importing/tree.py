@@ -19,7 +19,7 @@ MOST_BELOW = 496
 
 
 def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: Span, report: Report) -> str | None:
-    """Return the name of the root link of the tree, or None after reporting errors.
+    """Return the name of the root link of an imported robot. Return None after reporting errors.
 
     The function reports duplicate names, joints of missing links, links with two parents, cycles, and zero or several roots.
     """
@@ -59,7 +59,7 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: 
 
 
 def warn_of_depth(robot: SourceRobot, report: Report) -> None:
-    """Warn at the first link that is nested too deeply for MuJoCo."""
+    """Warn if a link is nested too deeply in the kinematic tree for MuJoCo. Only the first such link is reported."""
     below = by_parent(robot.hangings)
     bare = {link.name for link in robot.links if link.is_bare}
     waiting = [(robot.root, 1)]
@@ -78,9 +78,10 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
 
 
 def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tuple[Attachment, ...]]:
-    """Split joints that may form loops into a spanning tree and the joints that close loops. Reverse joints of the tree if necessary.
+    """Divide the joints of a robot with closed loops into a spanning tree and the joints that close loops.
 
-    The first group also contains joints that are not connected to the root, so that `root_of` reports these joints.
+    Joints of the tree are reversed if necessary. The first result also contains joints that are not connected to the root, so that
+    `root_of` reports these joints.
     """
     tree: list[Attachment] = []
     closing: list[Attachment] = []
@@ -106,7 +107,7 @@ def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tup
 
 
 def look_at_mimics(hangings: Sequence[Attachment], moving: Set[str], report: Report) -> None:
-    """Report joints that mimic themselves or a joint that is not in `moving`, and cycles of mimics."""
+    """Report an error for each joint that mimics itself or a joint that is not in `moving`, and for each cycle of mimic joints."""
     follows = {joint.name: joint.follows for one in hangings for joint in one.joints if joint.follows is not None}
     for circle in find_cycles(follows, lambda name: follows[name].joint if name in follows else None):
         if len(circle) > 1:
@@ -122,7 +123,7 @@ def look_at_mimics(hangings: Sequence[Attachment], moving: Set[str], report: Rep
 
 
 def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, Named]:
-    """Map names to elements. If several elements have the same name, report an error and use the first element."""
+    """Return the elements keyed by name. If several elements have the same name, report an error and keep the first element."""
     first: dict[str, Named] = {}
     for one in things:
         if first.setdefault(one.name, one) is not one:
@@ -132,7 +133,7 @@ def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, N
 
 
 def by_parent(hangings: Iterable[Attachment]) -> dict[str, list[Attachment]]:
-    """Return the attachments by parent link, in the order of the source."""
+    """Group the attachments by the name of the parent link. Each group is in source order."""
     below: dict[str, list[Attachment]] = {}
     for one in hangings:
         below.setdefault(one.parent, []).append(one)
@@ -140,7 +141,7 @@ def by_parent(hangings: Iterable[Attachment]) -> dict[str, list[Attachment]]:
 
 
 def downwards(root: str, hangings: Iterable[Attachment]) -> Iterator[Attachment]:
-    """Yield the attachments of the tree, starting at the root, depth first and in source order."""
+    """Yield the attachments of the kinematic tree depth first, starting at the root. The children of a link are in source order."""
     below = by_parent(hangings)
     waiting = [*reversed(below.get(root, ()))]
     while waiting:
@@ -150,7 +151,7 @@ def downwards(root: str, hangings: Iterable[Attachment]) -> Iterator[Attachment]
 
 
 def _circles(named: dict[str, SourceLink], above: dict[str, Attachment], report: Report) -> None:
-    """Report each cycle once, at the joint of its first link."""
+    """Report an error for each cycle of links. The location of the error is the joint of the first link of the cycle."""
     for upwards in find_cycles(named, lambda name: above[name].parent if name in above else None):
         circle = upwards[::-1]
         report.add(

@@ -21,10 +21,10 @@ RECORD = "import.json"
 
 
 class PreviousImport(FrozenStruct):
-    """The previous import of the robot `robot` from the file `source` to `folder` (absolute path).
+    """The previous import of the robot `robot` from the file `source` to the folder with the absolute path `folder`.
 
-    `document` is a file name, and `text` the content as written by the import. `meshes` are SHA-256 hashes by file. `links` and `joints`
-    map names in the source to names in the document. `roots` and `repair` are the options of the import.
+    `document` is the file name of the document, and `text` is its content as the import wrote it. `meshes` maps mesh files to SHA-256
+    hashes. `links` and `joints` map names in the source to names in the document. `roots` and `repair` are the options of the import.
     """
 
     folder: str
@@ -40,12 +40,12 @@ class PreviousImport(FrozenStruct):
     with_meshes: bool
 
     def edited(self) -> tuple[str, ...]:
-        """Return the files that have changed since the import, without deleted files."""
+        """Return the files that the user has changed since the import. Deleted files are omitted."""
         written = {self.document: _sha256(self.text.encode()), **self.meshes}
         return tuple(name for name, sha256 in written.items() if (data := self.read(name)) is not None and _sha256(data) != sha256)
 
     def read(self, name: str) -> bytes | None:
-        """Return the content of a file, or None if it does not exist."""
+        """Return the content of a file in the folder of the import, or None if the file does not exist."""
         try:
             with open(os.path.join(self.folder, name), "rb") as stream:
                 return stream.read()
@@ -54,7 +54,10 @@ class PreviousImport(FrozenStruct):
 
 
 class Update(FrozenStruct):
-    """An update: the changed files by absolute path, in writing order, the merged document, and the files that the user has edited."""
+    """The files to write when an imported robot is updated, the merged document, and the files that the user has edited.
+
+    The files are keyed by absolute path, in the order in which they are written.
+    """
 
     changes: Mapping[str, Change]
     merged: Merged
@@ -62,7 +65,7 @@ class Update(FrozenStruct):
 
 
 def earlier_import(folder: str) -> PreviousImport | None:
-    """Return the previous import in a folder, or None if `import.json` is missing or invalid."""
+    """Return the previous import to a folder. Return None if the file `import.json` is missing or invalid."""
     folder = os.path.realpath(folder)
     try:
         with open(os.path.join(folder, RECORD), "rb") as stream:
@@ -81,10 +84,10 @@ def earlier_import(folder: str) -> PreviousImport | None:
 
 
 def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], report: Report) -> Update | None:
-    """Merge an import with its new `files`, which include `document`.
+    """Update a previous import with the `files` of a new import, which include the document.
 
-    If values conflict, report the conflict and use the value of the user. Return None after reporting that the document cannot be merged.
-    If the user has deleted the document, write the new document.
+    Merge the new document with the edits of the user. If values conflict, report the conflict and use the value of the user. Return None
+    after reporting that the document cannot be merged. If the user has deleted the document, write the new document.
     """
     path = os.path.join(earlier.folder, document)
     new = files[document].decode()
@@ -124,7 +127,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
 
 
 def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report: Report) -> dict[str, Change]:
-    """Return the old and new contents of mesh files that changed in the source. Report files that the user has changed, too."""
+    """Return the old and the new content of each mesh file that changed in the source. Report the files that the user has also changed."""
     written: dict[str, Change] = {}
     for name, content in meshes.items():
         there = earlier.read(name)
@@ -154,7 +157,10 @@ def _repair(how: object) -> Repair | None:
 
 
 def _inside(name: str) -> str:
-    """Validate a path in `import.json`, which the user may have edited. Raises `ValueError` if it is outside the folder."""
+    """Check that a path in the file `import.json` is inside the folder of the import, because a user may have edited the file.
+
+    Raises `ValueError`.
+    """
     parts = str(name).split("/")
     if len(parts) > 2 or any(part in ("", ".", "..") or "\\" in part or "\0" in part for part in parts):
         raise ValueError(name)

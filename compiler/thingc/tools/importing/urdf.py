@@ -50,7 +50,7 @@ INSIDE: dict[str, set[str]] = {
 
 
 def read_urdf(path: str, data: bytes, report: Report, *, files: Sequence[str] = ()) -> source_model.SourceRobot | None:
-    """Read the robot from `data`, the content of the file at the absolute path `path`. Return None after reporting errors.
+    """Read the robot in a URDF file. `data` is the content of the file at the absolute path `path`. Return None after reporting errors.
 
     `files` are the xacro files from which the URDF was generated.
     """
@@ -88,7 +88,7 @@ class _Urdf:
         self.blocks = Blocks(root, self.values, self.losses)
 
     def robot(self) -> source_model.SourceRobot | None:
-        """Convert the URDF to an imported robot. Return None after reporting errors."""
+        """Convert the URDF to a robot of the source model. Return None after reporting errors."""
         name = self.root.attributes.get("name", "").strip()
         if not name:
             name = os.path.splitext(os.path.basename(self.root.where.file))[0]
@@ -119,7 +119,9 @@ class _Urdf:
     def _sensed(
         self, links: tuple[source_model.SourceLink, ...], hangings: tuple[source_model.Attachment, ...],
     ) -> tuple[tuple[source_model.SourceLink, ...], tuple[source_model.SourceSensor, ...]]:
-        """Return the links, with added mounts for sensors, and the sensors. A sensor on a bare frame moves to the link that has the frame.
+        """Return the links with additional mounts for sensors, and the sensors.
+
+        A sensor on a link that is only a frame is moved to the link to which this frame is fixed.
         """
         named, above = {link.name: link for link in links}, {one.child: one for one in hangings}
         carrying, sensors = {one.parent for one in hangings}, list[source_model.SourceSensor]()
@@ -155,7 +157,7 @@ class _Urdf:
         return None if name is None else source_model.SourceLink(name=name, where=element.place("name"), weight=weight, shapes=shapes)
 
     def _weight(self, inertial: SourceElement) -> source_model.Weight | None:
-        """Read the mass properties of a link. Return None for a massless link."""
+        """Read the mass properties of a link. Return None if the link is massless."""
         pose, _ = self.values.origin(inertial)
         mass_element, moments = self.values.one(inertial, "mass"), self.values.one(inertial, "inertia")
         if mass_element is None:
@@ -191,7 +193,7 @@ class _Urdf:
         return replace(shape, rpy=rpy, color=color, name=self.values.own_name(element, link, "(:collision)?"))
 
     def _color(self, material: SourceElement) -> Color | None:
-        """Return the colour of a material. A reference by name uses the first definition of the name."""
+        """Return the RGBA colour of a material. If several materials have the name to which a link refers, the first definition is used."""
         name = material.attributes.get("name", "")
         if not name:
             return self._rgba(material)
@@ -264,7 +266,10 @@ class _Urdf:
         )
 
     def _mimic(self, mimic: SourceElement, name: str) -> source_model.SourceMimic | None:
-        """Read the coupling of a mimic joint to its leader. As in Pinocchio and MoveIt, return None if the leader does not move."""
+        """Read the `<mimic>` element of a joint, which couples the joint to another joint.
+
+        As in Pinocchio and MoveIt, return None if the other joint does not move.
+        """
         joint = self.values.word(mimic, "joint")
         multiplier, offset = self.values.number(mimic, "multiplier", 1.0), self.values.number(mimic, "offset", 0.0)
         if joint is None or multiplier is None or offset is None:
@@ -309,7 +314,7 @@ class _Urdf:
         return source_model.SourceLimits(lower=lower, upper=upper, effort=effort, velocity=velocity)
 
     def _grounded(self, robot: source_model.SourceRobot) -> source_model.SourceRobot | None:
-        """Remove a root link that represents the world and has only one child, attached by a fixed or floating joint."""
+        """Remove the root link if it represents the world, and if a fixed or floating joint attaches its only child."""
         first = [one for one in robot.hangings if one.parent == robot.root]
         world = next(link for link in robot.links if link.name == robot.root)
         bare = world.weight is None and not world.shapes and len(first) == 1 and not first[0].joints
@@ -337,7 +342,7 @@ _ARGUMENTS = tuple(map(re.compile, (r"<xacro:arg\s[^>]*?\bname\s*=\s*[\"']([^\"'
 
 
 def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str], report: Report) -> tuple[bytes, list[str]] | None:
-    """Expand the xacro file at an absolute path. Return the URDF and the xacro files, or None after reporting errors.
+    """Expand the xacro file at an absolute path. Return the URDF and the xacro files that were read, or None after reporting errors.
 
     Elements of the URDF have an attribute with their source location. `packages` maps names of packages to folders.
     """
@@ -373,7 +378,10 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
 
 
 def _are_known(arguments: Mapping[str, str], files: Sequence[str], report: Report) -> bool:
-    """Return whether the files use all arguments. Report unused arguments, which xacro ignores. Do not search loaded YAML files."""
+    """Return whether the xacro files use all arguments of the command line.
+
+    Report arguments that they do not use, because xacro ignores them. The function does not search YAML files that xacro loads.
+    """
     texts = [Path(file).read_text(encoding="utf-8", errors="replace") for file in files]
     if any("load_yaml" in text for text in texts):
         return True
@@ -385,7 +393,7 @@ def _are_known(arguments: Mapping[str, str], files: Sequence[str], report: Repor
 
 
 def _by_packages(text: str, folders: Mapping[str, str]) -> str:
-    """Replace the absolute paths from `$(find NAME)` by `package://NAME`."""
+    """Replace absolute paths that `$(find NAME)` has inserted into the URDF by URIs `package://NAME`."""
     for name, folder in sorted(folders.items(), key=lambda one: -len(one[1])):
         for before in ("file://", ""):
             text = text.replace(f'"{before}{folder}/', f'"package://{name}/')

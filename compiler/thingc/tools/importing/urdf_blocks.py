@@ -40,7 +40,9 @@ FIELD_OF_VIEW, WIDTH, HEIGHT = 1.047, 320.0, 240.0
 
 
 class Blocks:
-    """The blocks of a URDF file for other programs. Unsupported elements are losses, and invalid numbers are reported.
+    """Reads the elements of a URDF file that are intended for other programs.
+
+    Unsupported elements are losses, and invalid numbers are reported.
 
     Attributes:
         friction: The sliding friction by name of the link.
@@ -130,11 +132,11 @@ class Blocks:
         return 2.0 * math.atan(math.tan(min(sizes[0], 3.1) / 2.0) * sizes[2] / sizes[1])
 
     def _number(self, element: SourceElement) -> float | None:
-        """Read a number from the text of an element or from its attribute `value`."""
+        """Read a number from the text of an element, or from the attribute `value` of the element."""
         return self.values.number_of(element, element.attributes.get("value", element.text), f"`<{element.tag}>`")
 
     def _from_zero(self, element: SourceElement) -> float | None:
-        """Read a number that must be at least 0."""
+        """Read a number from an element. The number must be at least 0."""
         number = self._number(element)
         if number is not None and number < 0.0:
             self.values.fault(element, None, f"`<{element.tag}>`: expected a number of at least 0, found {number:g}")
@@ -142,7 +144,10 @@ class Blocks:
         return number
 
     def _is_joint(self, name: str, block: SourceElement) -> bool:
-        """Return whether the driven joint exists. Report an error if it does not exist."""
+        """Return whether the joint to which a transmission or controller refers exists.
+
+        If it does not exist, report a warning and record a loss.
+        """
         joints = [one.attributes.get("name", "") for one in self.root.all("joint")]
         if name not in joints:
             self.losses.note(f"the drive of joint `{name}`", "there is no such joint", block.where)
@@ -151,7 +156,7 @@ class Blocks:
         return name in joints
 
     def _transmitted(self) -> Iterator[tuple[str, SourceElement]]:
-        """Yield the names of the joints of transmissions, with their elements."""
+        """Yield the name of each joint that a `<transmission>` refers to, with its XML element."""
         for block in self.root.all("transmission"):
             faces = [one.text for part in block.children for one in part.all("hardwareInterface")]
             for joint in block.all("joint"):
@@ -164,7 +169,7 @@ class Blocks:
             self._rest((one for one in block.children if one.tag not in ("joint", "actuator", "type")), "of `<transmission>`")
 
     def _controlled(self) -> Iterator[tuple[str, SourceElement]]:
-        """Yield the names of the joints that `<ros2_control>` commands, with their elements."""
+        """Yield the name of each joint that `<ros2_control>` commands, with its XML element."""
         for block in self.root.all("ros2_control"):
             for joint in block.all("joint"):
                 name, commands = joint.attributes.get("name", ""), [*joint.all("command_interface")]

@@ -1,10 +1,10 @@
-"""Write the document of an imported robot: concise, in tree order and in canonical layout.
+"""Write the YAML document of an imported robot.
 
-A link becomes a component of the same name: a `link` if it has shapes, else a `frame`. A fixed link without mass, shapes and children
-becomes a mount of its parent. The document exports this mount, so that other documents can attach components to the mount. A joint connects
-two mounts that have the name of the joint, or the origins of two components. These frames coincide at q = 0, as in the source. The joint
-has the `axis` of the source. The axis of a planar joint is z of the parent's mount. The child's mount of a planar or ball joint is rotated
-(`MATE`) so that the frames coincide.
+The elements are in the order of the kinematic tree, and the text is in canonical layout. A link becomes a component of the same name: a
+`link` if it has shapes, else a `frame`. A fixed link without mass, shapes and children becomes a mount of its parent. The document exports
+this mount, so that other documents can attach components to the mount. A joint connects two mounts that have the name of the joint, or the
+origins of two components. These frames coincide at q = 0, as in the source. The joint has the `axis` of the source. The axis of a planar
+joint is z of the parent's mount. The child's mount of a planar or ball joint is rotated (`MATE`) so that the frames coincide.
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01):
 
 
 class WrittenDocument(FrozenStruct):
-    """A generated document: its name, its text, and the document names of elements by kind and source name."""
+    """A document that was generated for an imported robot: its name, its text, and the names of its elements.
+
+    The names map the kind and the source name of each element to its name in the document.
+    """
 
     name: str
     text: str
@@ -43,7 +46,7 @@ class WrittenDocument(FrozenStruct):
 
 
 class DocumentWriter(DocumentNaming):
-    """Writes the document of a robot with the mode `source` and one mode for each link in `roots`.
+    """Writes the document of an imported robot. The document has the mode `source` and one mode for each link in `roots`.
 
     The first line of the document mentions the source `origin`. `repaired` maps repaired links to the method of repair. `meshes` maps
     meshes to files. The document omits other meshes. The names of elements of an `earlier` import do not change.
@@ -57,7 +60,7 @@ class DocumentWriter(DocumentNaming):
         self.roots, self.origin, self.repaired = roots, origin, repaired
 
     def written(self) -> WrittenDocument:
-        """Return the document in canonical layout."""
+        """Return the generated document. Its text is in canonical layout."""
         text = "\n".join((
             f"# From {self.origin}. Losses are listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
             *self._components(), "", *self._joints(), *tendon_lines(self), *self._shown(), *mode_lines(self, self.roots),
@@ -94,7 +97,10 @@ class DocumentWriter(DocumentNaming):
                 yield f"    at: {{in: {self.links[name]}.origin}}"
 
     def _weight(self, link: SourceLink, *, shapes: bool = False) -> Iterator[str]:
-        """Yield the mass properties of a link. If it has shapes, always include `com`, whose default is the centre of the shapes."""
+        """Yield the lines of the mass properties of a link. If the link has shapes, the lines always include `com`.
+
+        The reason is that the default of `com` is the centre of the shapes.
+        """
         if link.weight is None:
             return
         of = link.weight.properties
@@ -114,7 +120,7 @@ class DocumentWriter(DocumentNaming):
             yield from _mapping("inertia", {"value": f"{{{_entries(said)}}}", "source": "repaired"} if mended else said)
 
     def _shapes(self, link: SourceLink) -> Iterator[str]:
-        """Yield the items of `shapes`. A visual shape and an equal collision shape become one item."""
+        """Yield the lines of the key `shapes` of a link. A visual shape and a collision shape that are equal become one item."""
         for shape, touch in self.items(link):
             said = [self._geometry(shape), *([f"at: {{{pose}}}"] if (pose := pose_words(shape.pose, shape.rpy)) else [])]
             said += [] if shape.use == "visual" and touch is not None else [f"for: {shape.use}"]
@@ -138,7 +144,7 @@ class DocumentWriter(DocumentNaming):
         return f"mesh: {path}, unit: {unit}"
 
     def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
-        """Yield the mounts of a link with pose and comment.
+        """Yield the name, the pose and the comment of each mount of a link.
 
         The mounts belong to joints, to links that become mounts, and to sites, loops and magnets. A shape of a tendon or a camera gets a
         mount unless a mount with the same pose exists.
@@ -230,7 +236,7 @@ class DocumentWriter(DocumentNaming):
             yield from _mapping("drive", drive_words(joint.drive, turns))
 
     def _shown(self) -> Iterator[str]:
-        """Yield the mounts that the document exports."""
+        """Yield the lines of the section `mounts`, which lists the mounts that the document exports."""
         if self.frames or self.sites:
             yield "mounts:"
             yield from (f"  {word}: {self.links[self.above[name].parent]}.{word}" for name, word in self.frames.items())
@@ -240,7 +246,10 @@ class DocumentWriter(DocumentNaming):
 
 
 def _unit(mine: str, other: str, power: int) -> str:
-    """Return the unit of a coefficient of a polynomial: the unit of the joint, divided by a power of the unit of the other joint."""
+    """Return the unit of a coefficient of the polynomial that couples two joints.
+
+    It is the unit of the coupled joint, divided by a power of the unit of the other joint.
+    """
     if mine == other:
         return {0: mine, 1: ""}.get(power, f"{mine}^-{power - 1}")
     return {0: mine, 1: f"{mine}/{other}"}.get(power, f"{mine}/{other}^{power}")
@@ -256,24 +265,27 @@ def _entries(values: Mapping[str, str]) -> str:
 
 
 def _parent_mount(one: Attachment, joint: SourceJoint) -> str:
-    """Format the pose of the mount of a joint on its parent."""
+    """Format the pose of the mount on the parent link to which a joint is attached."""
     onto = _onto(joint)
     return pose_words(one.pose @ shifted(*joint.anchor) @ onto, one.rpy if onto == NO_POSE else None)
 
 
 def _child_mount(joint: SourceJoint) -> str:
-    """Format the pose of the mount of a joint on its child."""
+    """Format the pose of the mount on the child link to which a joint is attached."""
     return pose_words(shifted(*joint.anchor) @ _onto(joint) @ (MATE if joint.kind in FACING else NO_POSE))
 
 
 def _onto(joint: SourceJoint) -> Pose:
-    """Return the rotation from z to the axis of a planar joint. The result for other joints, which have an `axis`, is the identity."""
+    """Return the rotation that turns the z axis to the axis of a planar joint.
+
+    For other joints, return the identity, because they have an `axis`.
+    """
     axis = _clean(joint.axis)
     return NO_POSE if joint.kind != "planar" or axis == (0.0, 0.0, 1.0) else along(axis, (0.0, 0.0, 0.0))
 
 
 def _clean(axis: Vector) -> Vector:
-    """Remove rounding errors from a unit vector that is almost parallel to a coordinate axis."""
+    """Round the components of a unit vector that is almost parallel to a coordinate axis, so that it is exactly parallel."""
     x, y, z = (0.0 if abs(one) < _ALIGNED else one for one in axis)
     if sum(map(bool, (x, y, z))) == 1:
         x, y, z = (math.copysign(1.0, one) if one else 0.0 for one in (x, y, z))

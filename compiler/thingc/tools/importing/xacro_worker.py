@@ -30,7 +30,7 @@ FILE_BYTES = 1_000_000
 
 
 def main() -> int:
-    """Read a request as a line of JSON from standard input, and print the answer as a line of JSON.
+    """Read a request as one line of JSON from standard input, expand the xacro file, and print the answer as one line of JSON.
 
     The request contains `path`, `packages`, `arguments`, `seconds` (CPU time), and `timeout` [s]. The answer contains `text`, `files` and
     `packages`, or a `fault` with its `file` and `line`, or `failed` with the reason why the child ended.
@@ -49,7 +49,7 @@ def main() -> int:
 
 
 def is_plausible(answer: Mapping[str, Any], readable: Sequence[str]) -> bool:
-    """Return whether an answer contains only files that the source may read.
+    """Return whether all files in the answer of the child process are files that the xacro file may read.
 
     Code in the xacro file may have forged the answer, and thingc later reads the files outside the sandbox.
     """
@@ -58,7 +58,7 @@ def is_plausible(answer: Mapping[str, Any], readable: Sequence[str]) -> bool:
 
 
 def _expand(asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Expand a xacro file in the child process."""
+    """Expand the xacro file of a request in the sandboxed child process."""
     resource.setrlimit(resource.RLIMIT_CPU, (asked["seconds"], asked["seconds"]))
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES))
@@ -73,7 +73,7 @@ class _Expanding:
         self.found: dict[str, str] = {}
 
     def expanded(self, arguments: dict[str, str]) -> dict[str, object]:
-        """Expand the xacro file, and return the answer."""
+        """Expand the xacro file, and return the answer for the parent process."""
         import xacro
         from xacro import substitution_args
 
@@ -104,7 +104,10 @@ class _Expanding:
             return {"fault": said, "file": file, "line": line}
 
     def _place(self, top: str, said: str) -> tuple[str, int]:
-        """Return the file and line of the first occurrence of an expression or name that the message quotes, or the first line of `top`."""
+        """Return the file and the line to report for an error message of xacro.
+
+        The line is the first occurrence of an expression or name that the message quotes, or the first line of the file `top`.
+        """
         quoted = sorted({one or other for one, other in re.findall(r"'([^']+)'|`([^`]+)`", said)}, key=len, reverse=True)
         files = list(dict.fromkeys([top, *self.files]))
         texts = {}
@@ -127,7 +130,7 @@ class _Expanding:
         return self.found[name]
 
     def _parse(self, text: object, filename: str) -> Any:
-        """Parse like `xacro.parse`, and add locations to the elements."""
+        """Parse an XML file like `xacro.parse`, and add an attribute with the source location to each element."""
         from xml.dom import minidom
 
         import xacro

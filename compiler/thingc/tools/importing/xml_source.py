@@ -23,7 +23,7 @@ _DECLARED = re.compile(rb"""\s*<\?xml\b[^>]*?(\sencoding\s*=\s*["']([^"'>]*)["']
 
 
 class SourceElement(FrozenStruct, eq=False):
-    """An XML element: its tag, attributes, children and text. `where` is the location of its start tag."""
+    """An XML element with its tag, attributes, children and text. `where` is the source location of its start tag."""
 
     tag: str
     attributes: Mapping[str, str]
@@ -35,15 +35,15 @@ class SourceElement(FrozenStruct, eq=False):
 
     @property
     def text(self) -> str:
-        """Return the text without surrounding whitespace."""
+        """Return the text of the element without leading and trailing whitespace."""
         return "".join(self.texts).strip()
 
     def all(self, tag: str) -> Iterator[SourceElement]:
-        """Yield the direct children with this tag."""
+        """Yield the direct children of the element that have this tag."""
         return (child for child in self.children if child.tag == tag)
 
     def place(self, attribute: str) -> Span:
-        """Return the location of the value of an attribute, or of the start tag if the attribute is missing."""
+        """Return the source location of the value of an attribute. If the attribute is missing, return the location of the start tag."""
         pattern = rb"""[^>]*?\s%s\s*=\s*(?:"([^"]*)"|'([^']*)')""" % re.escape(attribute.encode())
         written = re.compile(pattern).match(self.source, self.start)
         if written is None:
@@ -56,7 +56,10 @@ class SourceElement(FrozenStruct, eq=False):
 
 
 def utf8_of(data: bytes) -> bytes:
-    """Convert an XML file from its declared encoding to UTF-8 and blank the declaration. Raises `ValueError` or `LookupError`."""
+    """Convert an XML file from the encoding that it declares to UTF-8. Raises `ValueError` or `LookupError`.
+
+    The XML declaration is replaced by spaces.
+    """
     declared = _DECLARED.match(data)
     if declared is None:  # UTF-8 or UTF-16, regardless of the declaration: expat supports both
         return data
@@ -66,11 +69,14 @@ def utf8_of(data: bytes) -> bytes:
 
 
 class _Stop(Exception):
-    """Raised to stop parsing after an error has been reported."""
+    """Raised to stop the XML parser after an error has been reported."""
 
 
 def read_robot(path: str, data: bytes, report: Report, tag: str, form: str, *, files: Sequence[str] = ()) -> SourceElement | None:
-    """Parse a file of the format `form`. Return None after reporting errors, including a root whose tag is not `tag`."""
+    """Parse an XML file that must have a root element with the given `tag`. `form` is the name of the format in error messages.
+
+    Return the root element, or None after reporting errors.
+    """
     root = read_xml(path, data, report, files=files)
     if root is None or root.tag == tag:
         return root
@@ -80,9 +86,10 @@ def read_robot(path: str, data: bytes, report: Report, tag: str, form: str, *, f
 
 
 def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = ()) -> SourceElement | None:
-    """Parse `data`, the content of the file at an absolute path. Return the root element, or None after reporting an error.
+    """Parse an XML file.
 
-    If xacro generated the source, the locations of elements refer to `files`.
+    `data` is the content of the file at an absolute path. Return the root element, or None after reporting an error. If xacro generated the
+    source, the locations of elements refer to `files`.
     """
     if len(data) > MOST_BYTES:
         report.add(Code.SOURCE_XML, f"the file has more than {MOST_BYTES:,} bytes", line_of(path), help="reduce its size")
@@ -177,24 +184,24 @@ class _Reading:
 
 
 class Losses:
-    """Collects the losses of a source, starting with the losses `before`."""
+    """Collects the losses of an import, which are parts of the source that cannot be imported. It starts with the losses `before`."""
 
     def __init__(self, before: Iterable[SourceLoss] = ()) -> None:
         self._noted = list(before)
 
     def note(self, what: str, why: str, where: Span) -> None:
-        """Record an import loss. `what` is the lost content, and `why` is the reason."""
+        """Record an import loss. `what` is the content of the source that is lost, and `why` is the reason."""
         self._noted.append(SourceLoss(what=what, why=why, where=where))
 
     def all(self) -> tuple[SourceLoss, ...]:
-        """Return the losses, ordered by line."""
+        """Return all recorded losses, ordered by their line in the source."""
         return tuple(sorted(self._noted, key=lambda one: (one.where.file, one.where.line, one.where.column)))
 
     def unread(
         self, element: SourceElement, attributes: Mapping[str, Collection[str]], inside: Mapping[str, Collection[str]],
         idle: Mapping[str, Collection[str]], read: Collection[Span] = (),
     ) -> None:
-        """Record the unsupported attributes and child elements of `element`, recursively.
+        """Record a loss for each unsupported attribute and child element of `element`, recursively.
 
         `attributes` and `inside` are the supported attributes and child elements by tag. `idle` contains, by tag, the texts with which an
         unsupported element has no effect. Elements at the locations `read` are also supported.

@@ -22,7 +22,7 @@ NOT_FINITE = {"nan", "inf", "infinity"}
 
 
 class Values:
-    """Parses the values of XML attributes. Invalid values are reported, and treated as missing."""
+    """Parses numbers, vectors and names from XML attributes. An invalid value is reported and then treated as missing."""
 
     def __init__(self, report: Report) -> None:
         self.report = report
@@ -32,20 +32,20 @@ class Values:
         return element.attributes.get(key)
 
     def place(self, element: SourceElement, key: str) -> Span:
-        """Return the location of the value of an attribute."""
+        """Return the source location of the value of an attribute."""
         return element.place(key)
 
     def example(self, key: str, text: str) -> str:
-        """Format a value as an example for messages."""
+        """Format a value as an example of a correct attribute, for error messages."""
         return f'{key}="{text}"'
 
     def fault(self, element: SourceElement, attribute: str | None, message: str, help: Hint | None = None) -> None:
-        """Report an error in an element or one of its attributes."""
+        """Report an error at the source location of an element or of one of its attributes."""
         where = element.where if attribute is None else self.place(element, attribute)
         self.report.add(Code.SOURCE_VALUE, message, where, help=help)
 
     def word(self, element: SourceElement, attribute: str) -> str | None:
-        """Read a required name. Return None after reporting that the name is missing."""
+        """Read an attribute that contains a required name. Return None after reporting that the name is missing."""
         text = (self.written(element, attribute) or "").strip()
         if not text:
             self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f"write {self.example(attribute, '...')}")
@@ -60,17 +60,23 @@ class Values:
         return None if re.fullmatch(rf"(({links}){suffix})?(_\d+)*", name) else name
 
     def number(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
-        """Read a finite number. If the number is missing, return `default`, or report an error if no default is given."""
+        """Read an attribute that contains a finite number.
+
+        If it is missing, return `default`, or report an error if no default is given.
+        """
         values = self.numbers(element, attribute, 1, None if default is None else (default,))
         return None if values is None else values[0]
 
     def vector(self, element: SourceElement, attribute: str, default: Vector = (0.0, 0.0, 0.0)) -> Vector:
-        """Read a vector of three numbers. Return `default` if they are missing or invalid."""
+        """Read an attribute that contains three numbers. Return `default` if the attribute is missing or invalid."""
         x, y, z = self.numbers(element, attribute, 3, default) or default
         return (x, y, z)
 
     def number_of(self, element: SourceElement, text: str, what: str) -> float | None:
-        """Parse a string in an element as a finite number. Return None after reporting an error that calls the number `what`."""
+        """Convert a string to a finite number.
+
+        Return None after reporting an error at the element. `what` is the name of the number in the message.
+        """
         number = float(text) if _NUMBER.fullmatch(text) else math.nan
         if not math.isfinite(number):
             self.fault(element, None, f"{what}: expected a number, found {f'`{text}`' if text else 'nothing'}")
@@ -80,7 +86,10 @@ class Values:
     def numbers(
         self, element: SourceElement, attribute: str, count: int, default: tuple[float, ...] | None = None,
     ) -> tuple[float, ...] | None:
-        """Read `count` finite numbers. Return None after reporting that they are invalid or, without a default, missing."""
+        """Read an attribute that contains `count` finite numbers.
+
+        Return None after reporting that they are invalid or, without a default, missing.
+        """
         text = self.written(element, attribute)
         if text is None:
             if default is None:
@@ -102,7 +111,10 @@ class Values:
         return values
 
     def from_zero(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
-        """Read a number that must be at least 0. If the number is missing, return `default`, or report an error if no default is given."""
+        """Read an attribute that contains a number of at least 0.
+
+        If it is missing, return `default`, or report an error if no default is given.
+        """
         value = self.number(element, attribute, default)
         if value is not None and value < 0.0:
             self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected a number of at least 0, found {value:g}")
@@ -110,7 +122,10 @@ class Values:
         return value
 
     def direction(self, axis: SourceElement, attribute: str, default: Vector) -> Vector:
-        """Read an axis as a unit vector. Return `default` if the axis is missing or invalid. Report an error for the zero vector."""
+        """Read an attribute that contains an axis, and return the axis as a unit vector. Report an error for the zero vector.
+
+        Return `default` if the attribute is missing or invalid.
+        """
         x, y, z = self.vector(axis, attribute, default)
         length = hypot(x, y, z)
         if length == 0.0:
@@ -119,7 +134,7 @@ class Values:
         return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
     def origin(self, element: SourceElement) -> tuple[Pose, Vector | None]:
-        """Read the pose of the `<origin>` of an element of URDF.
+        """Read the `<origin>` child element of a URDF element as a pose.
 
         Returns:
             The pose, from `xyz` [m] and `rpy` [rad] or `quat_xyzw` (URDF 1.1), and the angles [rad], or None for a quaternion.
@@ -152,9 +167,10 @@ class Values:
         return first
 
     def shape(self, element: SourceElement, form: SourceElement, file: str, pose: Pose, losses: Losses) -> SourceShape | None:
-        """Read a `<visual>` or `<collision>` with the geometry `form`. The attribute `file` contains its mesh.
+        """Read a `<visual>` or `<collision>` element.
 
-        Return None if the shape is invalid or has no volume. A shape without volume is a loss.
+        `form` is its geometry element, and the attribute `file` of a mesh contains its URI. Return None if the shape is invalid or has no
+        volume. A shape without volume is a loss.
         """
         sized, mesh = self._sized(form), self.word(form, file) if form.tag == "mesh" else None
         if sized is None or form.tag == "mesh" and mesh is None:
@@ -167,7 +183,7 @@ class Values:
         return SourceShape(kind=kind, use=use, size=size, pose=pose, where=form.where, mesh=mesh)
 
     def _sized(self, form: SourceElement) -> tuple[ShapeKind, Sizes] | None:
-        """Read the kind and size [m] of a geometry. Return None if it is invalid or not supported."""
+        """Read the kind and the dimensions [m] of a geometry element. Return None if it is invalid or not supported."""
         match form.tag:
             case "box" | "ellipsoid":
                 key = "size" if form.tag == "box" else "radii"
@@ -187,9 +203,10 @@ class Values:
         return None
 
     def inertia(self, element: SourceElement, mass: float, pose: Pose, *, usual: float = 0.0) -> MassProperties:
-        """Read `ixx` to `izz` [kg m^2], about the centre and in the axes of `pose`, and convert them to the frame of the link.
+        """Read an inertia matrix [kg m^2], and return the mass properties of the link in the frame of the link.
 
-        `usual` is the default value of `ixx`, `iyy` and `izz`.
+        The attributes `ixx` to `izz` are about the centre of mass, in the axes of `pose`. `usual` is the default value of `ixx`, `iyy` and
+        `izz`.
         """
         six = {
             key: self.number(element, key, usual if key[1] == key[2] else 0.0) or 0.0 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -200,18 +217,21 @@ class Values:
 
 
 class ChildValues(Values):
-    """Parses values from the text of child elements, as in SDF. Names are attributes."""
+    """Parses values from the texts of child elements, as in SDF. Names are read from attributes."""
 
     def written(self, element: SourceElement, key: str) -> str | None:
-        """Return the text of the child element, or of the attribute if there is no such element."""
+        """Return the text of the child element with this name. If there is no such element, return the text of the attribute."""
         child = next(element.all(key), None)
         return element.attributes.get(key) if child is None else child.text
 
     def place(self, element: SourceElement, key: str) -> Span:
-        """Return the location of the start tag of the child element, or of the attribute."""
+        """Return the source location of the child element with this name.
+
+        If there is no such element, return the location of the attribute.
+        """
         child = next(element.all(key), None)
         return element.place(key) if child is None else child.where
 
     def example(self, key: str, text: str) -> str:
-        """Format a value as an example: an element, or an attribute for names and types."""
+        """Format a value as an example of correct XML, for error messages: as an element, or as an attribute for names and types."""
         return super().example(key, text) if key in ("name", "type") else f"<{key}>{text}</{key}>"

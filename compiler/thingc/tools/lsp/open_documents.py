@@ -1,4 +1,4 @@
-"""Manage the open documents of an editor, and repeat the analysis of a document when a dependency changes."""
+"""Manage the open documents of an editor. When a file that a document depends on changes, the document is analysed again."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ IMPATIENT = 0.2
 
 
 class Superseded(Exception):
-    """Raised if the texts have changed during an analysis."""
+    """Raised to stop the analysis of a document because the texts in the editor have changed."""
 
 
 class OpenDocuments:
-    """The open texts of an editor and their analyses.
+    """The texts of the documents that are open in an editor, and their analyses.
 
     One thread changes the texts (`put`, `take_away`, `saved`). Another thread analyses them: `next` analyses one document and publishes its
     diagnostics, and `analysis` serves a request. `options` specify the store and whether code of workspaces may run. The function `refused`
@@ -74,19 +74,22 @@ class OpenDocuments:
     # --- texts ---------------------------------------------------------------------------------------------------
 
     def put(self, path: str, text: OpenText) -> None:
-        """Store the text of a file that was opened or changed."""
+        """Store the text of a file that the user has opened or changed in the editor."""
         with self._lock:
             self.texts, self._recent = {**self.texts, path: text}, path
             self._note(path)
 
     def take_away(self, path: str) -> None:
-        """Remove the text of a closed file. Later analyses use its content on disk."""
+        """Remove the text of a file that the user has closed. Later analyses read the file from disk."""
         with self._lock:
             self.texts = {one: text for one, text in self.texts.items() if one != path}
             self._note(path)
 
     def saved(self, path: str) -> None:
-        """Update analyses after a file on disk has changed. Open documents keep their text from the editor."""
+        """Mark all analyses that depend on a file as outdated, because the file on disk has changed.
+
+        Open documents keep their text from the editor.
+        """
         with self._lock:
             if path not in self.texts or not is_document_path(path):
                 for root in [root for root, one in self._at_hand.items() if path in one.inputs]:
@@ -95,7 +98,7 @@ class OpenDocuments:
                 self._note(path)
 
     def _note(self, path: str) -> None:
-        """Mark a file and everything that depends on it as outdated."""
+        """Mark the analysis of a file, and all analyses that depend on this file, as outdated."""
         self._changes += 1
         self._outdated[path] = None
         for one, analysis in self._analyses.items():
@@ -105,7 +108,10 @@ class OpenDocuments:
     # --- analyses ------------------------------------------------------------------------------------------------
 
     def next(self) -> bool:
-        """Analyse one outdated document, first the active document, and publish its diagnostics. Return False if none is outdated."""
+        """Analyse one document whose analysis is outdated, and publish its diagnostics. Return False if no analysis is outdated.
+
+        The document that the user is editing is analysed first.
+        """
         with self._lock:
             path = self._recent if self._recent in self._outdated else next(iter(self._outdated), None)
             if path is not None and path not in self.texts:
@@ -123,7 +129,7 @@ class OpenDocuments:
         return True
 
     def analysis(self, path: str) -> Analysis:
-        """Return the current analysis of a file. Raises `Superseded` if the texts change while a long analysis is running."""
+        """Return the analysis of a file with its current text. Raises `Superseded` if the texts change while a long analysis is running."""
         with self._lock:
             known = self._analyses.get(path)
             if known is not None and path not in self._outdated:
@@ -179,7 +185,7 @@ class OpenDocuments:
     # --- findings ------------------------------------------------------------------------------------------------
 
     def _say(self, path: str) -> None:
-        """Publish the diagnostics of a file, and of all other files whose diagnostics have changed."""
+        """Publish the diagnostics of a file to the editor, and those of all other files whose diagnostics have changed."""
         with self._lock:
             analyses = [one for one in self._analyses.values() if one.path in self.texts]
         said: dict[str, list[dict[str, Any]]] = {}
@@ -199,7 +205,10 @@ class OpenDocuments:
     # --- parts ---------------------------------------------------------------------------------------------------
 
     def _lend(self, path: str) -> Callable[[Workspace, Store], PartSource]:
-        """Return a function that returns the source of parts for a document. The source does not wait for workers."""
+        """Return a function that returns the source of part schemas and part records for a document.
+
+        The source does not wait for workers.
+        """
         def lend(workspace: Workspace, store: Store) -> PartSource:
             at_hand = self._at_hand.get(workspace.root)
             if at_hand is None or at_hand.workspace != workspace:
@@ -214,7 +223,7 @@ class OpenDocuments:
         return lend
 
     def _reach_of(self, workspace: Workspace) -> AvailableNames:
-        """Return the names from other files that documents of a workspace can use."""
+        """Return the names of parts and of other documents that the documents of a workspace can use."""
         at_hand = self._at_hand.get(workspace.root)
         known = self._reach.get(workspace.root)
         if known is None or known.workspace != workspace or known.at_hand is not at_hand:
@@ -222,7 +231,7 @@ class OpenDocuments:
         return known
 
     def _ask_workers(self) -> None:
-        """Send requests for missing results to workers."""
+        """Send the requests for missing descriptions and records of parts to the background workers."""
         with self._lock:
             for root, workers in self._workers.items():
                 wanted = PendingRequests()
@@ -232,7 +241,7 @@ class OpenDocuments:
                 workers.want(wanted)
 
     def _answered(self, workspace: Workspace, undescribed: Mapping[str, PartFailure], failed: Mapping[str, PartFailure]) -> None:
-        """Store the failures of workers, and mark the waiting documents as outdated."""
+        """Store the failures that the background workers report, and mark the documents that waited for their results as outdated."""
         with self._lock:
             at_hand = self._at_hand.get(workspace.root)
             if at_hand is not None:
@@ -246,7 +255,7 @@ class OpenDocuments:
     # --- the disk ------------------------------------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Watch the files that analyses depend on."""
+        """Watch the files on which the current analyses depend."""
         for changed in looks(self._saved_elsewhere, self._ended, PAUSE):
             for path in changed:
                 self.saved(path)
@@ -261,19 +270,19 @@ class OpenDocuments:
             return self._watched.changed()
 
     def close(self) -> None:
-        """End the threads and the workers."""
+        """Stop the threads, and end the worker processes."""
         self._ended.set()
         for one in self._workers.values():
             one.end()
 
 
 class _SupersededMemo(Memo):
-    """A memo that interrupts an analysis of outdated texts."""
+    """A memo (a cache of recent results of functions) that interrupts an analysis if the analysed texts have changed."""
 
     __slots__ = ("_superseded",)
 
     def __call__(self, place: Hashable, function: Callable[..., Any], *inputs: Any) -> Any:
-        """See `Memo`. Raises `Superseded`."""
+        """Call a function or return its cached result, as `Memo` does. Raises `Superseded`."""
         if self._superseded():
             raise Superseded
         return super().__call__(place, function, *inputs)
@@ -283,13 +292,13 @@ class _SupersededMemo(Memo):
         self._superseded = superseded
 
     def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
-        """See `Memo`. Raises `Superseded`."""
+        """Return the last result of a function, as `Memo.last` does. Raises `Superseded`."""
         if self._superseded():
             raise Superseded
         return super().last(place, inputs)
 
     def apart(self) -> Memo:
-        """Return a new memo that also interrupts the analysis (see `Memo`)."""
+        """Return a separate memo, as `Memo.apart` does. It also interrupts the analysis."""
         memo = _SupersededMemo()
         memo.until(self._superseded)
         return memo

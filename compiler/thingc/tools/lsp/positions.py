@@ -1,4 +1,7 @@
-"""Convert positions between thingc (line and column in characters, from 1) and LSP (in UTF-16 units, from 0), and URIs to paths."""
+"""Convert text positions between thingc and the Language Server Protocol (LSP), and convert URIs to paths.
+
+thingc counts lines and columns in characters, from 1. LSP counts lines and UTF-16 code units from 0.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +24,14 @@ _BREAK = re.compile(r"\r\n|\r|\n")
 
 
 class TextPlace(FrozenStruct):
-    """A position between two characters, as in a `Span`. Line and column start at 1."""
+    """A position between two characters of a text, as in a `Span`. Line and column are numbered from 1."""
 
     line: int
     column: int
 
 
 class TextLines:
-    """A text with the offsets of its lines. Only line feeds and carriage returns end a line."""
+    """A text with the offsets at which its lines start. Only line feeds and carriage returns end a line."""
 
     __slots__ = ("starts", "text")
 
@@ -37,18 +40,18 @@ class TextLines:
         self.starts = [0, *(match.end() for match in _BREAK.finditer(text))]
 
     def with_breaks(self) -> list[str]:
-        """Return the lines with their line breaks."""
+        """Return the lines of the text, including their line breaks."""
         return [self.text[start:end] for start, end in pairwise((*self.starts, len(self.text)))]
 
     def line(self, number: int) -> str:
-        """Return a line (from 1) without its line break, or an empty string outside the text."""
+        """Return the line with the given number (from 1) without its line break. Return an empty string if the text has no such line."""
         if not 0 < number <= len(self.starts):
             return ""
         end = self.starts[number] if number < len(self.starts) else len(self.text)
         return self.text[self.starts[number - 1] : end].rstrip("\r\n")
 
     def index(self, place: TextPlace) -> int:
-        """Return the offset of a position, clamped to the text."""
+        """Convert a position to an offset in characters. A position outside the text is moved to the nearest position in the text."""
         if place.line < 1:
             return 0
         if place.line > len(self.starts):
@@ -56,13 +59,13 @@ class TextLines:
         return self.starts[place.line - 1] + max(0, min(place.column - 1, len(self.line(place.line))))
 
     def place(self, position: Any) -> TextPlace:
-        """Convert an LSP position (`{"line": 0, "character": 0}`), clamped to the text."""
+        """Convert an LSP position (`{"line": 0, "character": 0}`) to a line and a column. The result is always inside the text."""
         number = max(0, min(position["line"], len(self.starts) - 1))
         before = self.line(number + 1).encode("utf-16-le", "surrogatepass")[: 2 * max(0, position["character"])]
         return TextPlace(line=number + 1, column=len(before.decode("utf-16-le", "replace")) + 1)
 
     def position(self, line: int, column: int) -> dict[str, int]:
-        """Convert a line and a column (from 1) to an LSP position."""
+        """Convert a line and a column, both numbered from 1, to an LSP position."""
         before = self.line(line)[: max(0, column - 1)]
         return {"line": max(0, line - 1), "character": len(before) + (0 if before.isascii() else sum(ord(one) > 0xFFFF for one in before))}
 
@@ -71,7 +74,7 @@ class TextLines:
         return {"start": self.position(span.line, span.column), "end": self.position(span.end_line, span.end_column)}
 
     def range_of(self, start: int, end: int) -> dict[str, dict[str, int]]:
-        """Convert the offsets from `start` to before `end` to an LSP range."""
+        """Return the LSP range of the characters from offset `start` up to, but not including, offset `end`."""
         return {"start": self._position_at(start), "end": self._position_at(end)}
 
     def _position_at(self, index: int) -> dict[str, int]:
@@ -80,7 +83,7 @@ class TextLines:
 
 
 def path_of(uri: str) -> str | None:
-    """Return the absolute path of a URI, or None if it is not a file on this machine."""
+    """Convert a URI to an absolute path. Return None if the URI does not refer to a file on this machine."""
     try:
         parts = urlsplit(uri)
         if parts.scheme != "file" or parts.netloc not in ("", "localhost"):
@@ -92,14 +95,20 @@ def path_of(uri: str) -> str | None:
 
 
 def equal_ends(old: list[str], new: list[str]) -> tuple[int, int]:
-    """Return the number of equal lines at the beginning of two texts, and the number of equal lines at the end of the remaining texts."""
+    """Compare two texts line by line. Return the number of equal lines at the beginning, and the number of equal lines at the end.
+
+    A line that is equal at the beginning is not counted again at the end.
+    """
     top = len(os.path.commonprefix([old, new]))
     return top, len(os.path.commonprefix([old[top:][::-1], new[top:][::-1]]))
 
 
 @lru_cache(maxsize=4)
 def steady(before: str, after: str) -> Callable[[Span], Span | None]:
-    """Return a function that converts spans in `before` to spans in `after`, or to None if a line has changed."""
+    """Return a function that converts spans in the text `before` to spans in the text `after`.
+
+    It returns None if a line of the span has changed.
+    """
     if before == after:
         return lambda span: span
     old, new = before.splitlines(), after.splitlines()

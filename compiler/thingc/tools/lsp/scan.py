@@ -1,4 +1,4 @@
-"""Code that the scanners for YAML and TOML share. The scanned text may not be valid.
+"""The common base of the YAML scanner and the TOML scanner of the language server. The scanned text may not be valid.
 
 A scanner raises no errors. It collects as many keys and scalars as possible, by path, and finds the context of the cursor.
 """
@@ -27,7 +27,10 @@ Role = Literal["key", "value"]
 
 
 class Token(FrozenStruct):
-    """A key or a segment of a dotted key: its name, from offset `start` to before `end`, inside its `quote` if any."""
+    """A key, or one segment of a dotted key.
+
+    It contains the name, its offsets from `start` to before `end` (inside the quotes), and the `quote` if any.
+    """
 
     name: str
     start: int
@@ -36,11 +39,12 @@ class Token(FrozenStruct):
 
 
 class CursorPlace(FrozenStruct):
-    """The context of the cursor: a `key` of the mapping at `path`, or the `value` there.
+    """The context of the cursor in a document: the path of keys, and whether a key or a value is expected there.
 
-    The existing token extends from `start` to before `end`. If they are equal, the token is empty. If `either` is true, the position can
-    contain the first key of a mapping or a value on its own line. `quote` is the opening quote. `flow` specifies whether the position is
-    inside brackets, and `header` whether it is in the header of a TOML table.
+    The field `kind` is `key` for a key of the mapping at `path`, or `value` for the value at `path`. The existing token extends from
+    `start` to before `end`. If they are equal, the token is empty. If `either` is true, the position can contain the first key of a mapping
+    or a value on its own line. `quote` is the opening quote. `flow` specifies whether the position is inside brackets, and `header` whether
+    it is in the header of a TOML table.
     """
 
     role: Role
@@ -55,7 +59,7 @@ class CursorPlace(FrozenStruct):
 
 @dataclass(slots=True)
 class Scan(ABC):
-    """A scan of the text of a document, with the cursor at the offset `target`.
+    """Scans the text of a document to find its keys and values, and the context of a cursor at the offset `target`.
 
     `keys` are the keys of every mapping with their offsets, and `scalars` the texts of all plain and quoted values. `place` is the context
     of the cursor, or None if nothing can be completed (in a comment or a block scalar).
@@ -81,18 +85,18 @@ class Scan(ABC):
 
     @abstractmethod
     def line(self, at: int) -> int:
-        """Read the line at an offset, and return the start of the next line."""
+        """Scan the line that starts at an offset. Return the offset of the next line."""
 
     @abstractmethod
     def key_tokens(self, at: int) -> tuple[list[Token], int]:
-        """Return the segments of the key at `at` inside brackets, and its end."""
+        """Return the segments of the key at the offset `at`, which is inside brackets, and the offset where the key ends."""
 
     @abstractmethod
     def ends_flow(self, line: int, column: int) -> bool:
         """Return whether the line at `line` cannot be inside an open bracket that belongs to a key in that column."""
 
     def run(self) -> None:
-        """Scan the whole text."""
+        """Scan the whole text of the document, and store the keys, the scalars and the context of the cursor."""
         at = 0
         while at <= len(self.text):
             at = self.line(at)
@@ -100,17 +104,20 @@ class Scan(ABC):
     # --- results ----------------------------------------------------------------------------------------------------------
 
     def gap(self, low: int, high: int, role: Role, path: Path, *, either: bool = False, flow: bool = False) -> None:
-        """Process an empty range of the text from `low` to `high`, inclusive. A cursor in this range starts a key or a value at `path`."""
+        """Process a range of the text that contains no token, from offset `low` to `high`, inclusive.
+
+        A cursor in this range starts a key or a value at `path`.
+        """
         if low <= self.target <= high and self.place is None:
             self.place = CursorPlace(role=role, path=path, start=self.target, end=self.target, either=either, flow=flow)
 
     def token(self, place: CursorPlace, high: int) -> None:
-        """Process a key or value token. Spaces after the token, up to `high`, are part of the typed text."""
+        """Process a key or a value of the document. Spaces after the token, up to the offset `high`, are part of the typed text."""
         if place.start <= self.target <= high:
             self.place = replace(place, end=max(place.end, self.target))
 
     def mute(self, start: int, end: int) -> None:
-        """Disable completion between two offsets, for example in a comment."""
+        """Disable completion in the text between two offsets, for example in a comment."""
         self.muted = self.muted or start < self.target <= end
 
     def add(self, path: Path, name: str, at: int) -> None:
@@ -120,16 +127,16 @@ class Scan(ABC):
     # --- helper methods ---------------------------------------------------------------------------------------------------
 
     def after(self, pattern: re.Pattern[str], at: int) -> int:
-        """Return the end of a match of a pattern at the offset `at`, or `at` if the pattern does not match."""
+        """Match a pattern at the offset `at`, and return the end of the match. Return `at` if the pattern does not match."""
         match = pattern.match(self.text, at)
         return at if match is None else match.end()
 
     def line_end(self, at: int) -> int:
-        """Return the end of the line, without its line break."""
+        """Return the offset of the end of the line that contains an offset. The line break is not part of the line."""
         return self.after(_LINE, at)
 
     def after_break(self, end: int) -> int:
-        """Return the start of the next line, or an offset beyond the text after the last line."""
+        """Return the offset of the start of the next line, or an offset beyond the text after the last line."""
         return len(self.text) + 1 if end >= len(self.text) else end + (2 if self.text.startswith("\r\n", end) else 1)
 
     def spaces(self, at: int) -> int:
@@ -137,19 +144,19 @@ class Scan(ABC):
         return self.after(_SPACES, at)
 
     def comment(self, at: int) -> int:
-        """Skip a comment, and return its end."""
+        """Skip a comment, and return the offset of its end."""
         end = self.line_end(at)
         self.mute(at, end)
         return end
 
     def rest(self, at: int) -> int:
-        """Skip the rest of a line, including a comment, and return the start of the next line."""
+        """Skip the rest of a line, including a comment, and return the offset of the start of the next line."""
         end = self.line_end(at)
         comment = self.text.find("#", at, end)
         return self.after_break(end if comment < 0 else self.comment(comment))
 
     def behind_value(self, at: int) -> int:
-        """Return the offset at which scanning continues after a value: the next line, or the end of an unclosed bracket."""
+        """Return the offset at which scanning continues after a value: the start of the next line, or the end of an unclosed bracket."""
         if self.left is None:
             return self.rest(at)
         line, self.left = self.left, None
@@ -179,7 +186,10 @@ class Scan(ABC):
             at = line
 
     def brackets(self, at: int, path: Path, column: int) -> int:
-        """Read the value `{...}` or `[...]` at `at`. `column` is the column of its key. Return the end of the value."""
+        """Scan the mapping `{...}` or list `[...]` that starts at the offset `at`.
+
+        Return the offset of its end. `column` is the column of its key.
+        """
         mapping = self.text[at] == "{"
         index, here, fresh = 0, at + 1, True
         self.depth += 1
@@ -205,7 +215,7 @@ class Scan(ABC):
         return here
 
     def entry(self, at: int, path: Path, column: int) -> int:
-        """Read an entry `key: value` inside braces, and return its end."""
+        """Scan an entry `key: value` of a mapping in braces. Return the offset of its end."""
         tokens, end = self.key_tokens(at)
         after = self.spaces(end)
         separated = self.text.startswith(self.SEPARATOR, after)
@@ -220,7 +230,10 @@ class Scan(ABC):
         return here if ended else self.value_in(here, path, column)
 
     def segments(self, tokens: list[Token], path: Path, high: int, separated: bool, *, flow: bool = False, header: bool = False) -> Path:
-        """Record the segments of a key, the last one only if it is `separated` from its value. Return the path of the value."""
+        """Record the segments of a dotted key, and return the path of its value.
+
+        The last segment is recorded only if the key is `separated` from its value by `:` or `=`.
+        """
         for token in tokens:
             last = token is tokens[-1]
             place = CursorPlace(role="key", path=path, start=token.start, end=token.end, quote=token.quote, flow=flow, header=header)
@@ -233,7 +246,7 @@ class Scan(ABC):
         return path
 
     def value_in(self, at: int, path: Path, column: int) -> int:
-        """Read a value inside brackets, and return its end."""
+        """Scan a value inside brackets. Return the offset of its end."""
         character = self.text[at]
         if character in "{[":
             return self.brackets(at, path, column) if self.depth < MAX_LEVELS else at + 1
@@ -247,7 +260,7 @@ class Scan(ABC):
         return high
 
     def quoted(self, at: int, path: Path, column: int, *, flow: bool = False) -> int:
-        """Read a quoted value, and return its end."""
+        """Scan a value in quotes. Return the offset of its end."""
         start, end, after = self.quotes(at, column)
         self.scalars[path] = self.text[start:end]
         last = min(end, self.line_end(max(start, min(self.target, end))))
@@ -258,7 +271,7 @@ class Scan(ABC):
         return after
 
     def quotes(self, at: int, column: int) -> tuple[int, int, int]:
-        """Return the range inside the quotes at `at`, and the offset after them.
+        """Return the start and the end of the text inside the quotes at the offset `at`, and the offset after the closing quote.
 
         A quoted value ends at the end of the line if its closing quote is missing or follows a line that belongs to another entry.
         """

@@ -1,4 +1,4 @@
-"""Look up keys and values in a JSON Schema for a path in a document.
+"""Find the keys and values that a JSON Schema allows at a path in a document.
 
 The schemas are equal to the output of `thingc schema`. This module evaluates conditions with the known keys and scalars of the text (see
 `cursor`).
@@ -19,7 +19,10 @@ Schema = dict[str, Any]
 
 
 class KeyOffer(FrozenStruct):
-    """A key that a mapping may have: its description, whether it is required, and whether its value must be a mapping."""
+    """A key that a mapping may contain.
+
+    It has a description, and specifies whether the key is required and whether its value must be a mapping.
+    """
 
     name: str
     description: str
@@ -28,14 +31,17 @@ class KeyOffer(FrozenStruct):
 
 
 class ValueOffer(FrozenStruct):
-    """A possible value in the syntax of documents, with its description."""
+    """A value that is possible at a path in a document, in the syntax of documents, with its description."""
 
     value: str | bool
     description: str
 
 
 class SchemaWalk:
-    """A schema, with the `keys` of every mapping and the `scalars` of the text, by path."""
+    """A JSON Schema, and the text of a document to which it applies.
+
+    `keys` are the keys of every mapping and `scalars` all scalar values, by path.
+    """
 
     def __init__(self, schema: Schema, keys: Mapping[Path, tuple[str, ...]], scalars: Mapping[Path, str]) -> None:
         self.schema = schema
@@ -43,7 +49,10 @@ class SchemaWalk:
         self.scalars = scalars
 
     def at(self, path: Path) -> list[Schema]:
-        """Return the schemas that may apply at a path, with references and conditions resolved, the most specific schemas first."""
+        """Return the subschemas that may apply to the value at a path, the most specific first.
+
+        References and conditions in the schemas are resolved.
+        """
         schemas = self._flat(self.schema, ())
         for depth, step in enumerate(path):
             below = path[: depth + 1]
@@ -67,7 +76,7 @@ class SchemaWalk:
         return sorted(offers.values(), key=lambda one: not one.required)
 
     def value_offers(self, path: Path) -> list[ValueOffer]:
-        """Return the possible words at a path, in schema order."""
+        """Return the words that the schema lists as values at a path, in the order of the schema."""
         offers: dict[str | bool, ValueOffer] = {}
         for flat in self.at(path):
             for value, text in _words(flat):
@@ -75,7 +84,7 @@ class SchemaWalk:
         return list(offers.values())
 
     def dimensions(self, path: Path) -> tuple[Dimension, ...]:
-        """Return the possible physical dimensions of quantities at a path, or an empty tuple if no value has a unit."""
+        """Return the physical dimensions that quantities at a path can have. Return an empty tuple if no value has a unit."""
         return _dimensions(self.at(path))
 
     def parameters_of(self, part: str) -> list[str]:
@@ -83,7 +92,7 @@ class SchemaWalk:
         return list(self._definition(f"params of {part}").get("properties", {}))
 
     def needed_parameters(self, part: str) -> dict[str, Any]:
-        """Return the required parameters of a part, each with a possible value."""
+        """Return the names of the required parameters of a part, each with an example of a valid value."""
         schema = self._definition(f"params of {part}")
         needed: dict[str, Any] = {}
         for name in schema.get("required", ()):
@@ -95,7 +104,7 @@ class SchemaWalk:
         return needed
 
     def mounts_of(self, component: str) -> list[tuple[str, str]]:
-        """Return the default mounts of the part of a component, as references with descriptions."""
+        """Return references to the default mounts of the part that a component uses, with descriptions of the mounts."""
         part = self.scalars.get(("components", component, "part"))
         attach = {} if part is None else self._definition(f"mounts of {part}")
         mounts = attach.get("else", attach).get("properties", {})
@@ -110,7 +119,7 @@ class SchemaWalk:
         return definition
 
     def _flat(self, schema: Any, path: Path, met: tuple[str, ...] = ()) -> list[Schema]:
-        """Return a schema, all schemas that it refers to, and the applicable branches of its conditions."""
+        """Return a subschema, all schemas that it refers to, and the branches of its conditions that apply to the document."""
         if not isinstance(schema, dict):
             return []
         flats = [schema]
@@ -132,7 +141,7 @@ class SchemaWalk:
         return node
 
     def _holds(self, condition: Schema, path: Path) -> bool:
-        """Return whether a condition on keys and plain values is satisfied."""
+        """Return whether the document satisfies a condition of the schema about keys and plain values."""
         if "anyOf" in condition and not any(self._holds(one, path) for one in condition["anyOf"]):
             return False
         there = self.keys.get(path, ())
@@ -145,12 +154,12 @@ class SchemaWalk:
 
 
 def described(flats: list[Schema]) -> str:
-    """Return the first description that describes the whole value, and not one of the possible values."""
+    """Return the first description in the schemas that describes the whole value. Descriptions of single possible values are ignored."""
     return next((str(flat["description"]) for flat in flats if flat.get("description") and "const" not in flat), "")
 
 
 def described_as(flats: list[Schema], value: str) -> str:
-    """Return the description of a value if the schema lists the value."""
+    """Return the description that a schema gives for a value. Return None if the schema does not list the value."""
     return next((text for flat in flats for word, text in _words(flat) if word == value and text), "")
 
 
@@ -165,7 +174,7 @@ def _children(schema: Schema, step: str | int) -> Iterator[Any]:
 
 
 def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
-    """Return whether a key can be added to a mapping with the keys `there`. Check only rules about keys."""
+    """Return whether a key can be added to a mapping that has the keys `there`. Only rules about keys are checked."""
     if name not in schema.get("properties", {}):
         return True
     together = {*there, name}
@@ -185,20 +194,20 @@ def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
 
 
 def _one_of_which(schema: Schema, there: set[str]) -> Iterator[str]:
-    """Yield the alternatives of a group of keys from which exactly one is required, if the mapping has none of them."""
+    """Yield the keys of a group of keys from which exactly one is required. Yield nothing if the mapping already has one of them."""
     choices = [branch["required"] for branch in schema.get("oneOf", ()) if set(branch) == {"required"}]
     if not any(there >= set(choice) for choice in choices):
         yield from (choice[0] for choice in choices if len(choice) == 1)
 
 
 def _of_mapping(schema: Schema) -> bool:
-    """Return whether a schema describes mappings or does not restrict its values."""
+    """Return whether the schema allows mappings as values: it describes a mapping, or does not restrict its values."""
     kind = schema.get("type")
     return kind == "object" or (kind is None and not any(word in schema for word in ("const", "enum", "pattern")))
 
 
 def _words(schema: Schema) -> Iterator[tuple[str | bool, str]]:
-    """Yield the words that a schema lists, with descriptions."""
+    """Yield the words that a schema lists as possible values, with their descriptions."""
     text = str(schema.get("description", ""))
     if isinstance(schema.get("const"), (str, bool)):
         yield schema["const"], text
@@ -215,7 +224,10 @@ _ALL = {unit[2] for unit in UNITS.values()} - {NUMBER}
 
 
 def _dimensions(flats: list[Schema]) -> tuple[Dimension, ...]:
-    """Return the physical dimensions of the quantities that the patterns accept, determined by single units, or else by the examples."""
+    """Return the physical dimensions of the quantities that the patterns of schemas accept.
+
+    The dimensions are determined by testing single units, or else from the examples in the schema.
+    """
     dimensions: dict[Dimension, None] = {}
     for schema in flats:
         pattern = schema.get("pattern")

@@ -41,7 +41,7 @@ NOT_INITIALIZED = -32002
 
 
 class Feature(FrozenStruct):
-    """The handler of a request (`module:function` in this folder), and its LSP server options.
+    """The handler of an LSP request, given as `module:function` in this folder, and the LSP server options of the request.
 
     If `document` is false, the request is not about a document (for example workspace symbols), and the analysis of the last document is
     used. With `everywhere`, `analysis.open` contains all open texts, not only the texts that the document depends on.
@@ -78,7 +78,7 @@ FEATURES: dict[str, Feature] = {
 
 
 def serve(options: Options, version: str, refused: Callable[[Exception], Diagnostic], stdin: BinaryIO, stdout: BinaryIO) -> bool:
-    """Serve an editor until it disconnects. Return whether it sent `shutdown` before.
+    """Run the language server until the editor disconnects. Return whether the editor sent `shutdown` before it disconnected.
 
     `options` specify the store. The editor specifies whether code may run. `refused` converts an exception to a diagnostic.
     """
@@ -117,7 +117,7 @@ def serve(options: Options, version: str, refused: Callable[[Exception], Diagnos
 
 
 def _notify(server: LanguageServer, answering: _Answering) -> None:
-    """Register the notifications for opened, changed, saved and closed documents."""
+    """Register the handlers of the notifications that documents were opened, changed, saved or closed."""
     from lsprotocol import types
 
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
@@ -153,14 +153,14 @@ def _server(version: str) -> LanguageServer:
     logging.getLogger("pygls").propagate = False
 
     class Protocol(LanguageServerProtocol):
-        """A protocol that sends results without conversion, because they are plain JSON."""
+        """An LSP protocol of pygls that sends results without conversion, because the results are plain JSON values."""
 
         def get_result_type(self, method: str) -> Any:  # type: ignore[override]
             """Return the type of a result, or None to send it without conversion."""
             return None if method in FEATURES else super().get_result_type(method)
 
         def structure_message(self, data: dict[str, Any]) -> Any:
-            """Convert a message of the editor. Invalid requests are answered with an error."""
+            """Convert a message of the editor to Python objects. If a request is invalid, answer it with an error."""
             try:
                 return super().structure_message(data)
             except JsonRpcException as fault:
@@ -169,7 +169,7 @@ def _server(version: str) -> LanguageServer:
                 raise
 
     class Quiet(LanguageServer):
-        """A server that does not show internal errors to the user."""
+        """A language server of pygls that does not show internal errors to the user."""
 
         def report_server_error(self, error: Exception, source: Any) -> None:
             """Log errors of the protocol, which the editor also receives as responses."""
@@ -189,7 +189,7 @@ def _handler(answering: _Answering, feature: Feature, plain: Callable[[Any], Any
 
 
 class _Answering:
-    """The open documents of an editor, and the thread that analyses them and answers requests in order.
+    """The open documents of an editor, and the thread that analyses the documents and answers the requests of the editor in order.
 
     There are no documents before `begin`.
     """
@@ -200,18 +200,18 @@ class _Answering:
         self._recent = ""
 
     def begin(self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic]) -> None:
-        """Create the documents at the first call. Ignore further calls."""
+        """Create the collection of open documents at the first call. Later calls have no effect."""
         if self._opened is None:
             self._opened = OpenDocuments(options, publish, refused, self._wake)
 
     def close(self) -> None:
-        """Stop answering requests."""
+        """Stop the thread that answers requests."""
         self._thread.shutdown(wait=False, cancel_futures=True)
         if self._opened is not None:
             self._opened.close()
 
     def put(self, uri: str, version: int, text: str) -> None:
-        """Store the text of a document that was opened or changed."""
+        """Store the text of a document that the user has opened or changed."""
         path = path_of(uri)
         if path is not None and self._opened is not None:
             self._recent = path
@@ -219,14 +219,14 @@ class _Answering:
             self._wake()
 
     def take_away(self, uri: str) -> None:
-        """Remove the text of a document that was closed."""
+        """Remove the text of a document that the user has closed."""
         path = path_of(uri)
         if path is not None and self._opened is not None:
             self._opened.take_away(path)
             self._wake()
 
     def saved(self, uris: Iterable[str]) -> None:
-        """Update after files on disk have changed."""
+        """Mark the analyses that depend on the given files as outdated, because the files on disk have changed."""
         paths = [path for uri in uris if (path := path_of(uri)) is not None]
         if paths and self._opened is not None:
             for path in paths:
@@ -234,7 +234,7 @@ class _Answering:
             self._wake()
 
     async def answered(self, feature: Feature, params: dict[str, Any]) -> Any:
-        """Answer a request after all earlier requests. Raises `JsonRpcException`."""
+        """Answer a request of the editor after all earlier requests were answered. Raises `JsonRpcException`."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, partial(self._answer, feature, params))
 
     def _answer(self, feature: Feature, params: dict[str, Any]) -> Any:

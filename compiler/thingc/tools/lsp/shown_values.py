@@ -1,4 +1,4 @@
-"""Compute values to display in editors: parameters and expressions, inlay hints, and the frames of mounts."""
+"""Compute the values that an editor displays: parameters and expressions, inlay hints, and the frames of mounts."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ MAX_ITEMS = 1000
 
 
 def parameters_of(analysis: Analysis) -> Mapping[str, ExpressionValue]:
-    """Return the parameters of the document with their values."""
+    """Return the names and the values of all parameters of the document."""
     return analysis.known.once("parameters", lambda: _worked_out(analysis.known.tree))
 
 
 def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[ExpressionValue, ...]:
-    """Return the value of the text at a path, which is a quantity or an expression of parameters, or an empty tuple if it is invalid.
+    """Evaluate the quantity or expression at a path in the document. Return an empty tuple if it is invalid.
 
     Inside a `repeat`, return the values for the first and the last item if they differ.
     """
@@ -50,7 +50,7 @@ def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[Expr
 
 
 def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
-    """Return the bounds [SI] of the parameter of a component at the cursor. Unknown bounds are infinite."""
+    """Return the lower and upper bound, in SI units, of the part parameter at the cursor. Unknown bounds are infinite."""
     low, high = -math.inf, math.inf
     path, known = cursor.path, analysis.known
     if len(path) != 4 or path[0] != "components":
@@ -70,7 +70,7 @@ def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
 
 
 def parse_expression_value(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
-    """Parse a quantity, or evaluate an expression with these names. Return None for other text."""
+    """Parse a quantity, or evaluate an expression that contains the given names. Return None if the text is neither."""
     try:
         stripped = text.strip()
         return evaluate(parse_expression(stripped), names) if stripped.startswith("=") else parse_quantity(stripped)
@@ -102,7 +102,10 @@ _TYPE = 1
 
 
 def hints(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the inlay hints in a range. If the text cannot be parsed, use the last parsable text on unchanged lines."""
+    """Return the inlay hints for a range of the document, which show the values of expressions.
+
+    If the text cannot be parsed, the hints are computed from the last parsable text for lines that have not changed.
+    """
     known = analysis.known
     if known.tree is None:
         return []
@@ -127,9 +130,9 @@ Steps = tuple[str, ...]
 
 
 def frame_words(analysis: Analysis, reference: str) -> str:
-    """Format the frame of a mount `component.mount` relative to the component: `(12, 0, 30) mm, z along +y`, or an empty string if unknown.
+    """Format the frame of the mount `component.mount` relative to its component: `(12, 0, 30) mm, z along +y`.
 
-    A mount in a nested assembly is relative to its part, whose name is included.
+    Return an empty string if unknown. A mount in a nested assembly is relative to its part, whose name is included.
     """
     model = analysis.known.model
     place = None if model is None else _found(analysis.known, model, reference.split("."), ())
@@ -140,17 +143,17 @@ def frame_words(analysis: Analysis, reference: str) -> str:
 
 
 def in_words(pose: Pose) -> str:
-    """Format the origin and the z direction of a frame on one line."""
+    """Format the origin of a frame and the direction of its z axis on one line."""
     return f"{length_words(pose.translation)}, z along {direction_words(transpose(pose.rotation)[2])}"
 
 
 def length_words(vector: Vector) -> str:
-    """Format a position [m] in millimetres: `(12, 0, 30) mm`."""
+    """Format a position, given in metres, in millimetres: `(12, 0, 30) mm`."""
     return f"({', '.join(_short(1000.0 * value) for value in vector)}) mm"
 
 
 def _found(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], above: Steps) -> tuple[Pose, Steps] | None:
-    """Return the frame of a mount, and the path of the component that it is relative to, or None if unknown."""
+    """Return the frame of a mount, and the path of the component to which the frame is relative. Return None if the mount is unknown."""
     component = next((one for one in model.components if one.name == steps[0]), None)
     rest = steps[1:]
     if component is None or not rest:
