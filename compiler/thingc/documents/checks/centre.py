@@ -47,7 +47,7 @@ class WithinSpec(Model):
 
 
 class CentreTest(Model):
-    """The centre of mass is inside a box."""
+    """The centre of mass of the robot, or of some components, must be inside a box."""
 
     of: ComponentField | None = None
     """A component, or a pattern for several; default: the whole robot."""

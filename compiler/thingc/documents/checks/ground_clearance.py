@@ -27,7 +27,7 @@ class ClearanceCode(DiagnosticCode):
 
 
 class GroundClearanceTest(Model):
-    """The robot keeps a distance from a level plane, in poses."""
+    """The robot must keep a minimum distance from a horizontal plane, in one or several poses."""
 
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
     """Names or patterns of modes, or `all`; default: the first mode."""

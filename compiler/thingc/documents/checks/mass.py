@@ -27,7 +27,7 @@ class MassCode(DiagnosticCode):
 
 
 class MassTest(Model):
-    """The mass is within bounds."""
+    """The mass of the robot, or of some components, must be within bounds."""
 
     model_config = BOUNDED
 

@@ -49,7 +49,7 @@ class AllowSpec(Model):
 
 
 class NoCollisionTest(Model):
-    """No two components overlap or come too close, in poses or over ranges of joints."""
+    """No two components may overlap or come too close to each other, in poses or over ranges of joints."""
 
     model_config = ConfigDict(json_schema_extra={"dependentRequired": {"samples": ["joints"]}})
 

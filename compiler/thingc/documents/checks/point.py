@@ -32,7 +32,7 @@ class PointCode(DiagnosticCode):
 
 
 class PointTest(Model):
-    """A mount can be brought to a point, with every joint within its limits."""
+    """The robot must be able to move a mount to a point, with every joint within its limits."""
 
     model_config = ConfigDict(json_schema_extra={"dependentRequired": {"angle": ["direction"]}})
 

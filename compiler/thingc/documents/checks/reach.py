@@ -27,7 +27,7 @@ class ReachCode(DiagnosticCode):
 
 
 class ReachTest(Model):
-    """The greatest distance between two mounts over the ranges of all joints."""
+    """The greatest distance between two mounts, over the ranges of all joints, must be within bounds."""
 
     model_config = BOUNDED
 

@@ -33,7 +33,7 @@ class SettleCode(DiagnosticCode):
 
 
 class SettlesTest(Model):
-    """The simulated robot comes to rest when released in a pose with its drives set to that pose."""
+    """The simulated robot must come to rest after it is released in a pose, with its drives set to this pose."""
 
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
     """Names or patterns of modes, or `all`; default: the first mode."""

@@ -32,7 +32,7 @@ class TorqueCode(DiagnosticCode):
 
 
 class TorqueMarginTest(Model):
-    """Drives hold the robot still against gravity, with a margin: their effort limit over the static torque."""
+    """Drives must hold the robot still against gravity with a margin, which is the effort limit of a drive divided by its static torque."""
 
     drive: JointNames = Field(examples=["shoulder", ["shoulder", "leg_*"]])
     """Names or patterns of driven joints."""

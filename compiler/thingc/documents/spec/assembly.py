@@ -120,14 +120,17 @@ class ParameterSpec(Model):
 
 
 class MountSpec(PoseSpec):
-    """A mount added to a component: a frame on it, at a pose in the component's frame, z pointing out of the material."""
+    """A mount that the document adds to a component, at a pose in the component's frame.
+
+    The z axis of the mount points out of the material.
+    """
 
     interface: str | None = Field(default=None, examples=["x430-horn", "m2.5-clearance"])
     """Name of the mechanical interface: `x430-horn`, `m2.5-clearance`."""
 
 
 class BomSpec(Model):
-    """The entry in the bill of materials."""
+    """The entry of a component in the bill of materials."""
 
     number: str | None = Field(default=None, examples=["902-0135-000"])
     """Order number or drawing number."""
@@ -147,13 +150,13 @@ class PrintSpec(Model):
 
 
 class AtSpec(PoseSpec):
-    """Placement by a pose: the pose of this component's frame in another frame, without a mate."""
+    """The placement of a component by a pose: the pose of the component's frame in another frame, without a mate."""
 
     in_: MountField = Field(alias="in", description="The frame: a mount, or a component's `origin`.")
 
 
 class AttachSpec(Model):
-    """A rigid mate in its long form, with all keys."""
+    """A rigid mate between a mount of the component and another mount, in its long form with all keys."""
 
     mount: OwnMountField
     """A mount of this component."""
@@ -324,7 +327,7 @@ class LimitSpec(Model):
 
 
 class MimicSpec(Model):
-    """q = multiplier * q(joint) + offset, or a polynomial in q(joint)."""
+    """A mimic, by which a joint follows another joint: q = multiplier * q(joint) + offset, or a polynomial in q(joint)."""
 
     model_config = ConfigDict(json_schema_extra={
         "if": {"required": ["polynomial"]}, "then": {"properties": {key: {"not": {}} for key in ("multiplier", "offset")}},
@@ -373,7 +376,7 @@ class JointDefaults(Model):
 
 
 class JointSpec(JointDefaults):
-    """A joint: the child's mount moves on the parent's mount."""
+    """A joint, by which a mount of the child component moves relative to a mount of the parent component."""
 
     type: JointType
     """How the child moves on the parent: `revolute` rotates within limits, `continuous` without, `prismatic` slides, `screw` does both."""
@@ -400,7 +403,7 @@ class JointSpec(JointDefaults):
 
 
 class DefaultsSpec(Model):
-    """Defaults of this document's own components and joints; they do not apply to nested documents."""
+    """Default values for the components and joints of this document. Default values do not apply to nested documents."""
 
     component: ComponentDefaults | None = Field(default=None, examples=[{"material": "petg"}])
     """Defaults of components."""
@@ -409,7 +412,7 @@ class DefaultsSpec(Model):
 
 
 class TurnSpec(Model):
-    """The orientation of a ball in a pose."""
+    """The orientation of a ball joint in a pose."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 

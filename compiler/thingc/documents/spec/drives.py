@@ -27,7 +27,7 @@ UNUSED = {"velocity": ("kp",), "motor": ("kp", "kv")}
 
 
 class DynamicsSpec(Model):
-    """Passive dynamics of a joint."""
+    """The passive dynamics of a joint: damping, friction, armature and spring."""
 
     damping: DampingField | None = None
     """Viscous friction: torque or force per speed."""
@@ -42,7 +42,7 @@ class DynamicsSpec(Model):
 
 
 class DriveSpec(Model):
-    """An inline actuator, or the actuator of a component with some values replaced."""
+    """A drive whose values are in the document, or the actuator of a component with some values replaced."""
 
     model_config = ConfigDict(json_schema_extra={
         "anyOf": [{"required": ["component"]}, {"required": ["kind"]}],

@@ -20,14 +20,14 @@ KINDS: tuple[ShapeKind, ...] = get_args(ShapeKind)
 
 
 class RoundSpec(Model):
-    """A sphere."""
+    """A sphere, as a shape of a link."""
 
     radius: LengthField
     """Radius of the sphere."""
 
 
 class LongSpec(Model):
-    """A cylinder, or a capsule, along z."""
+    """A cylinder or a capsule along the z axis, as a shape of a link."""
 
     radius: LengthField
     """Radius of the round cross-section."""

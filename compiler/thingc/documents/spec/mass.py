@@ -13,7 +13,7 @@ Source = Literal["measured", "vendor", "estimated", "repaired"]
 
 
 class MassSpec(Model):
-    """A mass and its source."""
+    """The mass of a component and the source of the value."""
 
     value: MassField
     """The mass."""
@@ -22,7 +22,7 @@ class MassSpec(Model):
 
 
 class CentreOfMassSpec(Model):
-    """A centre of mass and its source."""
+    """The centre of mass of a component and the source of the value."""
 
     value: Vector3Length
     """The centre of mass."""
@@ -31,7 +31,7 @@ class CentreOfMassSpec(Model):
 
 
 class InertiaMatrix(Model):
-    """Inertia about the centre of mass, in component axes. Products default to 0."""
+    """The inertia matrix of a component about its centre of mass, along the axes of the component. Products of inertia are 0 by default."""
 
     ixx: InertiaField
     """Moment about x."""
@@ -48,7 +48,7 @@ class InertiaMatrix(Model):
 
 
 class InertiaSpec(Model):
-    """An inertia and its source."""
+    """The inertia of a component and the source of the value."""
 
     value: InertiaMatrix = Field(examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}])
     """The inertia."""

@@ -18,7 +18,7 @@ StandsOn = Literal["floor", "wall", "ceiling"]
 
 
 class SimulationSpec(Model):
-    """Time step and solver settings of simulators."""
+    """The time step and the solver settings of simulators."""
 
     timestep: TimeField | None = None
     """Time step."""
@@ -38,7 +38,7 @@ class WorldAtSpec(PoseSpec):
 
 
 class ContactsSpec(Model):
-    """Contact settings of this mode."""
+    """The contact settings of a mode."""
 
     exclude: list[Annotated[list[ComponentField], Field(min_length=2, max_length=2)]] = Field(
         default=[], examples=[[["plate", "hand"], ["leg_*", "body"]]],
@@ -70,7 +70,7 @@ class HoldSpec(PoseSpec):
 
 
 class StandingSpec(Model):
-    """The mounts on which the robot of a floating mode stands."""
+    """The mounts on which the robot stands in a mode with a free base."""
 
     mounts: Annotated[list[ShownMountField], Field(min_length=1)] = Field(examples=[["leg_0.sole", "leg_2.sole", "leg_4.sole"]])
     """The mounts at which the floor supports the robot; patterns are allowed."""

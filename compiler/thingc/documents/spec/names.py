@@ -33,7 +33,10 @@ FileName = Annotated[str, FieldValidator(_file_name, "a name in files", _FILE_NA
 
 
 class NamesSpec(Model):
-    """Names in output files that differ from the names in the document, for example names of an imported robot."""
+    """The names of elements in output files, if they differ from the names in the document.
+
+    An example is the names of an imported robot.
+    """
 
     components: dict[OwnComponentKey, FileName] = Field(default={}, examples=[{"left_arm": "left-arm"}])
     """Names of components, and of the links with the same names."""

@@ -13,7 +13,7 @@ from thingc.documents.spec.name_types import CoordinateKey, ShownMountField
 
 
 class TendonLimitSpec(Model):
-    """Smallest and largest length of a tendon."""
+    """The smallest and the largest length of a tendon."""
 
     lower: JointValueField | None = None
     """The smallest length."""

@@ -68,7 +68,7 @@ ChoiceField = Annotated[str, RefersTo("choice")]
 
 
 class AxisSpec(Model):
-    """Evenly spaced values, including both ends."""
+    """Evenly spaced values of a parameter, including both ends of the range."""
 
     from_: AnyQuantityField = Field(alias="from", description="The first value.")
     to: AnyQuantityField
@@ -78,7 +78,7 @@ class AxisSpec(Model):
 
 
 class ListedSpec(Model):
-    """A single variant, listed explicitly."""
+    """A single variant with explicit values of parameters."""
 
     name: Name | None = None
     """The name of the variant; default: the name of the document with a number."""
