@@ -1,4 +1,6 @@
-"""Find changed files with git, and the documents that depend on them. Dependencies come from documents and the syntax trees of part files.
+"""Find the files that have changed in a git repository, and the documents that depend on these files.
+
+Dependencies are found in the text of documents and in the syntax trees of Python files of parts.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ KINDS = ("assembly", "materials", "variants")
 
 
 class AffectedDocuments(FrozenStruct):
-    """The result of `touched`: the documents that depend on a changed file.
+    """The documents that depend on a changed file, as the function `touched` returns them.
 
     All paths are absolute and sorted. `roots` are the documents to build: assemblies that have modes or are not nested in another of these
     documents.
@@ -34,7 +36,7 @@ class AffectedDocuments(FrozenStruct):
 
 
 class _Needs(FrozenStruct, kw_only=False):
-    """The files and parts on which a document depends. All paths are resolved. The files do not have to exist.
+    """The files and parts on which a document depends. All paths are resolved, and the files do not have to exist.
 
     Attributes:
         files: The files that the document depends on.
@@ -54,7 +56,7 @@ class _Needs(FrozenStruct, kw_only=False):
 
 
 def touched(changed: Collection[str] | None, folder: str, store: Store | None) -> AffectedDocuments:
-    """Return the documents below a folder that depend on one of the `changed` paths, or all documents if it is None.
+    """Return the documents below a folder that depend on one of the paths in `changed`. If `changed` is None, return all documents.
 
     Changed paths do not have to exist. A document depends on the documents that it refers to, on the code of its parts (including modules
     imported from the workspace), on part files, and on the settings and the lock of the workspace. A part may read any file while it is
@@ -103,11 +105,11 @@ def _needs(path: str, store: Store | None) -> _Needs:
 
 
 def part_inputs(references: Iterable[str], workspace: Workspace, store: Store | None) -> tuple[frozenset[str], tuple[str, ...]]:
-    """Return the files that the parts `module:Class` depend on, and the folders whose files they may read when they are built.
+    """Return the files on which the part classes `module:Class` depend, and the folders whose files they may read when they are built.
 
-    The paths are absolute. The files do not have to exist: they are the code of parts with the modules of the workspace that it imports,
-    the places where Python would search for these modules first, and the lock. Without a store, the workspace is untrusted: files outside
-    of the workspace are not read.
+    The paths are absolute, and the files do not have to exist. The files are the code of the parts and of the workspace modules that it
+    imports, the places where Python would search for these modules first, and the lock file. Without a store, the workspace is untrusted:
+    files outside of the workspace are not read.
     """
     code = PartCode(workspace, store)
     files = {os.path.join(workspace.root, LOCK_FILE)}
@@ -121,7 +123,7 @@ def part_inputs(references: Iterable[str], workspace: Workspace, store: Store | 
 
 
 def _files(documents: Documents) -> Iterator[str]:
-    """Yield the paths of the documents and of the files that they refer to. The files do not have to exist."""
+    """Yield the paths of documents, and of the files to which the documents refer. The files do not have to exist."""
     yield from documents.files
     for document in documents.by_path.values():
         yield document.path
@@ -133,7 +135,7 @@ def _files(documents: Documents) -> Iterator[str]:
 
 
 def _texts(document: Document, key: str) -> Iterator[str]:
-    """Yield every string under a key at any depth. References to parts also occur in variants."""
+    """Yield every string that is the value of a given key, at any depth of a document. Variants can also contain references to parts."""
     waiting: list[Node] = [document.tree]
     while waiting:
         node = waiting.pop()
@@ -163,7 +165,7 @@ def changed_since(revision: str, folder: str) -> list[str]:
 
 
 def changed_paths(folder: str, *commits: str, trusted: bool = False) -> list[str]:
-    """Return the sorted paths of the files below a folder that differ between two commits, or between a commit and the checkout.
+    """Return the sorted paths of the files below a folder that differ between two git commits, or between a commit and the checkout.
 
     Paths are relative to the repository. Uncommitted and untracked files in the checkout are included. Changes inside a submodule are not
     included, because git would run commands from the configuration of the submodule to find them. Raises `NotARepository`.
@@ -176,12 +178,12 @@ def changed_paths(folder: str, *commits: str, trusted: bool = False) -> list[str
 
 
 def git(folder: str, *words: str, trusted: bool = False) -> str:
-    """Run a git command and return its output as a string. See `run_git` for arguments and exceptions."""
+    """Run a git command, and return its output as a string. The arguments and exceptions are those of `run_git`."""
     return os.fsdecode(run_git(folder, *words, trusted=trusted))  # without newline translation: a name can contain a carriage return
 
 
 def run_git(folder: str, *words: str, given: bytes = b"", trusted: bool = False) -> bytes:
-    """Run a git command in a folder and return its output. `given` is the standard input of the command.
+    """Run a git command in a folder, and return its output as bytes. `given` is the standard input of the command.
 
     Git does not run commands that the configuration of the repository specifies (file system monitors, hooks, filters and transports). If
     `trusted` is true, git may run filters and transports. The configuration of the user and of the system always applies. Raises

@@ -1,8 +1,8 @@
-"""Rebuild a document whenever a file that it depends on is saved, with workers that have loaded the geometry kernel.
+"""Rebuild a document whenever a file that it depends on is saved. The worker processes keep the geometry kernel loaded between rebuilds.
 
-A round gives the same result as a single build. A round reuses cached results of pure functions (`memo`). It also reuses the geometry
-service unless files of parts have changed. If files change during a round, the loop discards the result and starts the next round
-immediately.
+Each rebuild is called a round. A round gives the same result as a single build. A round reuses cached results of pure functions (`memo`).
+It also reuses the geometry service unless files of parts have changed. If files change during a round, the loop discards the result and
+starts the next round immediately.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class Rebuild(FrozenStruct):
 
 
 class RebuildLoop:
-    """A document that is rebuilt in rounds. On exit, this context manager ends the workers.
+    """A context manager that rebuilds a document after every save, in rounds. It ends the worker processes on exit.
 
     The function `wish` returns the build request or errors. The loop calls `wish` in every round, because the settings of the workspace can
     change. The function `refused` converts an exception to a diagnostic. The loop calls `on_wait` if another build of the folder is in
@@ -144,7 +144,10 @@ class RebuildLoop:
             gc.collect()
 
     def _small(self, saved: tuple[str, ...]) -> bool:
-        """Return whether the only saved file is a nonempty document or file of parts. If so, the round starts without a delay."""
+        """Return whether only one file was saved, and whether it is a nonempty document or file of parts.
+
+        The next round then starts without a delay.
+        """
         one = saved[0] if len(saved) == 1 else ""
         of_parts = self._geometry is not None and one in self._geometry.inputs
         return (one in self._documents or of_parts) and (_time_and_size(one) or (0.0, 0))[1] > 0
@@ -160,8 +163,9 @@ class RebuildLoop:
             saved = tuple(dict.fromkeys((*saved, *self._watched.changed())))
 
     def _round(self, saved: tuple[str, ...]) -> tuple[Rebuild, tuple[str, ...]]:
-        """Rebuild the document once. Return the result, and the files that were saved during the rebuild. If files were saved, the round
-        wrote no output.
+        """Rebuild the document once. Return the result, and the files that were saved during the rebuild.
+
+        If files were saved during the rebuild, the build folder was not written.
         """
         started, clock, begun = time.perf_counter(), time.time(), time.monotonic()
         self._abandoned, self._saved = (), saved
@@ -224,7 +228,7 @@ class RebuildLoop:
 
     @contextlib.contextmanager
     def _abandoning(self) -> Iterator[None]:
-        """End the workers if a watched file is saved after `IMPATIENT`, and store the saved files in `_abandoned`.
+        """End the worker processes if a watched file is saved after the time `IMPATIENT`. Store the saved files in `_abandoned`.
 
         Without this method, a part that never finishes would block the next round.
         """
@@ -251,7 +255,7 @@ class RebuildLoop:
                 self._workers, self._geometry = self._fresh_workers(), None
 
     def _lent(self, workspace: Workspace, store: Store) -> GeometryService:
-        """Return the geometry service of the last round if it can be reused, else a new geometry service."""
+        """Return the geometry service of the last round if it can be reused. Otherwise, return a new geometry service."""
         if self._geometry is None or self._geometry.workspace != workspace:
             self._geometry = geometry_of(workspace, self.options, store, workers=self._workers)
             if self._last_geometry is not None:
@@ -259,7 +263,7 @@ class RebuildLoop:
         return self._geometry
 
     def _look(self, clock: float, built: BuildResult | None) -> tuple[str, ...]:
-        """Watch all files that this round has read. Return the files saved since the start `clock` [s] of the round."""
+        """Watch all files that this round has read. Return the files that were saved since the round started, at the time `clock` [s]."""
         assert self.environment is not None
         nothing = pipeline.Compilation(settings=pipeline.settings_of(self.options), report=Report())
         compilation = built.compilation if built is not None else nothing
@@ -276,7 +280,7 @@ class RebuildLoop:
 
 
 def _modelled(built: BuildResult | None) -> dict[str, str]:
-    """Return the labels of the parts that were built, by definition text."""
+    """Return the labels of the parts that were built, keyed by the text of the part definition."""
     if built is None:
         return {}
     assembly, texts = built.compilation.assembly, built.compilation.modelled
@@ -285,19 +289,22 @@ def _modelled(built: BuildResult | None) -> dict[str, str]:
 
 
 def _unquiet(saved: Sequence[str]) -> float:
-    """Return the remaining time [s] until the saved files have been unchanged for `QUIET`. Ignore file times in the future."""
+    """Return how long to wait [s] until the saved files have been unchanged for the time `QUIET`. File times in the future are ignored."""
     since = time.time() - max((stat[0] for path in saved if (stat := _time_and_size(path)) is not None), default=0.0)
     return QUIET - since if 0.0 <= since < QUIET else 0.0
 
 
 def _time_and_size(path: str) -> tuple[float, int] | None:
-    """Return the modification time [s] and the size [bytes] of a file, or None if it does not exist. The size of a folder is 1."""
+    """Return the modification time [s] and the size [bytes] of a file.
+
+    Return None if the file does not exist. The size of a folder is 1.
+    """
     stat = stat_of(path)
     return None if stat is None else (stat[0] / 1e9, 1 if os.path.isdir(path) else stat[1])
 
 
 def _digests(files: Mapping[str, Content]) -> Mapping[str, str]:
-    """Return the SHA-256 of all artifacts in the manifest, by path in the build folder."""
+    """Return the SHA-256 hashes of all files that the manifest of a build folder lists, keyed by path in the folder."""
     content = files[MANIFEST]
     assert isinstance(content, bytes)
     listed: dict[str, str] = json.loads(content)["files"]

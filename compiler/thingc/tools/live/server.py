@@ -1,4 +1,4 @@
-"""HTTP server for the live page of a document. Only browsers on this machine can connect.
+"""An HTTP server for the web page that shows a robot and updates after every save. Only browsers on this machine can connect.
 
 The server listens on the loopback interface. Every address starts with a secret token, requests for other host names are refused (DNS
 rebinding), and other pages cannot read the responses. It serves only content in memory, and no files.
@@ -45,19 +45,20 @@ Finding = Mapping[str, object]
 
 
 class _Shown(FrozenStruct, kw_only=False):
-    """The state of one robot on the page: the last page without errors, the number of such pages so far, and the current diagnostics."""
+    """The state of one robot on the web page: the last page without errors, the number of such pages so far, and the current diagnostics.
+    """
 
     page: Page | None = None
     count: int = 0
     findings: tuple[Finding, ...] = ()
 
     def after(self, page: Page | None, findings: Sequence[Finding]) -> _Shown:
-        """Return the state after a rebuild. `page` is None if the rebuild had errors."""
+        """Return the state of the robot after a rebuild. `page` is None if the rebuild had errors."""
         return _Shown(page or self.page, self.count + (page is not None), tuple(findings))
 
 
 class _Quiet(ThreadingHTTPServer):
-    """An HTTP server that ignores closed connections.
+    """An HTTP server that does not report connections that the browser has closed.
 
     If more than `IDLE` connections are idle, the server closes the oldest connection, so that new browsers can always connect.
     """
@@ -71,7 +72,7 @@ class _Quiet(ThreadingHTTPServer):
         super().__init__(*arguments)
 
     def wait(self, connection: socket.socket) -> None:
-        """Mark a connection as idle."""
+        """Mark a connection as idle, which means that it waits for a request."""
         with self._turn:
             self._idle[connection] = None
             longest = next(iter(self._idle)) if len(self._idle) > IDLE else None
@@ -86,13 +87,13 @@ class _Quiet(ThreadingHTTPServer):
             self._idle.pop(connection, None)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Report errors of connections, except lost connections."""
+        """Report an error that occurred in a connection. Lost connections are not reported."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 
 
 class Server:
-    """An HTTP server on a free port of this machine, or on `port`. This context manager serves requests while it is active.
+    """A context manager that serves the web page of a document over HTTP while it is active, on a free port of this machine or on `port`.
 
     Raises OSError if the port is in use. `editor` is passed to `Page.html`, and `document` is the path of the document. The token in the
     address is random, unless a secret `key` is given. With a key, it depends only on the document and the port, so that open pages
@@ -137,10 +138,10 @@ class Server:
         return f"http://{LOOPBACK}:{self.port}/{self._token}/"
 
     def tell(self, page: Page | None, seconds: float, findings: Sequence[Finding], *, kernel: float = 0.0) -> None:
-        """Publish the result of a rebuild to the browsers.
+        """Send the result of a rebuild of the document to all browsers.
 
-        After errors, `page` is None, and the last good page remains. `seconds` is the duration of the round, and `kernel` is the time in
-        the round for building parts [s].
+        After errors, `page` is None, and browsers continue to show the last page without errors. `seconds` is the duration of the rebuild,
+        and `kernel` is the time in the rebuild for building parts [s].
         """
         with self._news:
             self._own = self._own.after(page, findings)
@@ -149,23 +150,23 @@ class Server:
             self._news.notify_all()
 
     def tell_against(self, page: Page | None, findings: Sequence[Finding] = ()) -> None:
-        """Publish a round of the overlay. Browsers receive it after the first round of the document."""
+        """Send the result of a rebuild of the overlay to all browsers. Browsers receive it after the first rebuild of the document."""
         with self._news:
             self._other = self._other.after(page, findings)
             self._number += 1 if self._number > 0 else 0
             self._news.notify_all()
 
     def hosted(self, host: str | None) -> bool:
-        """Return whether the host name in a request is the name of this server."""
+        """Return whether the host name in an HTTP request is the name of this server."""
         return host in (f"{LOOPBACK}:{self.port}", f"localhost:{self.port}")
 
     def inside(self, path: str) -> str | None:
-        """Return the path of a request after the token, or None if the token is wrong."""
+        """Return the part of the path of an HTTP request that follows the secret token. Return None if the token is wrong."""
         word, slash, rest = path.partition("?")[0].removeprefix("/").partition("/")
         return rest if slash and hmac.compare_digest(word.encode(), self._token.encode()) else None
 
     def content(self, name: str) -> tuple[str, bytes] | None:
-        """Return the content type and the content with this name, or None if it does not exist."""
+        """Return the content type and the content of the resource with this name. Return None if it does not exist."""
         with self._news:
             page, other = self._own.page, self._other.page
             stand = f"{self._run} {self._own.count} {self._other.count}"
@@ -175,16 +176,20 @@ class Server:
         return (JSON, asked.news()) if asked is not None else None
 
     def news(self, after: int) -> tuple[int, str] | None:
-        """Wait for an event with a number above `after`. Return its number and text, or None when the server closes.
+        """Wait for an event whose number is greater than `after`.
 
-        After `SILENCE` without events, return the same number.
+        Return the number and the text of the event, or None when the server closes. If no event occurs for the time `SILENCE`, return the
+        number `after`.
         """
         with self._news:
             self._news.wait_for(lambda: self._closed or self._number > after, SILENCE)
             return None if self._closed else (self._number, self._told())
 
     def _told(self) -> str:
-        """Return the current state as JSON. `run` identifies the server; `build` and `against` are the numbers of pages so far."""
+        """Return the current state of the page as JSON.
+
+        `run` identifies the server. `build` and `against` are the numbers of pages so far.
+        """
         own, other = self._own, self._other
         findings = [*own.findings, *(one for one in other.findings if one not in own.findings)]
         told = {
@@ -207,14 +212,14 @@ def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) 
 
 
 def _location_json(span: Span | None, workspace: Workspace | None) -> dict[str, object]:
-    """Return the `file` (path in the workspace) and `line` of a span. Both are null if the span is not in a file."""
+    """Return the `file` (path in the workspace) and the `line` of a source location. Both are null if the location is not in a file."""
     if span is None or span.option is not None or workspace is None:
         return {"file": None, "line": None}
     return {"file": workspace.relative(span.file), "line": span.line}
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Handles one GET or HEAD request."""
+    """Handles the HTTP requests of one connection. Only GET and HEAD requests are supported."""
 
     served: Server
     server: _Quiet
@@ -233,11 +238,11 @@ class _Handler(BaseHTTPRequestHandler):
             self.server.wait_no_more(self.connection)
 
     def do_GET(self) -> None:
-        """Answer a GET request with the content."""
+        """Answer a GET request with the requested content."""
         self._answer(body=True)
 
     def do_HEAD(self) -> None:
-        """Answer a HEAD request, without the content."""
+        """Answer a HEAD request like a GET request, but without the content."""
         self._answer(body=False)
 
     def log_message(self, *_: Any) -> None:

@@ -41,10 +41,10 @@ class Token(FrozenStruct):
 class CursorPlace(FrozenStruct):
     """The context of the cursor in a document: the path of keys, and whether a key or a value is expected there.
 
-    The field `kind` is `key` for a key of the mapping at `path`, or `value` for the value at `path`. The existing token extends from
-    `start` to before `end`. If they are equal, the token is empty. If `either` is true, the position can contain the first key of a mapping
-    or a value on its own line. `quote` is the opening quote. `flow` specifies whether the position is inside brackets, and `header` whether
-    it is in the header of a TOML table.
+    `role` is `key` for a key of the mapping at `path`, or `value` for the value at `path`. The existing token extends from `start` to
+    before `end`. If they are equal, the token is empty. If `either` is true, the position can contain the first key of a mapping or a value
+    on its own line. `quote` is the opening quote. `flow` specifies whether the position is inside brackets, and `header` whether it is in
+    the header of a TOML table.
     """
 
     role: Role

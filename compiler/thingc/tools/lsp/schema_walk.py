@@ -159,7 +159,7 @@ def described(flats: list[Schema]) -> str:
 
 
 def described_as(flats: list[Schema], value: str) -> str:
-    """Return the description that a schema gives for a value. Return None if the schema does not list the value."""
+    """Return the description that a schema gives for a value. Return an empty string if the schema does not list the value."""
     return next((text for flat in flats for word, text in _words(flat) if word == value and text), "")
 
 

@@ -50,7 +50,10 @@ def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[Expr
 
 
 def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
-    """Return the lower and upper bound, in SI units, of the part parameter at the cursor. Unknown bounds are infinite."""
+    """Return the lower and upper bound, in SI units, of the parameter of a part or nested document at the cursor.
+
+    Unknown bounds are infinite.
+    """
     low, high = -math.inf, math.inf
     path, known = cursor.path, analysis.known
     if len(path) != 4 or path[0] != "components":

@@ -31,13 +31,16 @@ _COMMANDS: Mapping[Severity, str] = {Severity.ERROR: "error", Severity.WARNING: 
 
 
 def repository(folder: str) -> str:
-    """Return the absolute path of the nearest folder that contains `.git`, from `folder` upwards, or of `folder` itself."""
+    """Return the absolute path of the git repository that contains `folder`.
+
+    Return the path of `folder` itself if no repository contains it.
+    """
     start = Path(os.path.abspath(folder))
     return str(next((above for above in (start, *start.parents) if (above / ".git").exists()), start))
 
 
 def within(file: str, base: str) -> str | None:
-    """Return the path of an absolute `file` relative to the folder `base`, with `/`, or None if the file is outside the folder."""
+    """Return the path of a file relative to the folder `base`, with `/` as separator. Return None if the file is outside the folder."""
     try:
         relative = os.path.relpath(file, base)
     except ValueError:  # the file is on another drive
@@ -47,7 +50,7 @@ def within(file: str, base: str) -> str | None:
 
 
 def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, documentation: str | None = None) -> str:
-    """Format diagnostics as the SARIF log of one run.
+    """Format diagnostics as a SARIF log that contains one run.
 
     Locations are relative to the folder `base`. `version` is the version of thingc. `documentation` is the base URL of the pages about
     codes (`.../TC302.md`), if known.
@@ -74,7 +77,7 @@ def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, docu
 
 
 def _descriptor(code: DiagnosticCode, documentation: str | None) -> dict[str, Any]:
-    """Convert a code to a SARIF rule."""
+    """Convert a diagnostic code to a SARIF rule, which describes the code."""
     descriptor: dict[str, Any] = {
         "id": code.code, "name": "".join(word.capitalize() for word in code.name.split("_")),
         "shortDescription": {"text": code.title[0].upper() + code.title[1:]},
@@ -110,9 +113,9 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[DiagnosticCode], base
 
 
 def _message_text(d: Diagnostic, notes: Iterable[str] | None = None) -> str:
-    """Return the message, the notes and the help, one line each. Control characters are escaped.
+    """Return the message, the notes and the help of a diagnostic, one per line. Control characters are escaped.
 
-    By default, the result contains the notes without a location.
+    By default, the result contains only the notes without a location.
     """
     if notes is None:
         notes = (note.message for note in d.notes if note.span is None)
@@ -121,7 +124,7 @@ def _message_text(d: Diagnostic, notes: Iterable[str] | None = None) -> str:
 
 
 def _fingerprint(d: Diagnostic, base: str) -> str:
-    """Return a hash that identifies a diagnostic across runs.
+    """Return a hash that identifies the same diagnostic in several runs of thingc.
 
     The hash does not depend on the line number, so it does not change when the user adds lines above the diagnostic.
     """
@@ -148,12 +151,12 @@ def _physical(span: Span, base: str) -> dict[str, Any]:
 
 
 def _encoded(path: str) -> str:
-    """Encode a path as a URI. Encode `:`, too, because readers could parse the text before `:` as a scheme."""
+    """Encode a path as a relative URI. The character `:` is encoded, too, because readers could parse the text before it as a scheme."""
     return quote(os.fsencode(path), safe="/")
 
 
 def as_github(diagnostics: Sequence[Diagnostic], *, base: str) -> str:
-    """Format diagnostics as annotations, one per line. Files are relative to the folder `base`."""
+    """Format diagnostics as annotations of GitHub Actions, one per line. The paths of files are relative to the folder `base`."""
     return "".join(_command(d, base) + "\n" for d in diagnostics)
 
 

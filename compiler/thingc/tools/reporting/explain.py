@@ -1,7 +1,7 @@
-"""Explain diagnostic codes for `thingc explain`, with their meaning, their fix, and a wrong and a right example.
+"""Explain diagnostic codes for the command `thingc explain`: their meaning, how to fix the problem, and a wrong and a right example.
 
-The texts are in `examples.json` in this folder, which `docs/generate.py` generates from the codes and from `docs/codes`. Therefore, nothing
-is imported that defines a code.
+The texts are in `examples.json` in this folder, which `docs/generate.py` generates from the codes and from `docs/codes`. Therefore,
+explaining a code does not import the module that defines it.
 """
 
 from __future__ import annotations
@@ -35,14 +35,20 @@ def explanations() -> list[Explanation]:
 
 
 def find(word: str) -> Explanation | None:
-    """Return the code for a string such as `TC302`, `tc302`, `302` or `unknown_component`, or None if the code does not exist."""
+    """Return the diagnostic code that a string such as `TC302`, `tc302`, `302` or `unknown_component` refers to.
+
+    Return None if it does not exist.
+    """
     asked = word.strip().upper()
     asked = asked.removeprefix("TC") if re.fullmatch(r"TC\d+", asked) else asked
     return next((code for code in explanations() if asked in (code["code"].removeprefix("TC"), code["name"])), None)
 
 
 def near(word: str, count: int = 3) -> list[Explanation]:
-    """Return codes similar to a word: the nearest numbers, or codes whose title contains the word, or codes with a similar name."""
+    """Return diagnostic codes that are similar to a word that is not a code.
+
+    The codes have the nearest numbers, or their titles contain the word, or their names are similar.
+    """
     number = re.fullmatch(r"(?:TC)?(\d+)", word.strip().upper())
     if number is not None and len(number.group(1)) == 3:
         wanted = int(number.group(1))
@@ -60,7 +66,7 @@ def near(word: str, count: int = 3) -> list[Explanation]:
 
 
 def as_page(explanation: Explanation) -> str:
-    """Format the explanation of a code as text."""
+    """Format the explanation of a diagnostic code as text for the terminal."""
     lines = [f"{explanation['code']}: {explanation['title']}", ""]
     if explanation["meaning"]:
         lines += [explanation["meaning"], ""]
@@ -77,7 +83,10 @@ def as_page(explanation: Explanation) -> str:
 
 
 def sections() -> list[tuple[str, list[Explanation]]]:
-    """Return all codes by section, such as `TC3xx: names and values across documents`."""
+    """Return all diagnostic codes, grouped by section.
+
+    The title of a section is, for example, `TC3xx: names and values across documents`.
+    """
     found: dict[str, list[Explanation]] = {}
     for code in explanations():
         found.setdefault(code["code"][:3], []).append(code)
