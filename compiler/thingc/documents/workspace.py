@@ -1,7 +1,7 @@
 """The workspace of a document: the folder that contains all its files, and its settings.
 
-The workspace is the nearest folder above the document that contains a `thingc.toml`, or a `pyproject.toml` with `[tool.thingc]`. Otherwise
-it is the document's own folder.
+The workspace is the nearest folder above the document that contains a `thingc.toml`, or a `pyproject.toml` with `[tool.thingc]`. If there
+is no such folder, the workspace is the folder of the document.
 """
 
 from __future__ import annotations
@@ -131,7 +131,9 @@ class Workspace:
             folder = above
 
     def relative(self, path: str) -> str:
-        """Return the path relative to the workspace, with `/` as separator and with symbolic links resolved. All outputs use this form.
+        """Return the path relative to the workspace, with `/` as separator and with symbolic links resolved.
+
+        All build outputs use this form of path.
 
         Documents of installed packages have a dotted name, `thingc_stock.materials`, because their location depends on the machine.
         """
@@ -144,7 +146,7 @@ class Workspace:
     def span(self, path: Path) -> Span | None:
         """Return the span of a value in the workspace file, for example at `("emit", 1)`, or None if the value does not exist.
 
-        The file is parsed at each call.
+        The workspace file is parsed at each call.
         """
         if self.origin is None:
             return None

@@ -37,10 +37,11 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
 
     `model` is the model of the value under the key `name`. If the model has a field `mode`, the test runs once for each mode; if it has a
     field `pose`, once for each pose; otherwise once. `read(written, reader)` returns the specification of the test, in SI units and with
-    names resolved. If the value is invalid, the reader reports the error and `read` returns None. References in the specification are
-    linked by type.
+    names resolved. If the value is invalid, the reader reports the error and `read` returns None. The pass `link` finds the references in
+    the specification by their type, and resolves them.
 
-    `codes` are the codes of failed tests. `link(test, stated, joints by path, findings)` reports errors that depend on the linked assembly.
+    `codes` contains the diagnostic codes of failed tests. `link(test, stated, joints by path, findings)` reports errors that depend on the
+    linked assembly.
 
     `position` is the position of the kind in the documentation; `summary` is one sentence for a schema and a table; `examples` are values
     of the key; `stub` is the content of a new test of this kind, with the placeholders `$mount` and `$base` for mounts; the test is valid

@@ -1,5 +1,6 @@
-"""Parse and evaluate expressions such as `=reach / 2 + 8 mm`. Every term has a source position. Physical dimensions are checked during
-evaluation.
+"""Parse and evaluate expressions such as `=reach / 2 + 8 mm`.
+
+Every term of an expression has a position in the source text. Physical dimensions are checked during evaluation.
 
     comparison := sum [("<" | "<=" | ">" | ">=" | "==" | "!=") sum]
     sum        := product (("+" | "-") product)*
@@ -8,6 +9,6 @@ evaluation.
     power      := atom ["**" unary]
     atom       := number [unit] | name | function "(" comparison ("," comparison)* ")" | "(" comparison ")"
 
-A unit belongs to the number before it, without spaces around its own `*` and `/`: `10 mm/rad * q` is (10 mm/rad) q. Other syntax is
-invalid. Every value is one double, so the length of an expression bounds the cost of its evaluation.
+A unit belongs to the number before it, without spaces around its own `*` and `/`: `10 mm/rad * q` is (10 mm/rad) q. All other syntax is an
+error. Every value is one double, so the length of an expression bounds the cost of its evaluation.
 """

@@ -17,8 +17,8 @@ ExpressionValue = Union[Quantity, bool, str]
 def evaluate(expression: Expression, names: Mapping[str, ExpressionValue]) -> ExpressionValue:
     """Evaluate an expression and return its value. `names` maps the parameters and the index of the repeat to their values.
 
-    The value of a single name may be a boolean or a string. The value of a comparison is a boolean. All other values are finite Quantities.
-    Raises ExpressionError for unknown names, incompatible dimensions, and results that are not finite.
+    The value of a single name may be a boolean or a string. The value of a comparison is a boolean. All other expressions have a finite
+    `Quantity` as their value. Raises ExpressionError for unknown names, incompatible dimensions, and results that are not finite.
     """
     return _Evaluator(expression.text, names).value(expression.tree)
 

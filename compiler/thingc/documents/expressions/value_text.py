@@ -15,8 +15,8 @@ from thingc.documents.expressions.evaluation import ExpressionValue, plain
 def text_of(value: ExpressionValue, unit: str = "") -> str:
     """Format a value as a string that `-p NAME=VALUE` parses to exactly the same value.
 
-    A quantity is formatted in `unit` (`95.5 mm`) if possible, otherwise in SI units (`0.0955 m`). A boolean becomes `true` or `false`. A
-    string is unchanged.
+    A quantity is formatted in `unit` (`95.5 mm`) if possible, otherwise in SI units (`0.0955 m`). A boolean is formatted as `true` or
+    `false`. A string is not changed.
     """
     if isinstance(value, bool):
         return "true" if value else "false"

@@ -1,7 +1,7 @@
 """Select and apply the unambiguous fixes of diagnostics.
 
 A name may be misspelt at its use or at its declaration. The use is fixed only if the misspelling occurs once and the other spelling occurs
-at least twice. Otherwise the fix is ambiguous.
+at least twice. In all other cases the fix is ambiguous.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ def shape_for(shape: FieldType | None, value: Any) -> FieldType | None:
 def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
     """Return the type of the entry with this key in a value of this type, or None if it is unknown.
 
-    Without a key, return the type of an item.
+    If `key` is None, return the type of the items of a list.
     """
     if shape is None:
         return None
@@ -85,7 +85,10 @@ def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
 
 
 def ordered(names: Sequence[str], shape: FieldType | None) -> list[int]:
-    """Return the canonical order of the keys of a mapping, as indices into `names`. An unknown key stays after its predecessor."""
+    """Return the canonical order of the keys of a mapping, as indices into `names`.
+
+    A key that the model does not contain stays after the key that precedes it in the document.
+    """
     if shape is None or shape.kind != "model" or shape.model is None:
         return list(range(len(names)))
     ranks = _keys(shape.model)[0]

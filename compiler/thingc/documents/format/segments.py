@@ -1,6 +1,7 @@
 """Split the text of a document into segments: the range of every key and value, with adjacent comments.
 
-Segments contain positions but no values. All positions are indices into the text of the document, whose lines end with a line feed.
+A segment contains the positions of a value in the text, but not the value itself. All positions are indices into the text of the document,
+whose lines end with a line feed.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ class Segment:
 class Trivia(FrozenStruct):
     """The text between two segments: a comment at the end of the line, and the comment lines that follow as (column, text).
 
-    An empty line is None.
+    None represents an empty line.
     """
 
     comment: EndComment | None

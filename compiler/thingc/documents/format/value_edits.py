@@ -19,7 +19,7 @@ Written = str | Mapping[str, "Written"] | Sequence["Written"]
 
 
 class CannotSetValue(Exception):
-    """Raised if a value cannot be set without changing other values. The message explains the reason."""
+    """Raised if a value cannot be set without changing other values. The message of the exception explains the reason."""
 
 
 def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:

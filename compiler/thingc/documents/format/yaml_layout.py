@@ -294,7 +294,7 @@ def yaml_layout(text: str, shape: FieldType | None) -> str:
 
 
 class _Printer:
-    """Formats the block mappings and lists of a YAML document. Each method returns indented lines."""
+    """Formats the block mappings and lists of a YAML document. Each method returns the lines of a value with their indentation."""
 
     def __init__(self, text: str) -> None:
         self.text = text

@@ -94,7 +94,7 @@ def is_document(path: str, kind: str = "") -> bool:
 def has_header(head: bytes, path: str, kind: str = "") -> bool:
     """Return whether the beginning of a file has the key `thingc` and is not a workspace. With `kind`, also check its kind.
 
-    The extension of `path` shows whether it is TOML.
+    The file type (YAML or TOML) is determined from the extension of `path`.
     """
     head = head[:HEAD]
     table = _TABLE.search(head) if path.lower().endswith(".toml") else None

@@ -57,9 +57,8 @@ def load(
 ) -> Documents | None:
     """Read a document and follow its `assembly:` and `materials:` references.
 
-    All errors are reported. Documents that can be read are returned; the result is None if the document itself cannot be read.
-    `kinds` are the accepted kinds of the document itself; `texts` replace contents on disk, by absolute
-    path; `memo` caches documents.
+    Add all errors to `report`. Return all documents that can be read, or None if the root document cannot be read. `kinds` are the accepted
+    kinds of the document itself; `texts` replace contents on disk, by absolute path; `memo` caches documents.
     """
     path = os.path.abspath(document)
     name = shortened(os.path.basename(path))
@@ -170,7 +169,10 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
 
 
 class _Reader:
-    """Reads a document and all documents that it references, each file once. `by_path` is in the order of first reference."""
+    """Reads a document and all documents that it references, each file once.
+
+    `by_path` contains the documents in the order in which they are first referenced.
+    """
 
     def __init__(self, workspace: Workspace, report: Report, texts: Mapping[str, bytes] | None = None, memo: Memo | None = None) -> None:
         self.workspace = workspace

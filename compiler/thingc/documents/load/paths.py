@@ -74,7 +74,10 @@ def find_file(
 
 
 def find_assembly(text: str, *, beside: str, where: Span | None, workspace: Workspace, report: Report) -> str | None:
-    """Return the absolute path of an assembly document. The rules are the same as in `find_file`."""
+    """Return the absolute path of an assembly document to which a reference points.
+
+    The rules for references are the same as in `find_file`.
+    """
     return find_file(
         text, beside=beside, where=where, workspace=workspace, suffixes=DOCUMENT_SUFFIXES, what="an assembly document", report=report,
     )

@@ -34,7 +34,10 @@ def read_toml(source: Source, report: Report) -> MappingNode | None:
 
 
 class TomlSyntax:
-    """The syntax tree that tree-sitter builds of a TOML document. `root` is its root node. Positions are character indices."""
+    """The syntax tree that tree-sitter builds of a TOML document.
+
+    `root` is the root node of the syntax tree. All positions are character indices into the text.
+    """
 
     def __init__(self, text: str) -> None:
         import tree_sitter_toml
@@ -274,7 +277,7 @@ class _Joiner:
 def _too_large(source: Source, syntax: TomlSyntax, report: Report) -> bool:
     """Return whether the nesting of brackets or dotted keys, or the number of values, exceeds the limit, and report this.
 
-    The check does not recurse.
+    The check uses a loop instead of recursion, so that deep nesting cannot exceed the recursion limit.
     """
     waiting = [(syntax.root, 0)]
     values = 0
@@ -330,7 +333,7 @@ def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: 
 def _bracket_beyond(text: str) -> int:
     """Return the first position in a malformed document at which nested brackets exceed the maximum depth.
 
-    Brackets in strings are counted, too.
+    Brackets inside strings are also counted.
     """
     level = 0
     for at, character in enumerate(text):

@@ -1,6 +1,9 @@
-"""Parse YAML to a tree with source positions, based on the events of libyaml. Additional rules of thingc apply.
+"""Parse YAML to a tree with source positions, based on the events of libyaml.
 
-PyYAML interprets values as YAML 1.1 (`on` is true, `1e-3` is a string). Therefore only the event stream of PyYAML is used.
+The parser also checks rules of thingc, such as unique keys.
+
+PyYAML interprets values as YAML 1.1 (`on` is true, `1e-3` is a string). Therefore this module uses only the parser events of PyYAML, and
+interprets scalars itself.
 """
 
 from __future__ import annotations
@@ -329,7 +332,7 @@ class _Builder:
     def numbers(self, following: Any) -> tuple[list[tuple[Any, Any]], Any]:
         """Return up to two keys without values, which are elements of a vector, and the next event.
 
-        Reading starts at the event `following`. The returned event is None if the last key has a value.
+        `following` is the first parser event to read. The returned event is None if the last key has a value.
         """
         pairs: list[tuple[Any, Any]] = []
         while len(pairs) < 2 and _is_value(following):

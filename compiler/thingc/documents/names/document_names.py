@@ -88,7 +88,7 @@ def _of_text(text: str, shape: FieldType) -> DeclaresName | RefersTo | None:
 def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
     """Yield the names of elements in `raw` (`raw: {mjcf: {joint: {NAME: ...}}}`).
 
-    From added elements, only references to names are included. From `order`, all names are included.
+    In elements under `add`, only values that refer to a name are included. Under `order`, all names are included.
     """
     for kind, named in node.entries.items():
         if kind in ("add", "order"):

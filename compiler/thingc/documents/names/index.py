@@ -1,4 +1,7 @@
-"""Index of the declarations and uses of names in a workspace's documents and parts. `references.py` resolves the names in a document."""
+"""Index of the declarations and uses of names in a workspace's documents and parts.
+
+The module `references.py` resolves the names in a document.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Names of Things in the modules of a workspace: the names of classes, of mounts (which are attributes), and of parameters.
 
-Modules are parsed, never run.
+Modules are only parsed. Their code is never run.
 """
 
 from __future__ import annotations
@@ -162,7 +162,10 @@ class PartClass:
 
 
 class PartNames:
-    """The modules in part folders (absolute paths). `read` returns the text of a file, or None. Parsed modules are cached."""
+    """The modules in part folders (absolute paths).
+
+    `read` is a function that returns the text of a file, or None. Parsed modules are cached.
+    """
 
     def __init__(self, folders: Sequence[str], read: Callable[[str], str | None]) -> None:
         self.folders = tuple(folders)
@@ -194,7 +197,7 @@ class PartNames:
     def elsewhere(self, name: PartName) -> tuple[str, int] | None:
         """Return a place (file and line) that may refer to this mount or parameter, or None.
 
-        Only running the code could decide whether it does.
+        Whether the code at this location uses the mount or parameter can only be decided by running the code.
         """
         family = {(module.file, node.name) for module, node in self._family(name)}
         own = {(span.file, span.line, span.column) for module, node in self._family(name) for span in _name_spans(module, node, name)}
@@ -345,7 +348,7 @@ def _documented(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str
 
 
 def _may_be(node: ast.AST, name: PartName, family: set[str]) -> bool:
-    """Return whether a node may refer to a mount or parameter. Only the name is compared."""
+    """Return whether a node may refer to a mount or parameter. The comparison uses only the text of the name."""
     if isinstance(node, ast.Constant):
         return node.value == name.text
     if name.what == "part mount":

@@ -1,7 +1,7 @@
 """Resolve the strings in the text of a document that refer to names.
 
 The types of the fields of document models define to which kind of name a string refers (`document_names.py`). Documents may have other
-errors. Nothing is compiled.
+errors. The documents are not compiled.
 """
 
 from __future__ import annotations
@@ -394,7 +394,10 @@ class NameReader:
             yield from _moved(at + word.offset, inside.key(word.path, str(word.path[-1]), word.names))
 
     def key(self, path: Path, text: str, names: DeclaresName | RefersTo) -> Iterator[Hit]:
-        """Yield the name that the key at a path of this document declares or to which this key refers. The key need not exist."""
+        """Yield the name that the key at a path of this document declares or to which this key refers.
+
+        The document need not contain the key.
+        """
         if isinstance(names, RefersTo):
             key = self.own.fitting("components", str(path[1])) if path[0] == "components" and len(path) > 2 else [path[1]]
             for one in key:
@@ -416,7 +419,10 @@ class NameReader:
         return one
 
     def choice(self, written: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
-        """Yield the chosen part, document or material. The path of the choice determines the kind."""
+        """Yield the chosen part, document or material.
+
+        The path of the choice determines whether the string names a part, a document or a material.
+        """
         chosen = next(step for step in reversed(path) if isinstance(step, str))
         kind = chosen.rpartition(".")[2]
         if kind == "part":

@@ -35,14 +35,14 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 
 
 class RenameRefused(Exception):
-    """Raised if a name cannot be renamed. The message explains the reason."""
+    """Raised if a name cannot be renamed. The message of the exception explains the reason."""
 
 
 class RenameEdits(FrozenStruct):
     """The edits that rename an element of a document.
 
-    `texts` are the new contents of files by absolute path. `after` is the index after the rename. The places of each file are ordered from
-    last to first.
+    `texts` are the new contents of files by absolute path. `after` is the index of names after the rename. The places of each file are
+    ordered from last to first.
     """
 
     places: tuple[Span, ...]

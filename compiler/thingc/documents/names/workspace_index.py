@@ -64,7 +64,7 @@ def index_workspace(
     """Build the index of names for all documents of a workspace, or for the documents in `only` (absolute paths).
 
     `texts` are the contents of open files by absolute path. `last` are previous versions of documents, which replace documents that cannot
-    be parsed. `disk` reads all other files.
+    be parsed. `disk` is the function that reads all other files.
     """
     def read(path: str) -> str | None:
         return texts[path] if path in texts else disk(path)

@@ -1,6 +1,6 @@
 """The types of values in document models, such as mapping, list or choice, derived from the annotations of the models.
 
-The locations in pydantic's errors refer to a model. This module maps such a location to the place in the document, and provides similar
+Errors of pydantic contain a location in the model. This module maps such a location to the place in the document, and provides similar
 names and the description of the expected type.
 """
 
@@ -23,9 +23,9 @@ class FieldType(FrozenStruct):
     """The type of a value in a document model, derived from an annotation.
 
     `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`. `model` is the
-    class. `members` are the types of dict values, of list items or of the branches of a union. `key` is the type of dict keys. `choices`
-    are the values of a literal. `field` is the validator, `names` is the kind of name that the value declares or to which it refers,
-    `annotation` is the annotation.
+    class of a document model. `members` are the types of dict values, of list items or of the branches of a union. `key` is the type of
+    dict keys. `choices` are the values of a literal. `field` is the validator, `names` is the kind of name that the value declares or to
+    which it refers, `annotation` is the annotation.
     """
 
     kind: str
@@ -139,7 +139,7 @@ def branch_of(shape: FieldType, value: Any) -> FieldType | None:
 def likeness(branch: FieldType, value: dict[str, Any]) -> float:
     """Rate how well a value fits a type: count the keys of `value` that the type defines.
 
-    A similar key counts 0.5. A mapping with arbitrary names counts 0.25 in total.
+    A key that is only similar to a defined key counts 0.5. A type with arbitrary keys counts 0.25 in total.
     """
     if branch.model is None:
         return 0.25

@@ -106,7 +106,7 @@ def found(value: object) -> str:
 
 
 def read_expression(text: str) -> Expression:
-    """Parse an expression such as `=reach / 2`. Syntax errors become validation errors."""
+    """Parse an expression such as `=reach / 2`. A syntax error in the expression is raised as a validation error."""
     try:
         return parse_expression(text)
     except ExpressionError as error:

@@ -1,7 +1,7 @@
 """Keywords of other formats and programs (URDF, SDFormat, MJCF, ROS, printing, CAD) and the keys and values that they correspond to.
 
-`KEYS` lists foreign keys by the model of the mapping. `WORDS` lists foreign values of choices. `WHOLE` lists mappings that users often
-write as a bare value.
+`KEYS` lists foreign keys by the model of the mapping. `WORDS` lists values that other formats use in place of one of our choices. `WHOLE`
+lists mappings that users often write as a bare value.
 """
 
 from __future__ import annotations

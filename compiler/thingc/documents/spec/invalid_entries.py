@@ -22,7 +22,7 @@ class InvalidEntries(FrozenStruct):
     """The paths of invalid values that validation removed from a document, and the paths of keys that an invalid key may be a misspelling
     of.
 
-    Each error has been reported.
+    All of these errors have been reported.
 
     Later passes do not report errors at such a path, at its parent paths, or inside its value.
     """

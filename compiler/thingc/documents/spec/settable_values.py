@@ -128,7 +128,7 @@ def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
 
 
 def dimension_stated(documents: Documents, path: str) -> Dimension | None:
-    """Return the physical dimension of the joint value at a path. The document need not specify the value. Return None for other paths."""
+    """Return the physical dimension of the joint value at a path. The value need not exist in the document. Return None for other paths."""
     document, keys = _leading(documents, path)
     return None if document is None else dimension_at(document, keys)
 
@@ -160,7 +160,10 @@ def _value(documents: Documents, document: Document, keys: tuple[str, ...]) -> E
 
 
 def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
-    """Return the current values of the choices of a document's own components, by path. Choosing a current value changes nothing."""
+    """Return the current values of the choices of a document's own components, by path.
+
+    Choosing the current value does not change the robot.
+    """
     default = assembly.defaults.component if assembly.defaults is not None else None
     choices = {DEFAULT_MATERIAL: default.material} if default is not None and default.material is not None else {}
     for name, component in assembly.components.items():

@@ -1,4 +1,7 @@
-"""The `tests:` block of an `assembly/1` document: requirements for the robot, by name. Kinds of tests are in `documents/checks/`."""
+"""The `tests:` block of an `assembly/1` document: requirements for the robot, by name.
+
+The modules of `documents/checks/` define the types of tests.
+"""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def validate(documents: Documents, report: Report, memo: Memo | None = None) -> 
     """Validate all documents, and return their models by path in the workspace.
 
     For an invalid document, all errors are reported, the model contains the valid rest, and `doubts` contains the removed entries.
-    Documents without a useful rest are omitted. `memo` caches the models of valid documents.
+    Documents without any useful valid entries are omitted. `memo` caches the models of valid documents.
     """
     specs, memo = Specs(), memo or Memo()
     for path, document in documents.by_path.items():
@@ -94,7 +94,7 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEnt
 def _build(model: type[Model]) -> None:
     """Build the validator of a model at its first use, without pydantic's search for plugins in all installed packages.
 
-    The search takes longer than validating a document.
+    The search for plugins takes longer than validating a document.
     """
     if model.__pydantic_complete__:
         return

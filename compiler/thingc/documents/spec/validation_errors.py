@@ -35,8 +35,8 @@ def sound_rest(
 ) -> tuple[Model | None, InvalidEntries]:
     """Report the errors of a document. Return the model of the valid rest (None if nothing is left) and the removed entries.
 
-    `error` is the exception of the model for the `plain` values, which are pruned in place. `empty` are the paths of null values. `damaged`
-    are the paths that `load` has reported.
+    `error` is the exception of the model for the `plain` values, which are pruned in place. `empty` contains the paths of null values.
+    `damaged` contains the paths of errors that `load` has reported.
     """
     wrong = _report_empty(document, empty, report)
     faults: list[Fault] = []

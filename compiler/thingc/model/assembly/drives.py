@@ -79,7 +79,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
 
 
 def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: Drive, findings: LinkReport) -> Drive | None:
-    """Complete a drive with the values of its Thing's actuator. Inline values take precedence.
+    """Complete the drive of a joint with the values of its Thing's actuator. Values that the document specifies take precedence.
 
     Return None if the drive is invalid or the properties of the part are not known exactly.
     """

@@ -19,8 +19,9 @@ DefinitionKind = Literal["assembly", "part", "file", "link", "frame"]
 class Definition(OneLineRepr, FrozenStruct):
     """A node of the hierarchical assembly graph: a definition of a part, a link or an assembly.
 
-    `text` is the exact representation. Together with `reference` (`module:Class`, a file, or the path of a document in the workspace), it
-    identifies the node. `label` is the display name. For a mirror image, `mirror` is the axis and `plain` is the original definition.
+    `text` represents the definition exactly. Together with `reference` (`module:Class`, a file, or the path of a document in the
+    workspace), it identifies the node. `label` is the display name. For a mirror image, `mirror` is the axis and `plain` is the original
+    definition.
     """
 
     text: str
@@ -51,8 +52,8 @@ class DefinitionEdge(OneLineRepr, FrozenStruct):
     """An edge of the hierarchical assembly graph: the definition `parent` has a component named `component`, which uses the definition
     `child`.
 
-    `parent` and `child` are the texts of definitions. `mounts` describes the placement (`back -> plate.servo_seat`). `joint` is the name of
-    the joint that places the component, if any.
+    `parent` and `child` are the texts of the two definitions. `mounts` describes how the component is placed (`back -> plate.servo_seat`).
+    `joint` is the name of the joint that places the component, if any.
     """
 
     parent: str
@@ -113,8 +114,8 @@ def hag_of(model: AssemblyDefinition) -> Hag:
 class _Names:
     """Assigns a node of the hierarchical assembly graph to each definition, and makes the texts of the nodes unique.
 
-    Edges refer to definitions by text. If two definitions have the same text (two documents, or an assembly and a frame), the reference is
-    appended in brackets to the text of the later definition.
+    Edges of the graph refer to a definition by its text. If two definitions have the same text (two documents, or an assembly and a frame),
+    the reference is appended in brackets to the text of the later definition.
     """
 
     def __init__(self) -> None:

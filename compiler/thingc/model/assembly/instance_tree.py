@@ -26,9 +26,9 @@ class Instance:
 
     `origin` is the chain of spans in documents that created the instance.
 
-    Either `assembly` or `part` is set. If the component is invalid (already reported), neither is set. `index` is the number of an
-    occurrence in document order. For an assembly, `index` is the number of its `base`, the component that is not placed, or None if there
-    is no base.
+    For an assembly, `assembly` is set. For a part, a link or a frame, `part` is set. If the component is invalid (already reported),
+    neither is set. `index` is the number of an occurrence in document order. For an assembly, `index` is the number of its `base`, the
+    component that is not placed, or None if there is no base.
     """
 
     path: str
@@ -64,7 +64,7 @@ class FoundMount(MountAt):
 
 
 class _Fault(FrozenStruct):
-    """The reason why a name could not be resolved. If `silent` is True, the cause is reported elsewhere."""
+    """The reason why a name could not be resolved. If `silent` is True, another diagnostic already reports the cause."""
 
     code: Code = Code.INCOMPLETE
     message: str = ""
@@ -85,8 +85,8 @@ def unplaced(definition: AssemblyDefinition) -> list[str]:
 class Tree:
     """The tree of all instances of assemblies, parts, links and frames in a robot.
 
-    `assemblies` lists parents before children. `occurrences` is in document order and includes nested assemblies. `added` contains the
-    mounts that documents add to nested assemblies, keyed by the occurrence of the assembly's base.
+    `assemblies` contains parent assemblies before the assemblies nested in them. `occurrences` contains the occurrences of the whole robot
+    in document order. `added` contains the mounts that documents add to nested assemblies, keyed by the occurrence of the assembly's base.
     """
 
     def __init__(self, model: AssemblyDefinition, instances: PartInstances, findings: LinkReport) -> None:
@@ -275,8 +275,8 @@ def _mount_help(name: str, mounts: Collection[str], document: Instance) -> Hint:
 def _may_be_there(name: str, mounts: Collection[str]) -> bool:
     """Return whether a part may have a mount with this name although its geometry is not known completely.
 
-    The result is True if no mounts are known. The result is also True if `name` is an element of a list (`hip_7` if `hip_0` exists),
-    because the length of the list may depend on any parameter.
+    If no mounts of the part are known, the result is True. The result is also True if `name` is an element of a list (`hip_7` if `hip_0`
+    exists), because the length of the list may depend on any parameter.
     """
     stem, _, index = name.rpartition("_")
     return not mounts or index.isdigit() and f"{stem}_0" in mounts

@@ -44,8 +44,8 @@ def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -
     """Return the leader, multiplier and offset [rad or m] of each joint. A joint that does not mimic another is its own leader.
 
     q = offset + multiplier q(leader). For a chain of mimics, the leader is the last joint of the chain. The result is keyed by path, in the
-    order of `joints`. Polynomials are linearized at `q`, which maps the paths of all joints to coordinates [rad or m]. By default, all
-    leaders are 0.
+    order of `joints`. Polynomials are linearized at `q`, which maps the paths of all joints to coordinates [rad or m]. By default,
+    polynomials are linearized at the positions that follow if all leaders are at 0.
     """
     by_path = {joint.path: joint for joint in joints}
     if q is None:
@@ -152,8 +152,8 @@ def forward_kinematics(
 ) -> dict[int, Pose]:
     """Return the poses of all occurrences connected to `start`, which has the pose `base`.
 
-    `q` [rad or m] is by joint path (default 0). If `rigid`, the search uses only mates without a joint. Poses are in the same reference
-    frame as `base`. The time is linear in the number of connected occurrences.
+    `q` [rad or m] is by joint path (default 0). If `rigid`, the search uses only mates without a joint. The resulting poses are in the same
+    reference frame as `base`. The time is linear in the number of connected occurrences.
     """
     at = {start: base}
     waiting = [start]
@@ -173,7 +173,7 @@ def forward_kinematics(
 def poses(assembly: Assembly, q: Mapping[str, float], base: Pose = NO_POSE) -> tuple[Pose, ...]:
     """Return the pose of every occurrence, in document order, with the assembly's base occurrence at `base`.
 
-    `q` maps joint paths to coordinates [rad or m]. Missing coordinates are computed from mimics, or are 0.
+    `q` maps joint paths to positions [rad or m]. Positions of joints that are not in `q` are computed from mimics, or are 0.
     """
     full = coordinates(joints_of(assembly), q)
     count = len(assembly.occurrences)

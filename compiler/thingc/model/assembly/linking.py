@@ -1,4 +1,7 @@
-"""The pass `link`, which builds an assembly from the resolved model and the part records. The pass does not choose a root."""
+"""The pass `link`, which builds an assembly from the resolved model and the part records.
+
+The result does not depend on the root of a mode.
+"""
 
 from __future__ import annotations
 

@@ -44,8 +44,8 @@ class _Naming(FrozenStruct, kw_only=False):
 def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo) -> tuple[Link, ...]:
     """Return the links of the robot, in document order.
 
-    The key `links:` of a document specifies names and frames of links. The outermost document takes precedence. By default, a link has the
-    name and the frame of its first occurrence.
+    The key `links:` of a document specifies names and frames of links. If several documents name the same link, the outermost document
+    takes precedence. By default, a link has the name and the frame of its first occurrence.
     """
     link_of = connected_components(len(occurrences), mates)
     members: list[list[int]] = [[] for _ in range(max(link_of, default=-1) + 1)]

@@ -102,8 +102,8 @@ def component_mass(record: PartRecord | None, density: Density | None, process: 
     """Compute mass, centre of mass and inertia of a component in its own frame. Return None if the mass is not specified.
 
     `record` is the geometry record of the part (None for a frame). `density` comes from the Thing or from the material, if any. If only the
-    mass is overridden, the inertia is scaled. If only the centre is overridden, the inertia is unchanged. Inertias are about the centre of
-    mass.
+    mass is overridden, the inertia is scaled. If only the centre is overridden, the inertia is unchanged. All inertias are about the centre
+    of mass of the component.
     """
     matter, estimate = _matter(record, process, overrides)
     natural = _natural(matter, density, estimate)
@@ -171,8 +171,8 @@ def stated_inertia(six: tuple[float, ...]) -> Matrix:
 def _matter(record: PartRecord | None, process: Process | None, overrides: Overrides) -> tuple[MassProperties, str | None]:
     """Return the mass properties of a part at density 1 (volume [m^3], centre [m], inertia [m^5]) and the estimation method.
 
-    For a part without infill, the properties are exact. The method `layers` uses the sliced part. The method `skin` uses `V_s + infill * (V
-    - V_s)` for a solid with volume V and area A, where `V_s = min(V, A * walls * line_width)`.
+    For a part without infill, the properties are exact. The method `layers` computes the properties from the sliced layers of the part. The
+    method `skin` uses `V_s + infill * (V - V_s)` for a solid with volume V and area A, where `V_s = min(V, A * walls * line_width)`.
     """
     if record is None or record.volume <= 0.0:
         return (NOTHING if record is None else replace(NOTHING, centre=record.centre)), None

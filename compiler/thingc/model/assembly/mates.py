@@ -34,7 +34,7 @@ def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, 
     Also return the indices of mates from `at`, which do not connect mounts.
 
     In each assembly, mates from `attach` and `at` come first, in component order. Mates of joints follow, in the order of the document, and
-    then mates of nested assemblies. Edges with an invalid reference are omitted.
+    then mates of nested assemblies. Mates with an invalid reference are omitted, because the reference has been reported.
     """
     mates: list[Mate] = []
     laid: set[int] = set()
@@ -187,7 +187,7 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
 
 
 def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
-    """Report a second component that is not placed. (For complete documents, the resolver reports it first.)"""
+    """Report a second component that is not placed. In a complete document, the resolver reports such a component before this check."""
     bases = unplaced(definition)
     if len(bases) < 2 or findings.earlier:
         return

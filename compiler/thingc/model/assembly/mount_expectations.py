@@ -44,7 +44,7 @@ def check_expectations(robot: Connected, laid: Collection[int], findings: LinkRe
 def _is(other: Occurrence, expected: MountExpectation, owner: Occurrence) -> bool:
     """Return whether the attached component `other` is the part that the mount is designed for.
 
-    For a mirrored owner, the mirror image is expected. A symmetric part is its own mirror image.
+    On a mirrored part, the mirror image of the expected part is required. A symmetric part equals its own mirror image.
     """
     plain = other.definition.plain if owner.definition.mirror is not None else None
     texts = (other.definition.text,) if plain is None else (other.definition.text, plain.text)

@@ -69,7 +69,7 @@ class PartInstances:
 
     If an assembly is used twice, its parts are computed once.
 
-    `unknown` is set if the properties of a part are not known exactly (see `PartRecord.exact`). The caller reports such parts.
+    `unknown` is set if the properties of a part are not known exactly (see `PartRecord.exact`). The caller reports the parts in `unknown`.
     """
 
     def __init__(self, records: Mapping[str, PartRecord | PartFailure], meshes: Meshes, findings: LinkReport, memo: Memo) -> None:
@@ -392,7 +392,8 @@ class PartInstances:
     def _physical(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> bool:
         """Return whether the inertia specified by the Thing is physical. Report an unphysical one.
 
-        An inertia from the document is checked later (`check_stated`). A computed inertia is always physical.
+        The function `check_stated` checks inertias that the document specifies. An inertia that is computed from geometry is always
+        physical.
         """
         if component.overrides.inertia is not None:
             return True

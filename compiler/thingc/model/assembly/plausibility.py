@@ -1,6 +1,6 @@
 """Warn of suspicious values in documents. Each warning shows the value and its likely cause.
 
-These checks need only numbers, so the command `check` runs them. Checks of the geometry are part of `build`.
+These checks need only numbers, so the command `check` runs them. The command `build` also checks the geometry of parts.
 """
 
 from __future__ import annotations
@@ -154,7 +154,10 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> boo
 
 
 def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Warn of specified centres of mass and inertias that do not match the shape of the part. (Computed values always match.)"""
+    """Warn of specified centres of mass and inertias that do not match the shape of the part.
+
+    Values that are computed from the shape are not checked.
+    """
     said: set[Origin] = set()
     for one in occurrences:
         doubt = _stated_doubt(one)
@@ -193,7 +196,10 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
 
 
 def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Warn of implausible densities of materials that no part uses for its mass. Other materials are checked with the parts."""
+    """Warn of implausible densities of materials that no part uses for its mass.
+
+    Densities of materials that parts use are checked together with the parts.
+    """
     weighing = {
         one.material.density_origin for one in occurrences
         if one.material is not None and one.overrides.mass is None
@@ -212,7 +218,7 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Li
 
 
 def _check_mass(top: Instance, mass: float, findings: LinkReport) -> None:
-    """Warn of an implausible total mass. A robot without mass is not checked here."""
+    """Warn of an implausible total mass. A robot whose mass is 0 is not checked."""
     definition = top.assembly
     if definition is None or mass <= 0.0 or FEATHER <= mass <= ELEPHANT:
         return
@@ -226,7 +232,7 @@ def _check_mass(top: Instance, mass: float, findings: LinkReport) -> None:
 
 
 def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> None:
-    """Warn of hinge limits beyond several turns. Otherwise, warn of limits that mix rad and deg."""
+    """Warn of the limits of a hinge if they exceed several turns, or if one limit is in rad and the other in deg."""
     twist = joint.twist
     if twist is None or not twist.turns:
         return
@@ -394,7 +400,7 @@ def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: LinkR
 
 
 def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
-    """Yield the suspicious offsets and joint travels of a document. `bound` [m] is the smallest suspicious length."""
+    """Yield the suspicious offsets and joint travels of a document. Lengths above `bound` [m] are suspicious."""
     for component in definition.components:
         name, placement = component.name, component.placement
         if isinstance(placement, At):

@@ -24,7 +24,7 @@ Meshes = Mapping[MeshFile, MeshRecord]
 def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> Listed:
     """Return the shapes of a link for display, collision and mass.
 
-    `meshes` contains the records of mesh files. Mesh files without a record are omitted.
+    `meshes` contains the records of mesh files. Shapes whose mesh file has no record are omitted.
     """
     boxes = [_box(shape, meshes) for shape in definition.shapes if isinstance(shape.solid, MeshFile) or shape.solid.shape != "plane"]
     return Listed(

@@ -125,9 +125,9 @@ class Occurrence(PartInstance):
 
     @property
     def touching(self) -> tuple[Surface, ...]:
-        """The collision shapes, in the occurrence's frame. `collision` selects the shapes of a part.
+        """The collision shapes, in the occurrence's frame. For a part, the setting `collision` of the component selects the shape.
 
-        The shape of a mesh is its convex hull.
+        For a mesh file that a link lists, the collision shape is the convex hull of the mesh.
 
         The result is empty for `none`, if there is no geometry, and if the part has no such shape.
         """
@@ -152,8 +152,8 @@ class Occurrence(PartInstance):
     def solids(self) -> tuple[Surface, ...]:
         """The shapes that determine the volume of the occurrence, in its own frame.
 
-        For a part, the result is the mesh. For a link, the result contains the collision shapes, or the display shapes if there are no
-        collision shapes.
+        For a part, the result contains the mesh of the part. For a link, the result contains the collision shapes, or the display shapes if
+        there are no collision shapes.
         """
         if self.listed is not None:
             return self.listed.solids
@@ -335,7 +335,10 @@ class LinkedSensor(Measurement):
 
 
 class TendonStep(Wrap):
-    """A step of the path of a tendon: a mount that the tendon passes, a shape that it wraps, or a pulley. Mounts are resolved."""
+    """A step of the path of a tendon: a mount that the tendon passes, a shape that it wraps, or a pulley.
+
+    The references to mounts are resolved.
+    """
 
     mount: LinkedMount | None
     side: LinkedMount | None
@@ -415,8 +418,8 @@ class LinkedTest(OneLineRepr, FrozenStruct):
 class Connected(OneLineRepr, FrozenStruct):
     """The linked robot before the poses of its occurrences at q = 0 are computed.
 
-    `link_of[i]` is the link of occurrence i. `between` contains the indices of massless intermediate links, which have exactly two joints
-    and neither mass nor shapes.
+    `link_of[i]` is the index of the link to which the occurrence with index i belongs. `between` contains the indices of massless
+    intermediate links, which have exactly two joints and neither mass nor shapes.
     """
 
     occurrences: tuple[Occurrence, ...]
@@ -452,7 +455,7 @@ class Assembly(Connected):
 
     @property
     def hag(self) -> Hag:
-        """The hierarchical assembly graph. The property computes the graph on access."""
+        """The hierarchical assembly graph of the robot. The graph is computed at each access."""
         return hag_of(self.definition)
 
     @property

@@ -68,7 +68,7 @@ def _place(context: ResolveRun, relative: str, text: str) -> str:
 def below(choices: Choices, *names: str) -> Choices:
     """Return the choices inside the nested document of a component, with paths relative to the nested document.
 
-    `names` are the names of the component. Later names are more specific and take precedence.
+    `names` are the names by which choices can refer to the component. Choices for a later name take precedence.
     """
     inside = [(through, text) for path, text in choices if (through := nested(path)) is not None]
     by_path = {path: text for name in names for (component, path), text in inside if component == name}

@@ -38,7 +38,7 @@ class ComponentScope:
     """A component of a document that is being resolved. `table` is the table of the nested document, or None for parts and frames.
 
     `unsound` means that a value that later passes need is invalid, `unplaced` that only the placement is invalid, and `doubtful` that
-    validation omitted entries. `chosen` are the keys with values from `choices`.
+    validation omitted entries. `chosen` contains the keys whose values come from `--set` options.
     """
 
     name: str
@@ -70,11 +70,10 @@ class DocumentScope:
 
     In `exports`, `joints` and `poses`, None represents an invalid element.
 
-    `parameters` include the `choices` inside the document (see `thingc.model.resolve.choices`). `unbuilt` and `unbuilt_joints` are the
+    `parameters` also contains the `--set` options for values and components of the document. `unbuilt` and `unbuilt_joints` are the
     prefixes (`leg_`) of repeats that could not be unrolled. `occurrences` is the number of its parts, links and frames. `base` is the name
-    of the
-    base component. `loose` contains the valid references of elements that were omitted because another reference is invalid. `images`
-    contains the mirror images of its definition, keyed by axis.
+    of the base component. `loose` contains the valid references of elements that were omitted because another reference is invalid.
+    `images` contains the mirror images of its definition, keyed by axis.
     """
 
     document: Document
@@ -148,8 +147,8 @@ class ResolveRun:
 
     `tables` is keyed by document and canonical parameters, so equal definitions are one object. `nesting` contains the documents being
     resolved, outermost first, and `route` the components that nest them. `said` contains the reported errors and is shared by all scopes.
-    `overfull` means that the error for too many occurrences has been reported. `digest` returns the SHA-256 of a file. `quantities` are
-    from the `Settings`.
+    `overfull` means that the error for too many occurrences has been reported. `digest` is a function that returns the SHA-256 of a file.
+    `quantities` comes from the settings of the compilation (`Settings`).
     """
 
     documents: Documents
@@ -236,7 +235,7 @@ class ResolveRun:
     def same(self, what: str, document: str, made: Iterable[Named]) -> tuple[Named, ...]:
         """Replace each element that equals an element of the last run by the object of the last run. Return all elements.
 
-        Later passes can then use their caches.
+        Because the objects are identical, later passes can use cached results.
         """
         return tuple(self.memo.same((what, document, *self.route, one.name), one) for one in made)
 

@@ -153,8 +153,8 @@ def _ball(
 ) -> tuple[Joint, ...]:
     """Resolve the coordinates of a ball joint.
 
-    The limit and the dynamics apply to all coordinates. A ball joint has up to three drives. Each drive has its own axis and is stored with
-    one of the coordinates.
+    The limit and the dynamics apply to all coordinates. A ball joint can have up to three drives. Each drive acts about its own axis and is
+    stored with one of the coordinates.
     """
     scope, spec, path, name = item.scope, item.spec, item.path, item.name
     for key in ("limit", "dynamics"):
@@ -325,7 +325,10 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
 
 
 def _nodes(table: DocumentScope, layers: DefaultLayers, number: int | None) -> dict[str, Node]:
-    """Return the nodes of a joint or coordinate by dotted key. Missing nodes are from the document's defaults."""
+    """Return the nodes of a joint or coordinate by dotted key.
+
+    Values that the joint does not specify come from the default values of the document.
+    """
     nodes: dict[str, Node] = {}
     for _, base in reversed(layers.items):
         _collect(node_at(table.document.tree, base), "", nodes, number)

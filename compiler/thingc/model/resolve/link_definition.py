@@ -28,9 +28,9 @@ NAMED = 3
 class LinkShape(OneLineRepr):
     """A shape that a document lists for a link, in the frame of the link.
 
-    `drawn` and `touches` enable display and collision. `pose` is the pose of a mesh file; primitives contain their own pose. `material`,
-    `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) override the values of the link and its material, unless they are None.
-    `name` is its name in files.
+    `drawn` enables the shape for display, and `touches` enables the shape for collision. `pose` is the pose of a mesh file; primitives
+    contain their own pose. `material`, `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) override the values of the link and
+    its material, unless they are None. `name` is the name of the shape in output files.
     """
 
     solid: Primitive | MeshFile

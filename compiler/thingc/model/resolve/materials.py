@@ -54,7 +54,7 @@ def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str,
 
 
 def unreadable(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> bool:
-    """Return whether a material document could not be read. If so, unknown names are not reported."""
+    """Return whether any material document of an assembly could not be read. If so, unknown names of materials are not reported."""
     if scope.doubts.lacks("materials"):
         return True
     if isinstance(spec.materials, Mapping):

@@ -110,6 +110,6 @@ def _mirror_joint(joint: Joint) -> Joint:
 
 
 def _turned(axis: Vector) -> Vector:
-    """Return `-D axis`, the rotation axis of the mirror image of a mount. The angle of rotation remains the same."""
+    """Return `-D axis`, the rotation axis of the mirror image of a mount. The angle of rotation of the joint remains the same."""
     x, y, z = AT_MOUNT.vector(axis)
     return (-x + 0.0, -y + 0.0, -z + 0.0)

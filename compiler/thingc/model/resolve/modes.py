@@ -1,6 +1,6 @@
 """Resolve the modes of a document: merge `extends`, resolve names, convert numbers to SI units, and resolve holds, cuts and feet.
 
-The link of a root is determined in `model/assembly/modes.py`.
+The module `model/assembly/modes.py` finds the link of each root.
 """
 
 from __future__ import annotations
@@ -350,7 +350,10 @@ def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tup
 
 
 def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> tuple[str, ...]:
-    """Return the paths (with `/`) of driven joints that match names and patterns, in document order. `patterns` include locations."""
+    """Return the paths (with `/`) of driven joints that match names and patterns, in document order.
+
+    `patterns` contains each pattern with its path in the document.
+    """
     joints = dict(table.all_joints())
     known = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
     chosen: set[str] = set()

@@ -242,7 +242,7 @@ def _beyond(key: str, value: Quantity, bound: Quantity) -> bool:
 def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> set[str]:
     """Report invalid bounds of parameters, and parameter values in the document itself that are out of bounds.
 
-    Return the names of values that are out of bounds. Expressions that depend on these values need no check.
+    Return the names of values that are out of bounds. Expressions that depend on a value out of bounds are not checked.
     """
     outside: set[str] = set()
     for name in names:
@@ -372,7 +372,10 @@ def _as_written(
 
 
 def _parse_parameter(text: str, own: ExpressionValue | None) -> ExpressionValue | Expression:
-    """Parse a string of the command line in the same way as a value in a document. `own` is the parameter's own value."""
+    """Parse a string of the command line in the same way as a value in a document.
+
+    `own` is the value of the parameter in the document, which determines the type.
+    """
     stripped = text.strip()
     if stripped.startswith("="):
         return parse_expression(stripped)

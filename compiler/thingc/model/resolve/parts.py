@@ -216,7 +216,10 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
 
 
 def _report_unloaded(context: ResolveRun, where: Span, reference: str, failure: PartFailure, file: str, line: int) -> None:
-    """Report an error in a part file once, even if it prevents loading of several parts. `where` is a use of the part."""
+    """Report an error in a part file once, even if it prevents loading of several parts.
+
+    `where` is the location of a reference to the part.
+    """
     from thingc.documents.spec.validation import part_references
 
     uses = {reference: where}

@@ -100,9 +100,9 @@ def _at(table: DocumentScope, node: ComponentScope) -> At | None:
 def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
     """Find the base component of a document. Report components that are placed twice, and missing or multiple bases.
 
-    Components that are placed twice, and additional bases, become unplaced. Components with a doubtful placement are not reported. `unsure`
-    means that the child of some joint could not be read. In this case, the joint may place any component, so missing placements are not
-    reported.
+    Components that are placed twice, and additional bases, become unplaced. Components whose placement may be invalid because of another
+    error are not reported. `unsure` means that the child of some joint could not be read. In this case, the joint may place any component,
+    so missing placements are not reported.
     """
     vague = {
         node.name for node in table.nodes.values()

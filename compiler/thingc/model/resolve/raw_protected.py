@@ -1,6 +1,7 @@
 """Attributes that `raw` cannot set, because they identify an element, refer to an element, or determine other values.
 
-Documents have their own keys for these values, which apply to all modes. `modes.json`, keyframes and poses depend on the values.
+Documents have their own keys for these values, which apply to all modes. The output file `modes.json`, keyframes and poses depend on these
+values.
 """
 
 from __future__ import annotations
@@ -85,8 +86,8 @@ def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
 
     Return None if `raw` can set the attribute.
 
-    Setting the attribute would make the robot differ between formats. In SDF, an `axis` also contains non-geometric values. In USD, a type
-    may precede the name.
+    Setting the attribute would make the robot differ between formats. In SDF, an `axis` also contains values that are not geometric. In
+    USD, the name of an attribute may follow its type.
     """
     for key in path[-1:] if target == "usd" else path[2:]:
         name = key.rpartition(" ")[2]

@@ -407,7 +407,10 @@ def _report_component(
 
 
 def _shows(node: ComponentScope, mount: str) -> bool:
-    """Return whether a component has a mount with this name, as far as documents determine this. Mounts of parts are not known."""
+    """Return whether a component has a mount with this name, as far as documents determine this.
+
+    Mounts that the Thing of a part defines are not taken into account.
+    """
     return mount in node.mounts or (node.table is not None and mount in node.table.exports)
 
 

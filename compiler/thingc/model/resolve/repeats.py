@@ -33,7 +33,7 @@ class Unrolled(FrozenStruct, Generic[Spec], kw_only=False):
 def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Unrolled[Spec]], list[str]]:
     """Return the items of `components` or `joints` in document order, and the prefixes of items that are invalid or over the limit.
 
-    An example of a prefix is `leg_`. An empty prefix matches all items.
+    A prefix such as `leg_` represents all items of a repeat. An empty prefix represents all items of the section.
 
     If several items have the same name, report the duplicates and use the first item.
     """
@@ -101,7 +101,10 @@ def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: I
 
 
 def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserved: bool = True) -> None:
-    """Report reserved names, duplicates, and names that differ only in case. Each name is given with its path and kind."""
+    """Report reserved names, duplicates, and names that differ only in case.
+
+    `names` contains each name with its path in the document and the type of element that it names.
+    """
     seen: dict[str, tuple[str, Path, str]] = {}
     said: set[tuple[Path, Path]] = set()
     for name, path, what in names:

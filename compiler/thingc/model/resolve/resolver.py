@@ -48,11 +48,13 @@ class Sources(FrozenStruct):
 def resolve(
     sources: Sources, settings: Settings, report: Report, memo: Memo | None = None, of_any_text: Memo | None = None,
 ) -> AssemblyDefinition | None:
-    """Resolve the root document of `sources` with these settings. `sources` must include the documents and parts of choices.
+    """Resolve the root document of `sources` with these settings.
 
-    All errors are reported. Elements that depend on invalid ones are omitted from the model. Return None if the root document is invalid as
-    a whole. `memo` caches results for these documents. `of_any_text` caches results of unchanged nested documents for all versions of the
-    root document.
+    `sources` must also contain the documents and parts that choices select.
+
+    Add all errors to `report`. Elements that depend on invalid elements are omitted from the model. Return None if the root document is
+    invalid as a whole. `memo` caches results for these documents. `of_any_text` caches results of unchanged nested documents for all
+    versions of the root document.
     """
     from thingc.documents.spec.assembly import AssemblySpec
     from thingc.model.resolve import choices as choose

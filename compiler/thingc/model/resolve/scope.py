@@ -40,7 +40,8 @@ class Scope(FrozenStruct):
 
     `broken` contains invalid names that have been reported. Expressions with these names are invalid, without another message. `index` is
     the name of the repeat's index and its value in references (`$i`). All scopes of a run share `said`, which prevents duplicate reports of
-    an error for the items of a repeat and the uses of a nested document. `doubts` are locations of errors reported by validation.
+    an error for the items of a repeat and the uses of a nested document. `doubts` contains the locations of errors that validation has
+    reported.
     """
 
     document: Document
@@ -79,7 +80,10 @@ class Scope(FrozenStruct):
         self, code: Code, message: Hint, path: Path, *, help: Hint | None = None, notes: Iterable[Note] = (), key: bool = False,
         span: Span | None = None,
     ) -> None:
-        """Report an error once, at the value (or the key, with `key`) at `path`, or at a narrower `span`. Skip locations in `doubts`."""
+        """Report an error once, at the value (or the key, with `key`) at `path`, or at a narrower `span`.
+
+        Errors at locations in `doubts` are not reported.
+        """
         if self.doubts.touch(path):
             return
         known = (self.document.relative, code, path, key)

@@ -164,7 +164,7 @@ class _Reader:
     def _joint(self) -> Joint | None:
         """Return the coordinate measured by a sensor, or the coordinate of the measured drive.
 
-        `joint` specifies the measured joint. By default, the joint has the same name as the sensor.
+        The key `joint` of the sensor names the measured joint. By default, the joint with the same name as the sensor is measured.
         """
         spec, unnamed = self.spec, self.spec.joint is None
         wanted = CoordinateName(spec.joint if spec.joint is not None else self.name)

@@ -3,8 +3,8 @@
 Each option has a path in the document (`joints.elbow.limit.upper`) and a value as a string.
 
 The string is parsed in the same way as a value in the document. The string may be a mapping or a list on one line (`{on: floor}`).
-Validation runs on the resulting tree, so the rules of documents apply. The location of the value is the option (`source.option_span`).
-Errors of this pass and later passes therefore refer to the option and not to the document.
+Validation runs on the resulting tree, so the rules of documents apply. The location of an inserted value is the command-line option
+(`source.option_span`). Errors of this pass and later passes therefore refer to the option and not to the document.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, val
 
 
 def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
-    """Parse the string for a path. All resulting nodes have the same location."""
+    """Parse the string for a path. All nodes of the parsed value have the location of the option."""
     if (bad := forbidden(text)) is not None:
         return PathNotFound(f"`{path}`: {bad[1]}", "remove the character")
     if is_flow(text):
@@ -112,7 +112,8 @@ def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
 def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, whole: Callable[[str], str]) -> PathNotFound | None:
     """Return an error with the nearest valid path if a path does not exist in an assembly or, for named elements, in `tree`.
 
-    Return None if the path leads to a value, or if `text` is a mapping or list. `whole` converts paths to paths from the top document.
+    Return None if the path leads to a value, or if `text` is a mapping or list. The function `whole` converts a path in the document to a
+    path from the top document.
     """
     if keys[0] in FIXED:
         return PathNotFound(f"`{keys[0]}` cannot be set by a path", FIXED[keys[0]])

@@ -1,6 +1,6 @@
 """Data types of the resolved model: documents in which all names, units and expressions are resolved. Values are in SI units.
 
-Mounts of parts depend on geometry. References contain only their names, which `model/assembly` checks.
+Mounts of parts depend on geometry. A reference to such a mount contains only its name, which `model/assembly` checks.
 """
 
 from __future__ import annotations
