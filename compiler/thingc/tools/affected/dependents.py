@@ -135,7 +135,10 @@ def _files(documents: Documents) -> Iterator[str]:
 
 
 def _texts(document: Document, key: str) -> Iterator[str]:
-    """Yield every string that is the value of a given key, at any depth of a document. Variants can also contain references to parts."""
+    """Yield each string that is the value of a given key, or an item of a list under this key, at any depth of a document.
+
+    References to parts can also occur in variants.
+    """
     waiting: list[Node] = [document.tree]
     while waiting:
         node = waiting.pop()

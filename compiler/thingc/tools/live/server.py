@@ -176,10 +176,10 @@ class Server:
         return (JSON, asked.news()) if asked is not None else None
 
     def news(self, after: int) -> tuple[int, str] | None:
-        """Wait for an event whose number is greater than `after`.
+        """Wait until the number of events is greater than `after`.
 
-        Return the number and the text of the event, or None when the server closes. If no event occurs for the time `SILENCE`, return the
-        number `after`.
+        Return this number and the state of the page as JSON, or None when the server closes. If no event occurs for the time `SILENCE`, the
+        number is still `after`.
         """
         with self._news:
             self._news.wait_for(lambda: self._closed or self._number > after, SILENCE)

@@ -1,1 +1,4 @@
-"""JSON Schemas for editors, one per document. A schema contains the parts, mounts, joints and other names of the document."""
+"""Create JSON Schemas for editors, one for each document.
+
+A schema contains the parts, mounts, joints and other names that the document can use.
+"""

@@ -1,6 +1,7 @@
-"""Collect the names in an assembly document for editors, from its model and its tree.
+"""Collect the names in an assembly document that editors suggest.
 
-The model contains only valid elements. The tree also contains names in lines with errors, so that an error does not hide other names.
+They are taken from the model of the document and from its syntax tree. The model contains only valid elements. The tree also contains names
+in lines with errors, so that an error does not hide other names.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ Records = Mapping[str, PartRecord | PartFailure]
 
 
 class WrittenComponent(FrozenStruct):
-    """A component as it is written in the document. The items of a repeat are one component.
+    """A component as the document defines it. If a `repeat` creates several components, they are described as one component.
 
     Attributes:
         label: A short description.
@@ -50,7 +51,7 @@ class WrittenComponent(FrozenStruct):
 
 
 class DocumentFacts(FrozenStruct):
-    """The names in a document, for editors.
+    """The names in a document that editors suggest, with their descriptions.
 
     `mounts` are references (`plate.servo_seat`). `components` and `joints` are dotted paths, including nested documents. `parameters` are
     the parameters of the document with their values. `nested_poses` are poses of nested documents by component. `materials_sure` specifies
@@ -71,7 +72,7 @@ class DocumentFacts(FrozenStruct):
 
 
 class JointFacts(FrozenStruct):
-    """A joint with its description, for editors.
+    """The description of a joint, and the properties that editors need to suggest values for the joint.
 
     `what` is the description of the joint. `angle` specifies whether its coordinate is an angle (None: unknown, or not exactly one
     coordinate). `settable` specifies whether poses can set the joint. `own` specifies whether the document itself, and not a nested
@@ -88,7 +89,10 @@ def facts_of(
     tree: MappingNode, model: AssemblyDefinition | None, records: Records, schemas: Mapping[str, PartSchema | PartFailure],
     usual: Mapping[str, Names],
 ) -> DocumentFacts:
-    """Return the facts about a document. `usual` are default mounts of parts, used if the mounts of a part are unknown."""
+    """Return the names in a document that editors suggest.
+
+    `usual` are the default mounts of parts, used if the mounts of a part are unknown.
+    """
     made = {} if model is None else _by_item(model)
     pieces = tuple(_piece(name, node, made.get(name, ()), records, schemas, usual) for name, node in _entries(tree, "components").items())
     mounts: Names = {}
@@ -133,13 +137,13 @@ def _scalar_text(node: Node | None) -> str:
 
 
 def _summary(node: Node) -> str:
-    """Format at most eight scalar entries of a mapping: `yaw: 30 deg, elbow: 120 deg`."""
+    """Format the first eight scalar entries of a mapping on one line: `yaw: 30 deg, elbow: 120 deg`."""
     entries = [f"{key}: {_scalar_text(one)}" for key, one in entries_of(node).items() if _scalar_text(one)]
     return ", ".join(entries[:8]) + (", ..." if len(entries) > 8 else "")
 
 
 def _by_item(model: AssemblyDefinition) -> dict[str, tuple[Component, ...]]:
-    """Return the components of a model by their name in the document. The items of a repeat form one group."""
+    """Group the components of a model by their name in the document. All components that one `repeat` creates form one group."""
     by_place: dict[tuple[int, int], list[Component]] = {}
     for component in model.components:
         span = component.origin[0]
@@ -203,13 +207,16 @@ def _what(label: str, source: tuple[str, str] | None, made: tuple[Component, ...
 
 
 def _exact(component: Component, records: Records) -> bool:
-    """Return whether the mounts of a part are its exact mounts, and not the mounts of a substitute."""
+    """Return whether the known mounts of a part belong to this part, and not to a substitute for a part that could not be built."""
     record = records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
     return not isinstance(record, PartRecord) or record.exact
 
 
 def _mounts_of(component: Component, records: Records) -> Names | None:
-    """Return the mounts of a component, or None if unknown. Mounts in a nested assembly have names such as `cap.pen`."""
+    """Return the mounts of a component with their descriptions, or None if they are unknown.
+
+    The name of a mount in a nested assembly includes its component, such as `cap.pen`.
+    """
     mounts: Names = {}
     definition = component.definition
     if isinstance(definition, PartDefinition):
@@ -232,7 +239,7 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
 
 
 def usual_mounts(record: PartRecord) -> Names:
-    """Return the mounts of a part in the form of default mounts of its class."""
+    """Return the mounts of a built part, described as the default mounts of its class."""
     return {name: _of_mount(record.text, mount.interface) for name, mount in sorted(record.mounts.items())}
 
 

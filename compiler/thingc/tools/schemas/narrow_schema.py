@@ -1,4 +1,4 @@
-"""Adapt the general schema of a kind of document to one document.
+"""Adapt the general JSON Schema of a kind of document to one document.
 
 The adapted schema validates names from other files: parameters and mounts of parts, parameters of nested documents, and materials of
 material documents. It suggests names in the document itself but rejects no other names, because the schema does not contain new names
@@ -26,7 +26,7 @@ MAX_CHECKED = 500
 
 
 class SchemaContext(FrozenStruct):
-    """The names from other files that a document can use, in the form in which the document refers to them.
+    """The names from other files that a document can use. They have the form in which the document refers to them.
 
     `parts` are the schemas of reachable parts, and `usual` their default mounts. `assemblies` and `materials` are other documents.
     """
@@ -38,17 +38,17 @@ class SchemaContext(FrozenStruct):
 
 
 def narrowed(general: Schema, facts: DocumentFacts, around: SchemaContext) -> Schema:
-    """Return the schema of an assembly document. `general`, the schema of its kind, is not modified."""
+    """Return the JSON Schema of an assembly document. It is an adapted copy of `general`, the JSON Schema of all assembly documents."""
     return _Narrowing(copy.deepcopy(general), facts, around).done()
 
 
 def params_name(reference: str) -> str:
-    """Return the name in `$defs` of the schema of the parameters of a part."""
+    """Return the key in `$defs` under which the JSON Schema contains the parameters of a part."""
     return f"params of {reference}"
 
 
 def mounts_name(reference: str) -> str:
-    """Return the name in `$defs` of the schema of the default mounts of a part."""
+    """Return the key in `$defs` under which the JSON Schema contains the default mounts of a part."""
     return f"mounts of {reference}"
 
 
@@ -58,7 +58,7 @@ def _ref(name: str) -> Schema:
 
 
 class _Narrowing:
-    """Adapts the schema of one document. Each method adapts one section."""
+    """Adapts the JSON Schema of one document. Each method adapts the schema of one section of the document."""
 
     def __init__(self, schema: Schema, facts: DocumentFacts, around: SchemaContext) -> None:
         self.schema = schema
@@ -86,7 +86,7 @@ class _Narrowing:
         return schema
 
     def _put(self, model: str, key: str, new: Schema) -> None:
-        """Replace the schema of a field without changing its title and description."""
+        """Replace the JSON Schema of a field, but preserve its title and description."""
         old = self._field(model, key)
         texts: Schema = {one: old[one] for one in ("title", "description") if one in old}
         self.definitions[model]["properties"][key] = {**texts, **new}
@@ -95,7 +95,7 @@ class _Narrowing:
         self._put(model, key, one_of(choices))
 
     def _plain(self, model: str, title: str) -> Schema:
-        """Return a schema that accepts any value of a model.
+        """Return a JSON Schema that accepts any value that a model of the document accepts.
 
         This function moves the description from the definition to the returned schema, because in the definition it hides the descriptions
         of named values.
@@ -122,7 +122,10 @@ class _Narrowing:
             self._put(model, "drive", {"anyOf": [*inline, one_of(drives)]})
 
     def _known_mounts(self) -> Iterable[Schema]:
-        """Yield one pattern for all components with the same known mounts. References to one of these components must match it."""
+        """Yield a pattern for each group of components whose mounts are known and equal.
+
+        A reference to one of these components must match the pattern.
+        """
         alike: dict[tuple[tuple[str, ...], bool], list[WrittenComponent]] = {}
         for piece in self.facts.pieces:
             own = tuple(sorted(name for name in piece.mounts if "." not in name))
@@ -156,7 +159,7 @@ class _Narrowing:
     # --- parts and components ----------------------------------------------------------------------------------
 
     def _parts(self) -> None:
-        """Adapt the schema of components to the value of `part` or `assembly`."""
+        """Adapt the JSON Schema of a component to the part or assembly that the component uses."""
         choices = [(reference, documentation(part)) for reference, part in self.around.parts.items()]
         self._put("ComponentSpec", "part", one_of(choices))
         self._put("ComponentSpec", "assembly", one_of(
@@ -182,7 +185,10 @@ class _Narrowing:
             self.definitions["ComponentSpec"]["allOf"] = rules
 
     def _attach(self, mounts: Names, *, sure: bool) -> Schema:
-        """Return the schema of `attach` for these mounts. Mounts are keys in the short form, and values of `mount` in the full form."""
+        """Return the JSON Schema of the key `attach` of a component with these mounts.
+
+        Mounts are keys in the short form of `attach`, and values of `mount` in the full form.
+        """
         own = {name: {**_ref("mount"), "description": text} for name, text in mounts.items()}
         short: Schema = {"properties": own}
         full = one_of(mounts.items())
@@ -194,7 +200,10 @@ class _Narrowing:
         return {"type": "object", **_full_or_short(short, mounts, mount=full)}
 
     def _components(self) -> None:
-        """Adapt the schema of existing components to their mounts. This is valid until the user changes the part of a component."""
+        """Adapt the JSON Schema of the existing components to their mounts.
+
+        The schema is valid until the user changes the part of a component.
+        """
         section = self.properties["components"]
         known: Schema = {}
         for piece in self.facts.pieces:
@@ -295,14 +304,14 @@ class _Narrowing:
 
 
 def _each(section: Schema) -> Schema:
-    """Return the schema of the values of a mapping with arbitrary names."""
+    """Return the JSON Schema of the values of a mapping whose keys are arbitrary names."""
     named = section.get("patternProperties")
     schema: Schema = section["additionalProperties"] if named is None else next(iter(named.values()))
     return schema
 
 
 def _set_each(section: Schema, value: Schema) -> None:
-    """Set the schema of the values of a mapping that are not in `properties`."""
+    """Set the JSON Schema of all values of a mapping whose keys are not in `properties`."""
     section.pop("patternProperties", None)
     section["additionalProperties"] = value
 
@@ -312,7 +321,7 @@ def _if(key: str, text: str, then: Schema) -> Schema:
 
 
 def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None = None) -> Schema:
-    """Combine the schemas of the full form `{mount: back, to: plate.servo_seat}` and the short form `{back: plate.servo_seat}`.
+    """Combine the JSON Schemas of the full form `{mount: back, to: plate.servo_seat}` and the short form `{back: plate.servo_seat}`.
 
     The full form applies if the key `mount` or `to` exists and is not the name of a mount.
     """

@@ -1,4 +1,4 @@
-"""Create the schemas of values and parameters: quantities, names, parameters of parts, and parameters of nested documents."""
+"""Create JSON Schemas for values and parameters: quantities, names, parameters of parts, and parameters of nested documents."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ MAX_BRANCHES = 300
 
 
 def quantity(dimension: Dimension) -> Schema:
-    """Return the schema of a quantity with its unit, or of an expression. Only the compiler validates products of units (`0.1 N*m/N`)."""
+    """Return the JSON Schema of a value that is a quantity with a unit, or an expression.
+
+    Only the compiler validates products of units (`0.1 N*m/N`).
+    """
     units = "|".join(re.escape(name) for name, (_, _, own) in UNITS.items() if own == dimension and name != "%")
     pattern = rf"^\s*(=.*|{_NUMBER}\s*({units}|°|[^\s\d].*[*/·^²³].*)|{_ZERO})\s*$"
     words = dimension.words
@@ -45,23 +48,26 @@ def quantity(dimension: Dimension) -> Schema:
 
 
 def ratio() -> Schema:
-    """Return the schema of a number, a percentage, or an expression."""
+    """Return the JSON Schema of a value that is a number, a percentage, or an expression."""
     return {"oneOf": [{"type": "string", "pattern": rf"^\s*(=.*|{_NUMBER}\s*%?)\s*$"}, {"type": "number"}]}
 
 
 def number(kind: str, minimum: Value | None, maximum: Value | None) -> Schema:
-    """Return the schema of a number within bounds, or of an expression. `kind` specifies whether the number is an integer."""
+    """Return the JSON Schema of a value that is a number within bounds, or an expression.
+
+    `kind` specifies whether the number is an integer.
+    """
     bounds = {key: bound for key, bound in (("minimum", minimum), ("maximum", maximum)) if bound is not None}
     plain: Schema = {"type": "integer" if kind in WHOLE else "number", **bounds}
     return {"oneOf": [plain, {"type": "string", "pattern": EXPRESSION}]}
 
 
 def one_of(choices: Iterable[tuple[str, str]], **more: Any) -> Schema:
-    """Return the schema of a string with suggested names and descriptions. Other strings are valid unless `more` restricts them.
+    """Return the JSON Schema of a string for which editors suggest names with descriptions.
 
-    The schema has one `const` per name instead of an `enum`, so that language servers show the description of the current name. Language
-    servers try all branches for every value. Therefore, if there are many names, they become snippets, which are suggestions without
-    validation.
+    Other strings are valid unless `more` restricts them. The schema has one `const` per name instead of an `enum`, so that language servers
+    show the description of the current name. Language servers try all branches for every value. Therefore, if there are many names, they
+    become snippets, which are suggestions without validation.
     """
     known = list(choices)
     if len(known) > MAX_BRANCHES:
@@ -73,14 +79,17 @@ def one_of(choices: Iterable[tuple[str, str]], **more: Any) -> Schema:
 
 
 def within(low: str | None, high: str | None) -> str:
-    """Format a range, for example `60 mm to 200 mm` or `at least 0`, or return an empty string without bounds."""
+    """Format the lower and upper bound of a parameter, for example `60 mm to 200 mm` or `at least 0`.
+
+    Return an empty string without bounds.
+    """
     if low is not None and high is not None:
         return f"{low} to {high}"
     return f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
 
 
 def parse_value(text: str) -> Quantity | None:
-    """Parse a quantity. Return None for other text."""
+    """Parse a text such as `60 mm` as a quantity. Return None for other text."""
     try:
         return parse_quantity(text)
     except UnitError:
@@ -88,7 +97,7 @@ def parse_value(text: str) -> Quantity | None:
 
 
 def fitting(parameters: Mapping[str, Quantity], dimension: Dimension) -> list[str]:
-    """Return `=name` for each parameter of the document with this physical dimension."""
+    """Return the expression `=name` for each parameter of the document that has this physical dimension."""
     return [f"={name}" for name, value in parameters.items() if fits(value.dimension, dimension)]
 
 
@@ -100,7 +109,10 @@ _KINDS: Mapping[ParameterKind, str] = {
 
 
 def part_schema(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
-    """Return the schema of the `params:` of a part. `own` are the parameters of the document that expressions can use."""
+    """Return the JSON Schema of the mapping `params:` of a component that uses a part.
+
+    Expressions in it can use the document parameters `own`.
+    """
     required = [one.name for one in part.parameters if one.required]
     return {
         "type": "object", "title": f"Parameters of {part.reference}",
@@ -111,7 +123,7 @@ def part_schema(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
 
 
 def documentation(part: PartSchema) -> str:
-    """Return the hover text of `part:`: the docstring of the Thing and its parameters."""
+    """Return the text that editors show for the key `part:`. It contains the docstring of the Thing and its parameters."""
     lines = [part.doc.strip() or f"`{part.reference}` has no docstring."]
     facts = []
     if part.parameters and "Args:" not in part.doc:
@@ -148,14 +160,17 @@ def _value(one: ParameterSchema) -> Schema:
 
 
 def _as_number(choice: Any) -> float | int | None:
-    """Return the number that YAML reads from a choice, for example 12 from "12", or None if the choice is not a number."""
+    """Convert one of the choices of a parameter to the number that YAML would read, for example "12" to 12.
+
+    Return None if it is not a number.
+    """
     if not isinstance(choice, str) or not re.fullmatch(r"-?\d+(\.\d+)?", choice, re.ASCII):
         return None
     return float(choice) if "." in choice else int(choice)
 
 
 def _plain(one: ParameterSchema) -> Any:
-    """Return the default value as in a document: numbers and Booleans unchanged, and quantities as strings."""
+    """Return the default value of a parameter as it is written in a document: numbers and Booleans unchanged, and quantities as strings."""
     default = one.default
     if isinstance(default, (bool, str)) or one.kind in ("number", *WHOLE):
         return default
@@ -168,7 +183,7 @@ def _sentence(doc: str) -> str:
 
 
 def _description(one: ParameterSchema) -> str:
-    """Describe a parameter: `Edge of the plate. A length, 90 mm to 300 mm; 100 mm by default.`"""
+    """Describe a parameter of a part in words: `Edge of the plate. A length, 90 mm to 300 mm; 100 mm by default.`"""
     doc = _sentence(one.doc.strip())
     kind = _KINDS.get(one.kind, one.kind)
     dimension = DIMENSIONS.get(one.kind, NUMBER)
@@ -184,7 +199,7 @@ def _description(one: ParameterSchema) -> str:
 
 
 class ParameterSymbol(FrozenStruct):
-    """A parameter as it is written in the document. If a key is missing, its field is empty."""
+    """A parameter as a document defines it. If the document does not contain a key of the parameter, the field of the key is empty."""
 
     value: str
     minimum: str = ""
@@ -193,7 +208,10 @@ class ParameterSymbol(FrozenStruct):
 
 
 class DocumentSymbols(FrozenStruct):
-    """The header and parameters of a document. `kind` is empty if unknown. `whole` specifies whether the document is well-formed."""
+    """The header and the parameters of a document, which other documents refer to.
+
+    `kind` is empty if it is unknown. `whole` specifies whether the document is well-formed.
+    """
 
     kind: str
     whole: bool = True
@@ -206,7 +224,7 @@ _KIND = re.compile(rb"""^[^#\n]*thingc["']?[ \t]*[:=][ \t]*["']?(\w+)/""", re.MU
 
 
 def read_symbols(path: str) -> DocumentSymbols:
-    """Read the symbols of a document. If the file cannot be parsed, read only the kind of the document."""
+    """Read the header and the parameters of a document. If the file cannot be parsed, read only the kind of the document."""
     try:
         data = beginning(path, 10_000_001)
     except OSError:
@@ -219,7 +237,7 @@ def read_symbols(path: str) -> DocumentSymbols:
 
 
 def symbols_of(tree: MappingNode) -> DocumentSymbols:
-    """Return the valid symbols in the tree of a document."""
+    """Return the header and the valid parameters in the syntax tree of a document."""
     return DocumentSymbols(
         kind=text_of(tree.entries.get("thingc")).strip().partition("/")[0], name=text_of(tree.entries.get("name")).strip(),
         description=" ".join(text_of(tree.entries.get("description")).split()),
@@ -235,7 +253,7 @@ def _parameter(node: Node) -> ParameterSymbol:
 
 
 def parameters_schema(document: str, symbols: DocumentSymbols) -> Schema:
-    """Return the schema of `parameters:`, with which a parent document sets the parameters of a nested document."""
+    """Return the JSON Schema of the mapping `parameters:`, with which a document sets the parameters of a nested document."""
     return {
         "type": "object", "title": f"Parameters of {document}", "description": symbols.description or f"The parameters of `{document}`.",
         "properties": {name: _schema(name, one) for name, one in symbols.parameters.items()}, "additionalProperties": False,
@@ -261,7 +279,10 @@ def _schema(name: str, one: ParameterSymbol) -> Schema:
 
 
 def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mapping[str, DocumentSymbols]) -> Schema:
-    """Return the schema of a variants document with the possible assemblies, and the parameters of its assembly."""
+    """Return the JSON Schema of a variants document.
+
+    It contains the assemblies that can be varied, and the parameters of the chosen assembly.
+    """
     schema = copy.deepcopy(general)
     fields: Schema = schema["properties"]
     choices = [(name, one.description or one.name) for name, one in others.items()]
@@ -279,5 +300,5 @@ def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mappi
 
 
 def near(document: str, other: str) -> str:
-    """Return the path of another document relative to a document. Both paths are relative to the workspace."""
+    """Convert the path of a document to a path relative to the folder of another document. Both paths are relative to the workspace."""
     return os.path.relpath(other, os.path.dirname(document) or ".").replace(os.sep, "/")

@@ -1,4 +1,4 @@
-"""Generate the schemas of a workspace in `.thingc/schema/`, or the schema of one unsaved document."""
+"""Write the JSON Schemas of all documents of a workspace to `.thingc/schema/`, or create the JSON Schema of one unsaved document."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ from thingc.tools.schemas.parameter_schemas import DocumentSymbols, near, of_var
 
 
 class AvailableParts(Protocol):
-    """A source of parts that can list all parts, such as a geometry service."""
+    """The protocol of an object that lists all available parts and returns their schemas and records, such as a geometry service."""
 
     def catalogue(self) -> list[str]:
-        """Return `module:Class` of every reachable public class."""
+        """Return the references `module:Class` of all public part classes that documents can use."""
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """Return the schema of each part `module:Class`, by reference."""
+        """Return the schema of each part class, keyed by its reference `module:Class`."""
 
     def realize(self, definitions: Sequence[PartDefinition]) -> Mapping[str, PartRecord | PartFailure]:
-        """Return the record of each definition, by definition text."""
+        """Return the record of each part definition, keyed by the text of the definition."""
 
 
 @dataclass(slots=True)
 class Parts:
-    """A cache of part schemas and records from a source of parts."""
+    """Caches the schemas and the records of parts that a geometry service or another source of parts returns."""
 
     service: AvailableParts
     schemas: dict[str, PartSchema | PartFailure] = field(default_factory=dict)
@@ -54,7 +54,7 @@ class Parts:
     _reach: tuple[str, ...] | None = None
 
     def describe(self, references: Iterable[str]) -> Mapping[str, PartSchema | PartFailure]:
-        """Return the schemas of all reachable classes, and of `references`."""
+        """Return the schemas of all available part classes, and of the part classes in `references`."""
         if self._reach is None:
             self._reach = tuple(self.service.catalogue())
         wanted = [one for one in dict.fromkeys((*self._reach, *references)) if one not in self.schemas]
@@ -63,25 +63,28 @@ class Parts:
         return self.schemas
 
     def realize(self, definitions: Iterable[PartDefinition]) -> Records:
-        """Return the part records of definitions."""
+        """Return the records of all known part definitions, including the given definitions."""
         wanted = {one.text: one for one in definitions if one.text not in self.records}
         if wanted:
             self.records.update(self.service.realize(list(wanted.values())))
         return self.records
 
     def things(self) -> dict[str, PartSchema]:
-        """Return the schemas of reachable Things and of other parts that documents use, by reference."""
+        """Return the schemas of all available Things, and of other part classes that documents use, keyed by reference."""
         return {
             name: one for name, one in sorted(self.schemas.items())
             if isinstance(one, PartSchema) and (one.kind == "thing" or name not in (self._reach or ()))
         }
 
     def defaults(self) -> dict[str, PartDefinition]:
-        """Return the definition with default parameters of each Thing, if default parameters exist."""
+        """Return the definition of each Thing with its default parameters. Things without default parameters are omitted."""
         return {name: made for name, one in self.things().items() if (made := one.default) is not None}
 
     def usual(self, definitions: Iterable[PartDefinition]) -> dict[str, Names]:
-        """Return the default mounts of each part: the mounts with default parameters, or else the mounts of the first known definition."""
+        """Return the default mounts of each part class.
+
+        They are the mounts with default parameters, or else the mounts of the first known definition.
+        """
         mounts: dict[str, Names] = {}
         defaults = self.defaults()
         for one in (*defaults.values(), *sorted(definitions, key=lambda one: one.text)):
@@ -91,13 +94,16 @@ class Parts:
         return mounts
 
     def all_described(self, references: Iterable[str]) -> bool:
-        """Return whether no part has an error such as a syntax error. Parts that do not exist count as described."""
+        """Return whether no part class in `references` has an error, such as a syntax error.
+
+        A class that does not exist is not an error here.
+        """
         answers = [self.schemas.get(one) for one in references]
         return not any(isinstance(one, PartFailure) and one.kind not in ("missing", "refused") for one in answers)
 
 
 class ParsedDocument(FrozenStruct):
-    """A document with the documents that it refers to, and the parts (`references`) of all these documents.
+    """A parsed document with all documents that it refers to, and the references to parts in these documents (`references`).
 
     `broken` specifies whether the document is not well-formed, so that only a part of it was read.
     """
@@ -109,18 +115,19 @@ class ParsedDocument(FrozenStruct):
 
     @property
     def kind(self) -> str:
-        """`assembly`, `materials`, `variants` or `workspace`."""
+        """The kind of the document: `assembly`, `materials`, `variants` or `workspace`."""
         return self.documents.root.kind
 
     def model(self, workspace: Workspace, schemas: Mapping[str, PartSchema | PartFailure]) -> AssemblyDefinition | None:
-        """Return the model of the valid part of the document, or None if no part is valid."""
+        """Return the model of the valid elements of the document, or None if no element is valid."""
         sources = Sources(workspace=workspace, documents=self.documents, specs=self.specs, schemas=schemas)
         return resolve(sources, Settings(), Report())
 
 
 def read_document(path: str, workspace: Workspace) -> ParsedDocument | None:
-    """Read a document with the documents that it references. Return None if nothing can be read. `thingc check` reports errors in the
-    document, not this function.
+    """Read a document and all documents that it refers to. Return None if nothing can be read.
+
+    Errors in the document are not reported, because `thingc check` reports them.
     """
     report = Report()
     documents = load(path, workspace, report, kinds=KINDS)
@@ -158,7 +165,7 @@ class RefreshOutcome(FrozenStruct):
 
 
 class Schemas:
-    """The schemas of one workspace. `geometry` describes the parts of the workspace."""
+    """Creates the JSON Schemas of the documents of one workspace. `geometry` describes the parts of the workspace."""
 
     def __init__(self, workspace: Workspace, geometry: AvailableParts) -> None:
         self.workspace = workspace
@@ -177,7 +184,10 @@ class Schemas:
         return {path: stat_of(path) for path in paths}
 
     def _look(self) -> dict[str, str]:
-        """Return the paths in the workspace of all documents by absolute path, and update the symbols of changed documents."""
+        """Return the paths of all documents, as a mapping from absolute paths to paths in the workspace.
+
+        Read the symbols of changed documents again.
+        """
         before, self._seen = self._seen, self._scan()
         names = {path: self.workspace.relative(path) for path in self._seen}
         for gone in set(self._symbols) - set(names.values()):
@@ -190,7 +200,7 @@ class Schemas:
         return names
 
     def write(self, only: Collection[str] | None = None) -> RefreshOutcome:
-        """Write the changed schemas of all documents, or only of the documents `only` (absolute paths). Raises OSError."""
+        """Write the JSON Schemas that have changed, for all documents or only for the documents `only` (absolute paths). Raises OSError."""
         names = self._look()
         read = {name: one for path, name in names.items() if (one := read_document(path, self.workspace)) is not None}
         schemas = self._parts.describe(dict.fromkeys(reference for one in read.values() for reference in one.references))
@@ -208,7 +218,7 @@ class Schemas:
         )
 
     def general(self, kind: str) -> dict[str, Any] | None:
-        """Return the general schema of a kind of document, or None for an unknown kind."""
+        """Return the JSON Schema that applies to all documents of a kind. Return None for an unknown kind."""
         if kind not in KINDS:
             return None
         if kind not in self._general:
@@ -219,10 +229,10 @@ class Schemas:
         self, path: str, tree: MappingNode, model: AssemblyDefinition | None, records: Records,
         known: Mapping[str, PartSchema | PartFailure],
     ) -> dict[str, Any] | None:
-        """Return the schema of an unsaved document (absolute path), or None for unknown kinds. Other files have their current state.
+        """Return the JSON Schema of an unsaved document, given by its absolute path. Return None for an unknown kind of document.
 
-        `model` and `records` are results for the valid part of the document's `tree`. `known` are the schemas of the parts in the document.
-        This method writes no files.
+        All other files have their current content on disk. `model` and `records` are results for the valid part of the document's `tree`.
+        `known` are the schemas of the parts in the document. This method writes no files.
         """
         if time.monotonic() - self._looked > LOOK:
             self._look()
@@ -257,7 +267,7 @@ class Schemas:
         )
 
     def _write(self, name: str, reading: ParsedDocument | None, model: AssemblyDefinition | None, usual: Mapping[str, Any]) -> bool | None:
-        """Write the schema of a document. Return whether it changed.
+        """Write the JSON Schema of a document to its file. Return whether the schema has changed.
 
         If the document or one of its parts is broken, return None and do not replace the last schema.
         """
@@ -278,7 +288,7 @@ class Schemas:
         return write_schema(root, name, schema)
 
     def _others(self, name: str, kind: str) -> dict[str, DocumentSymbols]:
-        """Return the other documents of a kind by relative path, the nearest first."""
+        """Return the paths of the other documents of a kind, relative to a document. The nearest document is first."""
         others = {near(name, other): one for other, one in self._symbols.items() if one.kind == kind and other != name}
         order = sorted(others, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]
         return {text: others[text] for text in order}
@@ -291,12 +301,12 @@ SCHEMAS = ".thingc/schema"
 
 
 def schema_path(relative: str) -> str:
-    """Return the path of the schema of a document. Both paths are relative to the workspace, with `/`."""
+    """Return the path of the file that contains the JSON Schema of a document. Both paths are relative to the workspace, with `/`."""
     return f"{SCHEMAS}/{relative}.json"
 
 
 def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
-    """Write the schema of a document if the schema has changed. Return whether it was written. Raises OSError.
+    """Write the JSON Schema of a document to its file if the schema has changed. Return whether it was written. Raises OSError.
 
     The JSON text is on a single line, because writing indented JSON takes ten times longer.
     """
@@ -307,13 +317,16 @@ def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
 
 
 def write_text(path: str, text: str) -> bool:
-    """Write a file and create its folder, unless the file already has the same text. Return whether it was written. Raises `OSError`."""
+    """Write a text file and create its folder.
+
+    If the file already has the same text, do not write it. Return whether it was written. Raises `OSError`.
+    """
     os.makedirs(os.path.dirname(path), exist_ok=True)
     return write_whole(os.path.realpath(path), text.encode())
 
 
 def remove_others(root: str, documents: Iterable[str]) -> list[str]:
-    """Remove the schemas of documents that no longer exist. Return the paths of these documents in the workspace."""
+    """Delete the JSON Schemas of documents that no longer exist. Return the paths of these documents in the workspace."""
     top = os.path.join(root, SCHEMAS)
     kept = set(documents)
     removed: list[str] = []

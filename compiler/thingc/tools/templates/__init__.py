@@ -20,9 +20,11 @@ _HERE = Path(__file__).parent
 
 
 def files_of(template: str, name: str) -> dict[str, bytes]:
-    """Return the files of a workspace for a robot, by path with `/`. Files of the template replace those in `common/`.
+    """Return the files of a new workspace for a robot, keyed by path with `/`.
 
-    Raises `ValueError` if another document of the template has this name.
+    Files of the template replace files in `common/` with the same path.
+
+    Raises `ValueError` if another document of the template has the name of the robot.
     """
     if name.lower() != PLACEHOLDER and any(path.stem == name.lower() for path in (_HERE / template).glob("*.yaml")):
         raise ValueError(f"`{name}` is the name of another document of the template `{template}`")
@@ -37,12 +39,15 @@ def files_of(template: str, name: str) -> dict[str, bytes]:
 
 
 def new_part(name: str, material: str | None) -> str:
-    """Return the content of a part module with one class. `material` is its default, or None if documents must specify a material."""
+    """Return the source code of a new module with one part class.
+
+    `material` is its default material, or None if documents must specify a material.
+    """
     text = (_HERE / "stubs" / "part.py").read_text(encoding="utf-8")
     stated = "" if material is None else f'material="{material}"'
     return text.replace("MyPart", name).replace('material="pla"', stated)
 
 
 def new_assembly(name: str, suffix: str) -> str:
-    """Return the content of an assembly document with one frame. `suffix` is `.yaml` or `.toml`."""
+    """Return the content of a new assembly document with one frame. `suffix` is the suffix of its file, `.yaml` or `.toml`."""
     return (_HERE / "stubs" / f"assembly{suffix}.txt").read_text(encoding="utf-8").replace("NAME", name)
