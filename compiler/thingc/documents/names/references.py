@@ -27,9 +27,9 @@ Role = Literal["declared", "used", "fits"]
 class Name(FrozenStruct, kw_only=False):
     """A name that a document or a part module declares.
 
-    `what` is a kind of name from `name_types.py`, or `document`, `part`, `part mount`, `part parameter`; `file` is the absolute path of the
-    document or module that declares the name (empty if unknown); `owner` is the component or class in this file to which the name belongs
-    (`components.leg`).
+    `what` is the type of the named element: a type from `name_types.py`, or `document`, `part`, `part mount` or `part parameter`. `file` is
+    the absolute path of the document or module that declares the name (empty if unknown). `owner` is the component or class in this file to
+    which the name belongs (`components.leg`).
     """
 
     what: str

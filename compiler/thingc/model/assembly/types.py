@@ -43,9 +43,9 @@ class MountFrame(OneLineRepr, FrozenStruct):
 class Surface(OneLineRepr, FrozenStruct):
     """A shape of an occurrence for display or collision: `solid` at `pose` in the occurrence's frame, with a material and a colour.
 
-    `color` is `#rrggbb` or `#rrggbbaa`, or None for the colour of the mesh. For meshes that a link lists, `name` is the file name without
-    its extension, `volume` [m^3] the volume of the mesh, and `scale` the factors if MuJoCo reads the original file. `title` is the name of
-    a listed shape in files, without the path of nested documents.
+    `color` is `#rrggbb` or `#rrggbbaa`, or None for the colour of the mesh. For a mesh that a link lists, `name` is the file name without
+    extension and `volume` [m^3] the volume. `scale` contains the scale factors if MuJoCo reads the original file. `title` is the name of a
+    listed shape in files, without the path of nested documents.
     """
 
     solid: Mesh | Primitive
@@ -390,8 +390,8 @@ class LinkedMode(ModeSettings):
 class FileNames(OneLineRepr, FrozenStruct):
     """The names of elements in output files that differ from the path of the element.
 
-    The elements are components (also used for links), exported mounts, whole joints, tendons, drives (keyed by their coordinate or tendon),
-    equalities (keyed by the joint that mimics or closes a loop), sensors (or a reading, `imu:gyro`) and poses.
+    Names of components also apply to links. Drives are keyed by their joint coordinate or tendon, and equalities by the joint that mimics
+    or closes a loop. A key of a sensor may include a reading (`imu:gyro`).
     """
 
     components: dict[str, str] = {}

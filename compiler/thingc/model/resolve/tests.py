@@ -64,8 +64,8 @@ class Reader:
 
     Each type of test has a function `read` that calls the methods of this class.
 
-    `modes` contains the modes of the document by name. `chosen_modes` and `chosen_poses` are the modes and poses of the test. `every_pose`
-    means all keyframes of the mode. `sound` becomes False when an error is reported.
+    `modes` contains the modes of the document by name. `chosen_modes` and `chosen_poses` are the modes and poses of the test. If
+    `every_pose` is True, the test runs in all keyframes of the mode. `sound` becomes False when an error is reported.
     """
 
     def __init__(self, table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], path: Path) -> None:

@@ -1,6 +1,7 @@
 """Data types of the resolved model: documents in which all names, units and expressions are resolved. Values are in SI units.
 
-Mounts of parts depend on geometry. A reference to such a mount contains only its name, which `model/assembly` checks.
+The mounts of a part are not resolved, because they depend on the geometry of the part. A reference to such a mount contains only its name,
+which `model/assembly` checks.
 """
 
 from __future__ import annotations
@@ -45,12 +46,13 @@ class Reference(OneLineRepr, FrozenStruct):
 
 
 class Process(OneLineRepr, FrozenStruct):
-    """The manufacturing process of a part. `kind` is for example `fdm`. Widths and layer heights are in [m].
+    """The manufacturing process of a part. `kind` is the type of the process, such as `fdm`. Line widths and layer heights are in [m].
 
     Infill and overlap are between 0 and 1.
 
-    `bridge_flow` is a ratio. `estimate` is the method for the mass of a part with infill, `layers | skin` (None: by kind). `origins`
-    contains the places of the keys in the document. The keys in `wrong` are invalid and have been reported.
+    `bridge_flow` is the ratio of material flow in bridges to normal flow. `estimate` is the method for the mass of a part with infill,
+    `layers | skin` (None: by kind). `origins` contains the locations of the settings in the document. Settings in `wrong` are invalid and
+    have been reported.
     """
 
     kind: str | None = None
@@ -70,9 +72,9 @@ class Process(OneLineRepr, FrozenStruct):
 class Material(OneLineRepr, FrozenStruct):
     """A material that components of a document can use.
 
-    `density` is in [kg/m^3], `color` is `#rrggbb` or `#rrggbbaa`, and `slide` is the sliding friction. There are also fields for torsional
-    and rolling friction. `process_origin` is the place of the material's `process` in the document (empty for a material without a
-    process). `density_origin` is the place of the density.
+    `density` is in [kg/m^3], `color` is `#rrggbb` or `#rrggbbaa`, and `slide` is the sliding friction. Other fields contain the
+    coefficients of torsional and rolling friction. `process_origin` is the place of the material's `process` in the document (empty for a
+    material without a process). `density_origin` is the location of the density in the document.
     """
 
     name: str
@@ -91,7 +93,7 @@ class StatedValue(OneLineRepr, FrozenStruct):
     """A mass property that a document specifies, with its source and its location: mass [kg], centre of mass [m], or inertia ixx iyy izz
     ixy ixz iyz [kg m^2].
 
-    A `stand_in` replaces an invalid value that has been reported.
+    If `stand_in` is True, the value is a placeholder for an invalid value that has been reported.
     """
 
     value: tuple[float, ...]
@@ -158,11 +160,12 @@ class At(OneLineRepr, FrozenStruct):
 class Component(OneLineRepr, FrozenStruct):
     """A component of a resolved assembly: a part, a file, a link, a frame or a nested assembly.
 
-    Either `definition` is a part, a link or a nested assembly, or `frame` is True. A component with neither is invalid and has been
-    reported. Later passes skip such components. `placement` is None for the base and for components that a joint places. `material` is the
-    material in the document. If `material` is None, later passes look up the default material of the Thing in the assembly's `materials`.
-    In the mirror image of a document, `image_of` is the original component. If the part equals its mirror image, `mounts_mirrored` is the
-    axis along which its mounts are mirrored. `key` is the name in the document. All items of a `repeat` have the same key.
+    Either `definition` is a part, a link or a nested assembly, or `frame` is True. If neither is set, the component is invalid and has been
+    reported. Later passes skip invalid components. `placement` is None for the base and for components that a joint places. `material` is
+    the material that the document specifies for the component. If `material` is None, later passes look up the default material of the
+    Thing in the assembly's `materials`. In the mirror image of a document, `image_of` is the original component. If the part equals its
+    mirror image, `mounts_mirrored` is the axis along which its mounts are mirrored. `key` is the key of the component in the document. All
+    items of a `repeat` have the same key.
     """
 
     name: str
@@ -302,7 +305,7 @@ class NamedPose(OneLineRepr, FrozenStruct):
 
 
 class Sensor(Measurement):
-    """A sensor at a mount. Some sensors measure relative to another mount (`seen_from`).
+    """A sensor at a mount. Some sensors measure the pose or the velocity of their mount relative to another mount, `seen_from`.
 
     `joint` is the path of the measured or driven joint (`leg/knee`), `tendon` the name of the measured or driven tendon. `touching`
     contains the component whose contacts the sensor measures and, if specified, the other component of the contact.
@@ -354,8 +357,9 @@ class ModeSettings(OneLineRepr, FrozenStruct):
     """The settings of a mode that do not refer to elements of the document.
 
     `at` is the pose of the root in the world (without the height if `on_floor`). `at_in` contains the poses of the root for some poses of
-    the robot. `gravity` [m/s^2] is in the world frame. `poses` are in keyframe order, with the mode's own `pose` first. `actuators`
-    contains joint paths, or is None for all actuators. `stated` is False for the default mode of a document without modes.
+    the robot. `gravity` [m/s^2] is in the world frame. `poses` contains the names of poses in the order of keyframes, with the mode's own
+    `pose` first. `actuators` contains joint paths, or is None for all actuators. `stated` is False for the default mode of a document
+    without modes.
     """
 
     name: str
@@ -376,8 +380,9 @@ class ModeSettings(OneLineRepr, FrozenStruct):
 class Mode(ModeSettings):
     """A mode, including the settings of the modes that it extends. If `root.mount` is None, the root is a component.
 
-    `exclude` are pairs of component references; `adhesion` [N] is per mount. `step_origin` and `gravity_origin` are the places of the
-    mode's own `timestep` and numeric gravity, or empty. `worked_out` means that the mode contains expressions and depends on parameters.
+    `exclude` contains pairs of references to components without collisions. `adhesion` maps mounts to adhesion forces [N]. `step_origin`
+    and `gravity_origin` are the places of the mode's own `timestep` and numeric gravity, or empty. `worked_out` means that the mode
+    contains expressions and depends on parameters.
     """
 
     root: Reference
@@ -424,7 +429,10 @@ class RawElement(OneLineRepr, FrozenStruct):
 
     @property
     def dotted(self) -> str:
-        """The path of the element with dots, such as `raw.mjcf.add.tendon.grip`. An element without a name has its tag instead."""
+        """The path of the element with dots, such as `raw.mjcf.add.tendon.grip`.
+
+        For an element without a name, the path contains its tag.
+        """
         return ".".join(("raw.mjcf.add", self.section, self.attributes.get("name", self.tag)))
 
     @property
@@ -443,12 +451,12 @@ class JointRange(OneLineRepr, FrozenStruct):
 
 
 class Test(OneLineRepr, FrozenStruct):
-    """A resolved document test, which runs in each of its `modes` and `poses`. `modes` is empty if the mode does not matter.
+    """A resolved document test, which runs in each of its `modes` and `poses`. `modes` is empty for tests that do not depend on a mode.
 
-    `kind` is the key in the document. In `poses`, None is the initial pose of the mode. `every_pose` requests all keyframes of the mode;
-    `poses` is then empty, as for tests that do not depend on the pose. `check` is the specification, a frozen struct in SI. Other passes
-    find the references in the struct by their type. `spans` are the places of values in the test by dotted key (`within.x`), for
-    diagnostics.
+    `kind` is the type of the test, such as `reach`. In `poses`, None represents the initial pose of the mode. `every_pose` requests all
+    keyframes of the mode; `poses` is then empty, as for tests that do not depend on the pose. `check` is the specification of the test in
+    SI units, an immutable struct. Later passes find the references in the struct by their type. `spans` are the places of values in the
+    test by dotted key (`within.x`), for diagnostics.
     """
 
     name: str
@@ -468,12 +476,12 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
 
     `document` is its path in the workspace, `parameters` are all its parameters in canonical form. `text` contains the parameters that
     differ from the document's own values (`end_effector(pen_diameter=0.02)`), and `label` is its display form
-    (`end_effector(pen_diameter=20 mm)`). `materials` are the materials in scope by name. Poses are only from this document, with relative
-    paths. `modes`, `simulation` and `tests` are only used for the top document. `materials_known` is False if a document of materials could
-    not be read; unknown materials are then not reported. `whole` is False if validation removed something from the document. `loose` are
-    valid references of elements that were omitted because another reference is invalid. `step_origin` is the place of its `timestep`. A
-    mirror image is a separate definition (`leg(mirror=y)`): `mirror` is the axis of its frame along which it is mirrored, and `plain` is
-    the original definition.
+    (`end_effector(pen_diameter=20 mm)`). `materials` contains all materials that the document can use, by name. `poses` contains only the
+    poses of this document, with paths relative to it. `modes`, `simulation` and `tests` are only used for the top document.
+    `materials_known` is False if a document of materials could not be read; unknown materials are then not reported. `whole` is False if
+    validation removed invalid entries from the document. `loose` are valid references of elements that were omitted because another
+    reference is invalid. `step_origin` is the location of the setting `timestep`. A mirror image is a separate definition
+    (`leg(mirror=y)`): `mirror` is the axis of its frame along which it is mirrored, and `plain` is the original definition.
     """
 
     document: str

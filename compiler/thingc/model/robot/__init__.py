@@ -1,1 +1,1 @@
-"""Spanning trees: one robot per mode. The meaning of coordinates does not depend on the root."""
+"""Build the kinematic tree of a robot for each mode. The meaning of joint coordinates does not depend on the root."""

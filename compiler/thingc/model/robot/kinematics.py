@@ -45,7 +45,7 @@ def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -
 
     By default, the root has the pose that the mode specifies.
 
-    `q` maps joint paths to coordinates [rad or m]. Missing coordinates are computed from mimics, or are 0.
+    `q` maps joint paths to positions [rad or m]. Positions of joints that are not in `q` are computed from mimics, or are 0.
     """
     full = coordinates(joints_of(robot.assembly), q)
     return placed_bodies(robot.bodies, full, robot.bodies[0].X_PL if root is None else root)
@@ -97,8 +97,9 @@ def rates(robot: Robot, tendon: LinkedTendon, q: Mapping[str, float], bodies: Se
 
     `q` maps the paths of all joints to positions [rad or m].
 
-    `bodies` are the poses of bodies in the world. For a tendon over joints, the derivatives are its factors. For a tendon along a path,
-    they are sums over its straight segments. The tendon slides on shapes, so it pulls on a shape with the forces of the adjacent segments.
+    `bodies` are the poses of bodies in the world. For a tendon over joints, the derivatives are the factors of the joint coordinates. For a
+    tendon along a path, they are sums over its straight segments. The tendon slides on shapes, so it pulls on a shape with the forces of
+    the adjacent segments.
     """
     if not tendon.steps:
         return dict(tendon.moves)

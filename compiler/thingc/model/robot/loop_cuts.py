@@ -89,10 +89,10 @@ def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPrior
 
 
 def _unclosable(mate: Mate) -> int:
-    """Rate how well targets support a loop that is cut at this joint, from 0 (best) to 2.
+    """Rate how well output formats support a loop that is cut at this joint, from 0 (best) to 2.
 
-    All targets with loops support revolute and ball joints (0). Universal joints (1) need a tendon in MuJoCo. Some targets do not support
-    other joints (2).
+    The rating of revolute and ball joints is 0, because all output formats with loops support them. Universal joints (1) need a tendon in
+    MuJoCo. Some output formats do not support loops that are cut at other joints (2).
     """
     first = mate.joints[0]
     if first.kind.at_once or len(mate.joints) == 1 and first.twist.turns and not first.twist.pitch:

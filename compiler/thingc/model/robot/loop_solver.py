@@ -199,7 +199,10 @@ class Loops:
         return Solution(state=state, residuals=self.residuals(state)).closed
 
     def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
-        """Return the position error p [m] and the rotation error w [rad] of every closure, in world axes. A ball has no w."""
+        """Return the position error p [m] and the rotation error w [rad] of every closure, in world axes.
+
+        For a closure by a ball joint, w is omitted.
+        """
         at = self._placed(state)
         errors = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
         return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, errors, strict=True)]
@@ -210,8 +213,8 @@ class Loops:
         Coordinates are in rad or m. With `base_moves`, the result also contains derivatives by three translations (in lengths of the robot)
         and three rotations of the base.
 
-        The derivatives are exact if the loops are closed. Otherwise, the derivatives omit the common rotation of p and w, which changes
-        neither |p| nor |w|.
+        The derivatives are exact if the loops are closed. If the loops are open, the derivatives omit the common rotation of p and w, which
+        changes neither |p| nor |w|.
         """
         sizes = [1.0, 1.0, 1.0, self.length, self.length, self.length] * len(self.closures)
         error = [value / size for value, size in zip(self._stacked(state), sizes, strict=True)]
@@ -257,9 +260,9 @@ class Loops:
     def nearest(self, start: SolverState, closed: Solution, given: Collection[str], *, base_moves: bool) -> Solution:
         """Move a closed solution along the closures to the state nearest to `start`.
 
-        The distance is the sum of squares over the coordinates in `given`, which contains paths. Rotations are in rad, slides in lengths of
-        the robot. The method uses Gauss-Newton steps for a constrained least-squares problem, and tries shorter steps if the steps do not
-        converge.
+        The distance is the sum of squares over the coordinates in `given`, which contains paths. Rotations are measured in rad, and
+        translations in lengths of the robot. The method uses Gauss-Newton steps for a constrained least-squares problem, and tries shorter
+        steps if the steps do not converge.
         """
         weighted = [c if c.path in given else replace(c, unit=FREE * c.unit) for c in self.coordinates]
         for share in (1.0, 0.3, 0.1):
@@ -405,7 +408,7 @@ class Loops:
 def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCoordinate, ...]:
     """Create an independent coordinate for every joint that does not mimic another joint, in the order of `joints`.
 
-    The limits of a coordinate respect the limits of its followers.
+    The limits of a coordinate take into account the limits of the joints that mimic its joint.
     """
     followers: dict[str, list[tuple[str, float, float]]] = {}
     for path, (leader, multiplier, offset) in leaders(joints.values()).items():

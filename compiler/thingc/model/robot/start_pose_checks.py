@@ -60,8 +60,8 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
 def _is_meant_to_stand(robot: Robot) -> bool:
     """Return whether the document places the robot on the plane: by `at`, or by feet.
 
-    A robot that is held, or whose root is at the origin by default (as in most imported files), may be at any height. With `on: floor`, the
-    robot cannot be too low.
+    A robot that is held, or whose root is at the origin by default (as in most imported files), may be at any height. A robot in a mode
+    with `on: floor` cannot be too low.
     """
     mode = robot.mode
     placed = mode.at.translation != (0.0, 0.0, 0.0) and (robot.base != "held" or mode.at.translation[2] < 0.0)
@@ -132,7 +132,10 @@ def _under_feet(robot: Robot) -> tuple[int, float] | None:
 
 
 def _check_limits(robots: Sequence[Robot], report: Report) -> None:
-    """Warn of each mode that starts without a pose while 0 is outside the limits of a joint. Joints that loops or holds move are exempt."""
+    """Warn of each mode that starts without a pose while 0 is outside the limits of a joint.
+
+    Joints whose position follows from loops or holds are not checked.
+    """
     alike: dict[tuple[str, ...], list[Robot]] = {}
     for robot in robots:
         mode = robot.mode
@@ -158,7 +161,7 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
 
 
 def _check_poses(robots: Sequence[Robot], report: Report) -> None:
-    """Warn once of each pose whose given values change considerably during loop closure. (Holds may also move joints.)"""
+    """Warn once of each pose whose given values change considerably during loop closure. Joints may also move because of holds."""
     looped = [robot for robot in robots if robot.closures and not any(closure.hold for closure in robot.closures)]
     frames: dict[str, Keyframe | Unclosed] = {}
     for robot in looped:

@@ -34,7 +34,7 @@ def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose
 
     `at` is the pose of this link.
 
-    Children are in the order of their links.
+    The children of a body are in the order of the assembly's links.
     """
     placed, memo = in_link(assembly), memo or Memo()
     edges: list[list[tuple[int, int]]] = [[] for _ in assembly.links]

@@ -19,8 +19,8 @@ class TreeJoint(JointEdge):
     """A joint coordinate in the kinematic tree, by which a child link moves relative to its parent link in the tree.
 
     `twist` is in the child link's frame with the following coordinates of the body at 0. The twist is the same for all values of its own
-    and the preceding coordinates. Positive q has the document's meaning in either direction. `reversed` means that the document's child is
-    the tree's parent, and the twist has been negated. Motion is measured from q = 0.
+    and the preceding coordinates. Positive q has the same meaning as in the document, even if the joint is reversed. `reversed` means that
+    the document's child is the tree's parent, and the twist has been negated. The motion of the joint is measured from q = 0.
     """
 
     reversed: bool
@@ -32,7 +32,7 @@ class Body(OneLineRepr, FrozenStruct):
 
     `parent` is an index into `Robot.bodies` (None: the world). `X_PL` is the pose of its frame in the parent link's frame at q = 0 (for the
     root: in the world, as placed by the mode's `at`). The body moves by its `joints` in sequence, `X_PL @ exp(twist_0 q_0) @ exp(twist_1
-    q_1) ...`, or, for a ball, by exponential coordinates. The root has no joints.
+    q_1) ...`, or, for a ball, by exponential coordinates. The root of the tree has no joints.
     """
 
     link: int
@@ -77,7 +77,8 @@ class Closure(OneLineRepr, FrozenStruct):
 
     over the `joints` that were cut. Their `twists` are in A with the following coordinates at 0, and their offsets are in `X_PA`. A closure
     without joints is a weld. If the closure `turns`, only the origins of A and B coincide. With `hold`, the world holds a mount: `path` is
-    the mount's path and B its frame. Otherwise `path` is the joint's path. `name` is the name of the equality in files, if specified.
+    the mount's path and B its frame. For other closures, `path` is the path of the joint. `name` is the name of the equality in files, if
+    specified.
     """
 
     path: JointPath | SitePath
@@ -153,9 +154,9 @@ class Robot(OneLineRepr, FrozenStruct):
 
     `base` is `fixed | held | free | planar | ball`; `moves` contains the coordinates of a planar or ball base (0 in every pose). `excluded`
     are pairs of body indices without collisions: neighbours through a joint, which are the same links in every mode, and the mode's own
-    pairs. A link that a hold fixes to the world is a neighbour of the world in this mode. `closures` are holds, then joints that were cut.
-    `keyframes` contains the poses whose loops close, `unclosed` the other poses. `adhesion` is the control [N] of each adhesion in this
-    mode by path (0 by default). `present` contains the paths of the joints whose actuators exist in this mode.
+    pairs. A link that a hold fixes to the world is a neighbour of the world in this mode. `closures` contains the holds, followed by the
+    joints at which loops are cut. `keyframes` contains the poses whose loops close, `unclosed` the other poses. `adhesion` is the control
+    [N] of each adhesion in this mode by path (0 by default). `present` contains the paths of the joints whose actuators exist in this mode.
     """
 
     name: str

@@ -37,8 +37,8 @@ class PartPair(FrozenStruct, kw_only=False):
 class Overlaps:
     """Intersections of parts, cached in memory and in the store.
 
-    An intersection counts if its mean thickness exceeds `deep` [m]. The `tolerance` [m] of the meshes, which applies to each surface, may
-    cause thinner intersections.
+    Only intersections with a mean thickness above `deep` [m] are reported. The `tolerance` [m] of the meshes, which applies to each
+    surface, may cause thinner intersections.
     """
 
     def __init__(self, store: Store, tolerance: float, memo: Memo) -> None:
@@ -67,7 +67,7 @@ class Overlaps:
 
         Return None for an intersection that is too thin to be reported.
 
-        `keep` also caches the result in the store.
+        With `keep`, the result is also cached in the store on disk.
         """
         content = [self.deep, _made_of(pair.one), _made_of(pair.other), repr(pair.at)]
         key = hashlib.sha256(json.dumps(content).encode()).hexdigest()

@@ -68,7 +68,7 @@ class Solid(FrozenStruct, kw_only=False):
 class Solids:
     """The solids of parts and links, keyed by the text of the definition and created on demand.
 
-    Solids are in metres, in their own frames.
+    Solids are in metres, in the frame of their part or link.
     """
 
     def __init__(self, store: Store) -> None:

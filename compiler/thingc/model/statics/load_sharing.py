@@ -6,10 +6,11 @@ the load if
 
     N' (Q + S t + J' f) = 0,    every f within the cone |f_t| <= mu f_n of its foot, moved down its axis by the force of adhesion
 
-The result is the t with the smallest sum of squares of effort divided by limit. Without feet this is a pseudo-inverse. With feet, the f are
-nonnegative sums of the edges of pyramids within the cones. The problem is then nonnegative least squares with equality constraints. A large
-weight enforces the constraints (Haskell and Hanson, "An algorithm for linear least squares problems with equality and nonnegativity
-constraints", 1981). The last step keeps the set of used edges and solves the remaining equations exactly.
+The result is the t with the smallest sum of squares of effort divided by limit. For a robot without feet, this result follows from a
+pseudo-inverse. With feet, the f are nonnegative sums of the edges of pyramids within the cones. The problem is then nonnegative least
+squares with equality constraints. A large weight enforces the constraints (Haskell and Hanson, "An algorithm for linear least squares
+problems with equality and nonnegativity constraints", 1981). The last step keeps the set of used edges and solves the remaining equations
+exactly.
 """
 
 from __future__ import annotations
