@@ -177,7 +177,7 @@ class _Parts:
         self._wake = wake
 
     def catalogue(self) -> list[str]:
-        """See `AvailableParts`."""
+        """Return the references of all part classes that documents can use, as `AvailableParts.catalogue` specifies."""
         return [] if self._at_hand is None else self._at_hand.service.catalogue()
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
@@ -189,7 +189,7 @@ class _Parts:
         return known
 
     def realize(self, definitions: Sequence[PartDefinition]) -> Mapping[str, PartRecord | PartFailure]:
-        """See `AvailableParts`."""
+        """Return the records of part definitions, in the form that `AvailableParts` specifies. Parts are not built."""
         return {} if self._at_hand is None else self._at_hand.service.realize(definitions)
 
 

@@ -33,7 +33,7 @@ class TomlScan(Scan):
     QUOTES_OVER_LINES = False
 
     def line(self, at: int) -> int:
-        """See `Scan`."""
+        """Scan the line that starts at an offset, as `Scan.line` specifies. Return the offset of the next line."""
         here = self.spaces(at)
         if here >= self.line_end(at) or self.text[here] == "#":
             self.gap(at, here, "key", self.table)
@@ -100,7 +100,7 @@ class TomlScan(Scan):
         return _LINE_OF_TABLE.match(self.text, line) is not None
 
     def quotes(self, at: int, column: int) -> tuple[int, int, int]:
-        """See `Scan`. Only values in triple quotes can span several lines."""
+        """Return the range of the text inside quotes, as `Scan.quotes` specifies. Only values in triple quotes can span several lines."""
         quote = self.text[at]
         if self.text.startswith(quote * 3, at):
             close = self.text.find(quote * 3, at + 3)
@@ -153,7 +153,7 @@ class YamlScan(Scan):
     # --- blocks -------------------------------------------------------------------------------------------------------
 
     def line(self, at: int) -> int:
-        """See `Scan`."""
+        """Scan the line that starts at an offset, as `Scan.line` specifies. Return the offset of the next line."""
         end = self.line_end(at)
         here = self.spaces(at)
         if here >= end or self.text[here] == "#":
@@ -285,7 +285,7 @@ class YamlScan(Scan):
     # --- brackets -----------------------------------------------------------------------------------------------------
 
     def key_tokens(self, at: int) -> tuple[list[Token], int]:
-        """See `Scan`."""
+        """Return the key at the offset `at` as a single token, and the offset where the key ends."""
         if self.text[at] in "\"'":
             start, end, after = self.quotes(at, 0)
             return [Token(name=self.text[start:end], start=start, end=end, quote=self.text[at])], after

@@ -207,7 +207,10 @@ def _what(label: str, source: tuple[str, str] | None, made: tuple[Component, ...
 
 
 def _exact(component: Component, records: Records) -> bool:
-    """Return whether the known mounts of a part belong to this part, and not to a substitute for a part that could not be built."""
+    """Return whether the mounts in the record of a part are those of the part.
+
+    Return False if the record is a placeholder for a part that was not built.
+    """
     record = records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
     return not isinstance(record, PartRecord) or record.exact
 

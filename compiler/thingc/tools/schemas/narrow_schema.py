@@ -95,7 +95,7 @@ class _Narrowing:
         self._put(model, key, one_of(choices))
 
     def _plain(self, model: str, title: str) -> Schema:
-        """Return a JSON Schema that accepts any value that a model of the document accepts.
+        """Return a reference to the JSON Schema of a pydantic model, which accepts any value of the model. `title` becomes its title.
 
         This function moves the description from the definition to the returned schema, because in the definition it hides the descriptions
         of named values.

@@ -288,7 +288,9 @@ class Schemas:
         return write_schema(root, name, schema)
 
     def _others(self, name: str, kind: str) -> dict[str, DocumentSymbols]:
-        """Return the paths of the other documents of a kind, relative to a document. The nearest document is first."""
+        """Return the headers and parameters of the other documents of a kind, keyed by path relative to the given document, the nearest
+        document first.
+        """
         others = {near(name, other): one for other, one in self._symbols.items() if one.kind == kind and other != name}
         order = sorted(others, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]
         return {text: others[text] for text in order}

@@ -58,7 +58,10 @@ class Added:
         return True
 
     def actuator(self, number: int) -> bool:
-        """Add the actuator with this index to the MuJoCo model if its target is imported. Return whether the actuator was added."""
+        """Add an actuator to the MuJoCo model if its target is imported. Return whether the actuator was added.
+
+        `number` is the index of the actuator in the compiled model.
+        """
         model, acts_on = self.model, self._acts_on(number)
         words = [
             names[at] if (at := int(getattr(model, f"actuator_{word}type")[number])) < len(names) else ""
