@@ -1,7 +1,7 @@
-"""Kinds of tests that a document can define under `tests:`.
+"""The types of tests that a document can define in its section `tests:`.
 
-Every module of this folder with a `KIND` defines a kind. The module determines the keys of the test, its schema, its codes, its references,
-and how it is linked. The module of the same name in `driver/testing/kinds/` measures the test.
+Every module of this folder that contains a constant `KIND` defines a type of test. The module determines the keys of the test, its schema,
+its codes, its references, and how it is linked. The module of the same name in `driver/testing/kinds/` measures the test.
 """
 
 from __future__ import annotations

@@ -121,7 +121,10 @@ def _terms(tree: Term) -> Iterator[Term]:
 
 
 def words_in(expression: Expression) -> Iterator[tuple[int, int, str]]:
-    """Yield the start, the end and the kind (`name`, `function`, `number` or `unit`) of each word of an expression."""
+    """Yield the start, the end and the type of each token of an expression, for syntax highlighting.
+
+    The type is `name`, `function`, `number` or `unit`.
+    """
     for term in _terms(expression.tree):
         if isinstance(term, NameUse):
             yield term.offset, term.end, "name"

@@ -145,7 +145,7 @@ def _base(word: str) -> str:
 
 
 def _word_counts(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]:
-    """Count every word in the documents, and collect the declared names."""
+    """Count how often each name occurs in the documents, and collect the names that the documents declare."""
     words: Counter[str] = Counter()
     given: set[str] = set()
     for document in documents:

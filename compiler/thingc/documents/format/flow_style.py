@@ -55,7 +55,7 @@ def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]
 
 
 def root_shape(kind: str | None) -> FieldType | None:
-    """Return the type of documents of a kind, such as `assembly`, or None for an unknown kind."""
+    """Return the `FieldType` of a whole document of a kind such as `assembly`. Return None for an unknown kind."""
     model = model_of(kind or "")
     return None if model is None else shape_of(model)
 
@@ -71,7 +71,7 @@ def shape_for(shape: FieldType | None, value: Any) -> FieldType | None:
 
 
 def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
-    """Return the type of the entry with this key in a value of this type, or None if it is unknown.
+    """Return the type of the value that the key `key` has in a mapping of the type `shape`. Return None if the type is unknown.
 
     If `key` is None, return the type of the items of a list.
     """

@@ -42,7 +42,9 @@ def commented(line: str, comment: EndComment | None) -> str:
 
 @dataclass(slots=True, kw_only=True)
 class Item:
-    """An entry of a mapping (`key` is the range of its key, `name` its text) or an item of a list (no key).
+    """An entry of a mapping, or an item of a list.
+
+    For an entry, `key` is the range of its key in the text, and `name` the text of the key.
 
     `leading` are the comment lines above the item, with None for an empty line. If the value begins on a later line, `key_comment` is the
     comment after the colon (or dash). `comment` is the comment after the value.

@@ -249,7 +249,10 @@ class _Reader:
         return document
 
     def follow(self, document: Document, chain: list[tuple[Document, Span]]) -> None:
-        """Read the documents that a document references. `chain` contains its parent assemblies, each with the place of its reference."""
+        """Read the documents that a document references.
+
+        `chain` contains the parent assemblies of the document, each with the location of its reference.
+        """
         if document.relative in self.done:
             return
         self.done.add(document.relative)
@@ -317,7 +320,9 @@ def head_line(path: str, kind: str = "assembly") -> str:
 
 
 def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly") -> str | None:
-    """Return the kind in the key `thingc` of a document. If the kind is missing or unknown, report an error and return None.
+    """Return the kind of a document (`assembly`) from the value of its key `thingc`.
+
+    If the kind is missing or unknown, report an error and return None.
 
     `usual` is the kind that the help text suggests.
     """

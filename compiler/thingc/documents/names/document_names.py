@@ -101,7 +101,8 @@ def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
 
 
 def referred(path: Path) -> str | None:
-    """Return the kind of element to which a value in an added element refers: a joint, a site, a body or any kind (`object`).
+    """Return the type of MuJoCo element to which a value in an added element refers: a joint, a site, a body, or an element of any type
+    (`object`).
 
     Return None if the value is not a reference to an element.
     """
@@ -208,7 +209,7 @@ class DocumentNames:
         return [f"{key}_{one}" for one in range(min(number, 10 * _ITEMS))]
 
     def fitting(self, section: str, word: str, index: str = "") -> list[str]:
-        """Return the keys of `components` or `joints` that match a word of a reference."""
+        """Return the keys of the section `components` or `joints` that match one word of a reference, which may be a pattern."""
         entries = self.section(section)
         if not SPECIAL.search(word):
             stem, _, number = word.rpartition("_")

@@ -182,7 +182,9 @@ class PartNames:
         return self._things[reference]
 
     def places(self) -> Iterator[PartPlace]:
-        """Yield the places of all requested mounts and parameters, in their class and in requested derived classes."""
+        """Yield the locations of all mounts and parameters that were requested, in the class that declares them and in requested derived
+        classes.
+        """
         for name in self._given:
             declared = False
             for module, node in self._family(name):
@@ -195,7 +197,9 @@ class PartNames:
         yield from ((reference, thing) for reference, thing in self._things.items() if thing is not None)
 
     def elsewhere(self, name: PartName) -> tuple[str, int] | None:
-        """Return a place (file and line) that may refer to this mount or parameter, or None.
+        """Return the location (file and line) of code that may use a mount or parameter under its name.
+
+        Return None if there is no such code.
 
         Whether the code at this location uses the mount or parameter can only be decided by running the code.
         """
@@ -308,7 +312,7 @@ def _of_self(node: ast.Attribute) -> bool:
 
 
 def _name_spans(module: _Module, node: ast.ClassDef, name: PartName) -> Iterator[Span]:
-    """Yield the places of a mount or a parameter in a class, the declaration first."""
+    """Yield the locations at which a class declares or uses a mount or a parameter, with the declaration first."""
     if name.what == "part mount":
         own = module.inside(node).by_name.get(name.text, ())
         yield from (span for one in own if (span := module.span_of(one, name.text)) is not None)
@@ -336,7 +340,7 @@ def _parameter_of_self(node: ast.Attribute) -> bool:
 
 
 def _documented(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str) -> Iterator[Span]:
-    """Yield the place in the docstring line `NAME: ...` that documents a parameter."""
+    """Yield the location of a parameter's name in the docstring of its class, in a line `NAME: ...`."""
     first = node.body[0]
     if not (isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str)):
         return

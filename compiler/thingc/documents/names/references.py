@@ -41,7 +41,7 @@ class Name(FrozenStruct, kw_only=False):
 class NamePlace(FrozenStruct, kw_only=False):
     """A location at which a name is declared or used, in a document or in a part module.
 
-    The place covers only the characters of the name, or the whole pattern for the role `fits`.
+    The span covers only the characters of the name. For the role `fits`, the span covers the whole pattern that matches the name.
     """
 
     name: Name
@@ -210,7 +210,10 @@ class NameReader:
     def components_of(
         self, written: DocumentNames, words: Sequence[str], index: str,
     ) -> list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]]:
-        """Return the components at a path of words, each as a document and a key of this document, together with its parent components."""
+        """Return the components to which a list of component names leads, through nested documents.
+
+        Each component is given by its document and its key, with its parent components.
+        """
         level: list[tuple[DocumentNames, tuple[tuple[DocumentNames, str], ...]]] = [(written, ())]
         reached: list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]] = []
         for depth, word in enumerate(words):
@@ -219,7 +222,7 @@ class NameReader:
         return reached
 
     def components(self, written: DocumentNames, words: Sequence[Word], index: str) -> Iterator[Hit]:
-        """Yield each existing component along a path of words."""
+        """Yield every component that exists along a reference, which is split into its words."""
         for depth, (at, word) in enumerate(words):
             for (one, key), _ in self.components_of(written, [text for _, text in words[: depth + 1]], index):
                 yield self._hit(one, "components", "component", key, at, word)
@@ -253,7 +256,7 @@ class NameReader:
                     yield from self.components(nested, [(at, last)], "")
 
     def of_component(self, written: DocumentNames, key: str, word: str, index: str) -> Iterator[Hit]:
-        """Yield the mounts of a component to which a word refers.
+        """Yield the mounts of a component that the last word of a reference matches.
 
         Mounts are added by the document, exported by a nested assembly, or declared by the part.
         """

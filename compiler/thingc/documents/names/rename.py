@@ -1,6 +1,6 @@
-"""Compute the edits that rename a name at all its places, or the reason why the name cannot be renamed.
+"""Compute the text edits that rename a name at its declaration and at all its uses, or the reason why the name cannot be renamed.
 
-The result is verified: the edited documents are parsed and resolved, and every place must refer to the same name as before.
+The edits are verified: the edited documents are parsed and resolved, and every reference must refer to the same element as before.
 """
 
 from __future__ import annotations

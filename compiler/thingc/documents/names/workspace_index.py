@@ -108,5 +108,5 @@ def read_document(path: str, relative: str, text: str) -> DocumentNames | None:
 
 
 def mentioned(text: str, word: str) -> bool:
-    """Return whether a string contains a word, or the name of a repeated element whose name begins with the word."""
+    """Return whether a text contains the name `word`, or the name of an item of a repeat, such as `leg_0` for `leg`."""
     return re.search(rf"(?<![A-Za-z0-9_]){re.escape(word)}(?![A-Za-z0-9])", text, re.ASCII) is not None

@@ -135,7 +135,7 @@ def _bare(value: int | float) -> Quantity:
 
 
 def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, example: str) -> Value:
-    """Parse a string or a bare number as a quantity of one of the physical dimensions, or as an expression.
+    """Parse a string or a number of a document as a quantity with one of the given physical dimensions, or as an expression.
 
     Raises an error: `expected a length (such as `120 mm`), found ...`.
     """

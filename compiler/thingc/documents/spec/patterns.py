@@ -20,7 +20,10 @@ ANY_VALUE = rf"^(\s*{EXPRESSION}|\s*{_DIGITS}(\s*{_UNITS})?\s*|(?!\s*(=|[-+]?\.?
 
 
 def _units_of(*dimensions: Dimension) -> str:
-    """Return the pattern of a unit, without simple units of other dimensions. `0 %` is accepted like a bare 0."""
+    """Return the pattern of a unit, without simple units of other dimensions.
+
+    The value `0 %` is accepted in the same way as the number 0 without a unit.
+    """
     single = {unit: dimension for unit, (_, _, dimension) in UNITS.items() if dimension != NUMBER}
     wrong = sorted(unit for unit, dimension in single.items() if not any(fits(dimension, one) for one in dimensions))
     return rf"(?!({'|'.join(wrong)})\s*$){_UNITS}"

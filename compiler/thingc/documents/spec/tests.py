@@ -14,7 +14,7 @@ from thingc.documents.spec.base import Model, rule
 
 
 class _OneKind(Model):
-    """A mapping with one key, which is the kind of the test."""
+    """A mapping with one key, which is the type of the test."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 

@@ -208,7 +208,7 @@ def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
 
 
 def _is_rather(value: Any, key: FieldType, entry: FieldType) -> bool:
-    """Return whether a value resembles the value of one key of an entry more than it resembles a whole entry."""
+    """Return whether a value resembles the value of the key `key` more than a complete entry of the section."""
     if not isinstance(value, dict):
         return True
     known = sum(name in model_keys(entry.model) for name in value) if entry.model is not None else 0

@@ -88,7 +88,10 @@ def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> Mass
 
 
 def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[int, _Naming]:
-    """Return the entry of `links:` that names each link: the first entry in the outermost document."""
+    """Return the entry of the section `links:` that names each link.
+
+    If several entries name a link, the first entry in the outermost document is used.
+    """
     chosen: dict[int, _Naming] = {}
     for instance, definition in tree.assemblies:
         depth = instance.path.count("/") + 1 if instance.path else 0

@@ -110,7 +110,10 @@ class PartInstances:
         return instance
 
     def report_materials(self) -> None:
-        """Report each default material that is missing in a document, at the first component that needs it, with notes for the others."""
+        """Report each default material that a document does not define.
+
+        The error is at the first component that needs the material, with notes for further components.
+        """
         for (_, name, needed), users in self._unknown.items():
             component, record, scope, path, origin = users[0]
             hint = did_you_mean(name, scope.materials, what="materials")
@@ -132,7 +135,10 @@ class PartInstances:
             )
 
     def report_failures(self) -> None:
-        """Report each definition that could not be built, at its first component, with notes for the others."""
+        """Report each part that could not be built.
+
+        The error is at the first component that uses the part, with notes for further components.
+        """
         for text, users in self._failures.items():
             failure = self._records[text]
             component, path, origin = users[0]

@@ -49,7 +49,9 @@ class _Substituted:
         return replace(component, definition=definition.plain, bom=component.image_of.bom, mounts_mirrored=definition.mirror)
 
     def _is_own(self, definition: PartDefinition, plain: PartDefinition) -> bool:
-        """Return whether the mirror image has the same solid, mounts, and specified centre of mass and inertia (if any) as the part."""
+        """Return whether a part equals its mirror image: the same solid, the same mounts, and the same specified centre of mass and
+        inertia.
+        """
         image, record = self._records.get(definition.text), self._records.get(plain.text)
         if not isinstance(image, PartRecord) or not isinstance(record, PartRecord):
             return False

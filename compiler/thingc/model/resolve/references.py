@@ -233,7 +233,9 @@ _UNKNOWN = {"joint": Code.UNKNOWN_JOINT, "mode": Code.UNKNOWN_MODE, "pose": Code
 def report_unmatched(
     scope: Scope, text: str, known: Iterable[str], path: Path, what: str, *, fits: str = "", pattern: bool = False,
 ) -> None:
-    """Report a name or pattern that does not match any element of the kind `what` (`joint`, `mode`, `pose`).
+    """Report a name or a pattern that does not match any element.
+
+    `what` is the type of element in the message: `joint`, `mode` or `pose`.
 
     `fits` means that patterns can match only some of the elements.
     """

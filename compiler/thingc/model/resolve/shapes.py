@@ -69,7 +69,10 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> Mes
 
 
 def _file(scale: Vector, digest: Callable[[str], str], absolute: str, path: str, _state: tuple[int, ...]) -> MeshFile:
-    """Return a mesh file of a link. The unused argument is the state of the file, which the memo compares."""
+    """Return a mesh file of a link.
+
+    The argument `_state` is the state of the file on disk. It is unused in the function, but part of the key of the cache.
+    """
     return mesh_file(absolute, path, scale, digest)
 
 

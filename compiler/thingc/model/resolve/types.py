@@ -126,7 +126,7 @@ class Overrides(OneLineRepr, FrozenStruct):
 
 
 class BomEntry(OneLineRepr, FrozenStruct):
-    """An entry of the bill of materials. `make` is `buy | print | machine`; `cost` is as written (`12.50 EUR`)."""
+    """An entry of the bill of materials. `make` is `buy | print | machine`, and `cost` is a string such as `12.50 EUR`."""
 
     number: str | None = None
     supplier: str | None = None

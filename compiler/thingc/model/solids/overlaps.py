@@ -96,7 +96,7 @@ class Overlaps:
 
 
 def check_overlaps(assembly: Assembly, poses: Sequence[Pose], overlaps: Overlaps, report: Report) -> None:
-    """Warn of every two parts that overlap at `poses`, once per place in documents, even if the place is used several times.
+    """Warn of every two parts that overlap at `poses`. If a document is used several times, the same overlap is reported once.
 
     Shapes of links are approximate: only equal shapes of the same body are compared.
     """
@@ -123,7 +123,10 @@ def reason_to_skip(one: Occurrence, other: Occurrence) -> str:
 
 
 def contact_places(assembly: Assembly, one: Occurrence, other: Occurrence) -> list[Note]:
-    """Return the places in documents, in addition to the place of `other`, where `allow` can suppress the overlap of two parts."""
+    """Return the locations in documents at which a key `allow` can suppress the overlap of two parts.
+
+    The location of `other` itself is not included.
+    """
     links = {assembly.link_of[one.index], assembly.link_of[other.index]}
     return [*(Note(message=f"`{one.path}` is defined here", span=span) for span in one.origin[:1]), *(
         Note(message=f"joint `{mate.name or mate.loop}` connects the two parts", span=mate.origin[0]) for mate in assembly.mates
