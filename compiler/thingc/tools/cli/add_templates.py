@@ -287,7 +287,7 @@ STUBS: dict[str, Callable[[argparse.Namespace, Documents | None], DocumentEdit]]
 
 
 def _section(tree: MappingNode | None, section: str) -> dict[str, object]:
-    """Return a section of a document, or an empty mapping if it is missing."""
+    """Return a section of a document, such as `joints`. Return an empty mapping if the document does not contain the section."""
     node = None if tree is None else node_at(tree, (section,))
     return {key: one.plain() for key, one in node.entries.items()} if isinstance(node, MappingNode) else {}
 

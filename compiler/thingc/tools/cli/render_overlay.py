@@ -100,5 +100,5 @@ def _dotted(path: str) -> str:
 
 
 def _ends(path: str) -> list[int]:
-    """Return the indices in a path at which a name ends."""
+    """Return the index of the end of each name in a path such as `hand/finger`."""
     return [*(at for at, letter in enumerate(path) if letter == "/"), len(path)]

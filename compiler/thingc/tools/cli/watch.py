@@ -119,7 +119,7 @@ class Lines:
         self._built = False
 
     def say(self, made: Rebuild) -> None:
-        """Report the result of a rebuild."""
+        """Print the new diagnostics of a rebuild, and one line about its result."""
         console.say_in_place()
         known = made.good and made.diagnostics == self._said
         if not known:

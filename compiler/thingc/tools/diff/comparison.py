@@ -333,7 +333,7 @@ class _Following:
         )
 
     def _outcomes(self) -> None:
-        """Compare the results of document tests."""
+        """Compare the results of the document tests of the old and the new robot."""
         if self.old.outcomes is None or self.new.outcomes is None:
             return
         news = {(outcome.test, outcome.where): outcome for outcome in self.new.outcomes}

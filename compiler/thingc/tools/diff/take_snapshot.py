@@ -140,7 +140,7 @@ class _Reader:
             }, of=path, span=mount.origin[0])
 
     def _placement(self, prefix: str, definition: AssemblyDefinition, component: Component, path: str, fact: Any) -> None:
-        """Collect the mate that places a component, unless a joint places it."""
+        """Collect the mate by which a component is placed. If a joint places the component, it has no such mate."""
         placement = component.placement
         if isinstance(placement, Attach):
             self._add("mate", path, {

@@ -141,7 +141,7 @@ def _plain(text: str) -> str:
 
 
 def _code(text: str) -> str:
-    """Format a string as a code span, so that strings from documents are not parsed as Markdown."""
+    """Format a string as a code span of Markdown, so that special characters in strings from documents have no effect."""
     return f"`{escape_control(text).replace('`', chr(39))}`"
 
 

@@ -138,7 +138,7 @@ class DocumentNaming:
         return added
 
     def _paths(self, names: Sequence[str]) -> dict[str, str]:
-        """Return the mounts of sites whose names are paths. Models that thingc wrote contain such names.
+        """Return the mounts for the sites whose names are paths, such as `hand/tip`. Models that thingc wrote contain such sites.
 
         The site `hand/tip` becomes the mount `tip` of the link `hand`, unless the name `tip` is taken or reserved.
         """

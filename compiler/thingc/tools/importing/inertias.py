@@ -184,13 +184,16 @@ def _solid(shapes: Sequence[SourceShape], matter: Matter) -> MassProperties | No
 
 
 def _held(shape: SourceShape, matter: Matter) -> MassProperties | None:
-    """Return the mass properties of a mesh at density 1 in the frame of its link, or None if they are unknown."""
+    """Return the mass properties that the mesh of a shape would have at density 1, in the frame of its link.
+
+    Return None if they are unknown.
+    """
     held = matter(shape)
     return None if held is None else held.seen_from(shape.pose)
 
 
 def _volume(shape: SourceShape) -> MassProperties:
-    """Return the mass properties of a primitive at density 1 in the frame of its link."""
+    """Return the mass properties that a primitive shape would have at density 1, in the frame of its link."""
     assert shape.kind != "mesh"
     match shape.kind:
         case "sphere" | "ellipsoid":

@@ -402,7 +402,7 @@ class _Sdf:
         )
 
     def _bound(self, limit: SourceElement, key: str) -> float | None:
-        """Return a joint limit, or None if it is unlimited."""
+        """Read the lower or upper limit of a joint. Return None if the joint is unlimited in this direction."""
         if (self.values.written(limit, key) or "").strip().lower().lstrip("+-") in ("inf", "infinity"):
             return None
         value = self.values.number(limit, key)

@@ -276,7 +276,7 @@ class SourceAdhesion(SourceThing):
 
 
 class SourceTarget(FrozenStruct):
-    """A reference to an element of the imported robot by its name in the source."""
+    """A reference to an element of the imported robot, such as a joint or a site, by the name of the element in the source."""
 
     kind: Literal["joint", "site", "tendon", "body", "geom", "actuator"]
     name: str

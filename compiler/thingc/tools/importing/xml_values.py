@@ -160,7 +160,7 @@ class Values:
         return rotation_of((w, i, j, k))
 
     def one(self, element: SourceElement, tag: str) -> SourceElement | None:
-        """Return the only child element with this tag, or None. Report an error if a second child element has this tag."""
+        """Return the child element with this tag, or None if there is none. Report an error if several child elements have this tag."""
         first, *others = [*element.all(tag), None]
         if first is not None and len(others) > 1 and others[0] is not None:
             self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "remove one of the two elements")

@@ -42,7 +42,7 @@ class _Names:
         self.now, self.then = steady(known, analysis.text), steady(analysis.text, known)
 
     def at(self, place: TextPlace) -> NamePlace | None:
-        """Return the name at a position of the text, or None."""
+        """Return the name that contains a position of the text, or None if there is no name at the position."""
         path = self.analysis.path
         cursor = self.then(Span(file=path, line=place.line, column=place.column, end_line=place.line, end_column=place.column))
         return None if cursor is None else self.sight.index.at(path, cursor.line, cursor.column)
@@ -287,7 +287,7 @@ def _now(analysis: Analysis, span: Span) -> Span | None:
 
 
 def _detail(node: Node) -> str:
-    """Return a short description of an element: its part, type or value."""
+    """Return a short text that an editor shows next to the name of an element: its part, its kind or its value."""
     if isinstance(node, ScalarNode):
         return node.text[:80]
     if isinstance(node, MappingNode):

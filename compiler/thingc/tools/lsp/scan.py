@@ -121,7 +121,7 @@ class Scan(ABC):
         self.muted = self.muted or start < self.target <= end
 
     def add(self, path: Path, name: str, at: int) -> None:
-        """Record a key of the mapping at `path`."""
+        """Record that the mapping at `path` contains a key."""
         self.keys.setdefault(path, {}).setdefault(name, at)
 
     # --- helper methods ---------------------------------------------------------------------------------------------------

@@ -88,7 +88,7 @@ class SchemaWalk:
         return _dimensions(self.at(path))
 
     def parameters_of(self, part: str) -> list[str]:
-        """Return the names of the parameters of a part."""
+        """Return the names of the parameters that the JSON Schema contains for a part."""
         return list(self._definition(f"params of {part}").get("properties", {}))
 
     def needed_parameters(self, part: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The language server: LSP messages over standard input and output.
+"""The language server. It exchanges messages of the Language Server Protocol (LSP) with an editor over standard input and output.
 
 `FEATURES` maps each request to a function `feature(analysis, text, place, params)` of a module in this folder. `analysis` is the analysis
 of the document (`analysis.Analysis`). If its text cannot be parsed, `analysis.known` has the names of the last parsable text. `text` is its

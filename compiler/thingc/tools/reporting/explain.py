@@ -29,7 +29,7 @@ def _data() -> dict[str, Any]:
 
 
 def explanations() -> list[Explanation]:
-    """Return the explanations of all codes, sorted by code."""
+    """Return the explanations of all diagnostic codes, sorted by code."""
     codes: list[Explanation] = _data()["codes"]
     return codes
 

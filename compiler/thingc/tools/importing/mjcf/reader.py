@@ -135,7 +135,9 @@ class _Reader:
         )
 
     def _lose_layout(self, root: int, hangings: Sequence[Attachment], posed: bool, sensed: set[str], added: Added) -> None:
-        """Record losses for changed indices in arrays of `MjData` and, if the source has no keyframes, for changed start values of joints.
+        """Record a loss if array indices of `MjData` change in a model generated from the document.
+
+        If the source has no keyframes, also record a loss for joints whose start values change.
         """
         for joint in (joint for one in hangings for joint in one.joints if not posed and joint.follows is None):
             if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
