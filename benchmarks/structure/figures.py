@@ -30,7 +30,7 @@ Trees = dict[str, tuple[str, ast.Module]]
 
 @dataclass(frozen=True)
 class Function:
-    """A function with its numbers of lines and parameters."""
+    """A function with its numbers of lines, without its docstring, and of parameters."""
 
     where: str
     lines: int
@@ -162,7 +162,9 @@ def functions(path: str, tree: ast.Module) -> Iterator[Function]:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             names = [argument.arg for argument in ast.walk(node.args) if isinstance(argument, ast.arg)]
             bound = names[:1] in (["self"], ["cls"])
-            yield Function(f"{path}:{node.lineno} {node.name}", node.end_lineno - node.lineno + 1, len(names) - bound)
+            first = node.body[0]
+            docstring = 0 if ast.get_docstring(node) is None else first.end_lineno - first.lineno + 1
+            yield Function(f"{path}:{node.lineno} {node.name}", node.end_lineno - node.lineno + 1 - docstring, len(names) - bound)
 
 
 def circles(trees: Trees) -> list[list[str]]:

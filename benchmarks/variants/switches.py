@@ -6,6 +6,9 @@ For pairs of modes, with the motion of the new root link dropped or caught:
 - `jax`: switches per second by `thingc.modes.jax` for many worlds at once, in those by `Modes.switch` of states, one after the other;
 - `error`: greatest difference between both, relative to the greatest number of the result, or to 1.
 
+Then an environment of MInchW in MJX, whose actions switch between both feet (`MjxEnv`): the time of a step in those of an environment with
+one mode, and the greatest difference of observations from those of the environment in MuJoCo (`make_env`).
+
 Times are of the processor. Exits with 1 if a figure of a switch without other holds misses its bound. With other holds, a nearly singular
 posture has more rounding errors, and the singular values of its constraints take longer.
 """
@@ -24,6 +27,8 @@ import mujoco
 import numpy as np
 
 import thingc
+from thingc.batch.gym.family_env import make_env
+from thingc.batch.gym.mjx_env import MjxEnv
 from thingc.modes import Mode, Modes
 from thingc.modes.frames import pose, rotation_of
 from thingc.modes.jax import State, switch
@@ -35,6 +40,8 @@ PAIRS = {
         ("front_foot", "rear_foot"), ("front_foot", "crawl"), ("crawl", "rear_foot"), ("rear_foot", "bridge"),
     ],
 }
+LOAD = "components.harness.mass"
+SHARE, OBSERVED = 2.2, 1e-10
 ERROR, RATIOS = 1e-13, {"drop": 50.0, "impact": 25.0}
 
 
@@ -61,11 +68,38 @@ def main() -> int:
                 print(f"{name:36} {1e6 * alone:6.0f} {steps:6.1f} {1e6 * together:7.2f} {ratio:5.0f}x {error:8.1e}", flush=True)
                 if not robot[new].holds and (ratio < RATIOS[on_motion] or error > ERROR):
                     missed.append(name)
+    missed += report_environment(256)
     for on_motion, bound in RATIOS.items():
         print(f"{f'must, {on_motion}':36} {'':6} {'':6} {'':7} {bound:5.0f}x {ERROR:8.0e}")
     for one in missed:
         print(f"MISSED {one}")
     return bool(missed)
+
+
+def report_environment(count: int) -> list[str]:
+    """Print the cost and the error of an environment with two modes in MJX, and return what misses its bound."""
+    feet, at = ("front_foot", "rear_foot"), {"simulation.integrator": "euler"}
+    with thingc.family(ROOT / "assemblies/minchw/minchw.yaml", verify=0, compat="mjx") as family:
+        loads = np.linspace(0.01, 0.1, count)
+        times = []
+        for modes in (feet[:1], feet):
+            env = MjxEnv(family, [LOAD], modes, reward=lambda step: step.velocity[0], at=at, floor=False)
+            models, axes, _ = env.batch(loads[:, None])
+            states = jax.jit(jax.vmap(env.reset, in_axes=(axes, 0)))(models, jax.random.split(jax.random.key(1), count))
+            step = jax.jit(jax.vmap(env.step, in_axes=(axes, 0, 0, 0)))
+            given = models, states, np.zeros((count, env.action_size)), np.zeros(count, int)
+            times.append(seconds_of(lambda: jax.block_until_ready(step(*given)), 2))  # noqa: B023
+        world = make_env(family, settings=[{LOAD: loads[0], **at}], modes=feet, floor=False)
+        world.reset(seed=1)
+        error = 0.0
+        for number in range(20):
+            actions = np.full((count, env.action_size), 0.1 * np.sin(number))
+            states = step(models, states, actions, np.full(count, number // 5 % 2))
+            seen = world.step({"mode": number // 5 % 2, "joints": actions[0]})[0]
+            error = max(error, float(np.abs(states.observation[0] - seen).max()))
+    ratio = times[1] / times[0]
+    print(f"environment of two modes in MJX: {ratio:.2f} of one mode (must {SHARE:.1f}), error {error:.1e}", flush=True)
+    return [] if ratio <= SHARE and error <= OBSERVED else ["environment"]
 
 
 def seconds_of(job: Callable[[], Any], times: int) -> float:

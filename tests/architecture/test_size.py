@@ -50,6 +50,10 @@ def test_the_compiler_proper_is_small(lines: dict[str, int]) -> None:
     assert proper <= SIZES["proper"], f"without `batch` and `tools` there are {proper} code lines, {SIZES['proper']} are allowed"
 
 
+def test_files_have_at_most_400_code_lines(figures: Any) -> None:
+    assert figures.largest[0] <= 400, figures.largest
+
+
 def test_functions_have_at_most_50_lines(figures: Any) -> None:
     assert [one.where for one in figures.functions if one.lines > 50] == []
 
