@@ -154,23 +154,23 @@ def table(heads: list[str], rows: list[list[object]]) -> list[str]:
 
 
 MEASURED = """
-{count} designs of MInchW are generated at random. Each must either build into a consistent robot, or be refused for the right reason. Every
-design has random values of `leg_length`, `body_length` and `wall`. In half of the designs, each leg has its own length. Values cover the
-ranges in the documents, including both ends. One value in twenty is outside, by up to a tenth of the range. In addition, each of {edits}
-edits may be made to the documents. They change the
-thickness of the braces of a leg, materials, densities, walls and infill, and given masses and inertias. Other edits change limits of the
-knees, the position of the held rear foot, collision shapes, simulation settings and magnets. Some edits break a rule on purpose.
+This study generates {count} designs of the robot MInchW at random. Each design must either build into a consistent robot, or be
+refused for the right reason. Every design has random values of `leg_length`, `body_length` and `wall`. In half of the designs,
+each leg has its own length. Values cover the ranges in the documents, including both ends; one value in twenty is outside its
+range, by up to a tenth. In addition, up to {edits} edits are made to the documents. These edits change dimensions of the legs,
+materials, print settings, masses and inertias, limits of the knees, the position of the rear foot, collision shapes, simulation
+settings and magnets. Some edits break a rule on purpose.
 
-Each design is compiled by `thingc.compile` in one long-running process. If it builds, MuJoCo loads all of its modes, and the study compares
-them at random joint angles and random poses of the bases. Every pairwise pose of parts and sites must be equal within 1e-9 m. Mass, centre
-of mass and inertia of the whole robot must be equal within 1e-12, and links and excluded pairs exactly. The mass matrix and gravity torques
-of each mode must be equal within 1e-9 to those computed from the bodies of every mode with the same held link
-(`tests/conformance/roots.py`). No part may be modelled twice.
+Each design is compiled by `thingc.compile` in one long-running process. If the design builds, MuJoCo loads all of its modes, and
+the study compares the modes at random joint angles and random poses of the bases. The relative poses of all parts and sites must
+be equal within 1e-9 m. Mass, centre of mass and inertia of the whole robot must be equal within 1e-12, and links and excluded
+pairs exactly. The mass matrix and gravity torques of each mode must be equal within 1e-9 to those computed from the bodies of
+every other mode with the same link fixed (`tests/conformance/roots.py`). Each part must be built only once.
 
-If a design does not build, it must be refused with a reason. A design that breaks a rule must be refused with the code of this rule, and
-the message must name the value that breaks it. A design within all bounds must not be refused because of them. If a part rejects its
-parameters, the message must be the one from its code. Every error must have a location. An exception, a part that crashes or is not a valid
-solid, a model that MuJoCo rejects, and `TC899` count as faults.
+A design that breaks a rule must be refused with the code of this rule, and the message must contain the value that breaks it. A
+design whose values are all within their ranges must not be refused because of a range. If a part rejects its parameters, the
+message must be the one from the code of the part. Every error must have a location. An exception, a part that crashes or is not a
+valid solid, a model that MuJoCo rejects, and `TC899` count as faults of thingc.
 """
 
 
