@@ -21,7 +21,7 @@ def different_fields(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]
 
 
 def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
-    """Copy all values from the model `first` to the model `model`, which was created as a copy of `first` and may have changed since."""
+    """Reset `model`, a modified copy of `first`: copy all values of `first` to it."""
     import numpy as np
 
     for name in different_fields(model, first):

@@ -1,4 +1,4 @@
-"""Compute the diagnostics of refused settings with plans, instead of a compilation that fails.
+"""Compute the diagnostics of invalid settings with a plan, which is faster than a compilation that fails.
 
 The failed compilation is traced until it reports its diagnostics. Numbers in the texts of diagnostics become slots.
 """

@@ -123,7 +123,7 @@ class PartSession:
         return sorted(states.items())
 
     def ran(self) -> dict[str, list[int] | None] | None:
-        """Return the numbers of the functions that ran, by source file that is in the key. The value None means all functions of a file.
+        """Map each source file in the build key to the numbers of its functions that ran. The value None means all functions of the file.
 
         Return None if other processes may have run functions.
         """

@@ -108,7 +108,7 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
         findings.warn(
             Code.HELD_OFF, f"mode `{mode.name}` is held at `{shown}`, whose magnet is off, while the magnet of `{other}` is on",
             mode.origin, path=mode.name, notes=noted(f"the magnet of `{other}` is switched on here", written[mode.name].get(other, ())),
-            help=f"write `root: {other}`, or also switch on the magnet at `{shown}`; {allow_hint(Code.HELD_OFF)}",
+            help=f"write `root: {other}`, or switch on the magnet at `{shown}` too; {allow_hint(Code.HELD_OFF)}",
         )
 
 

@@ -1,4 +1,4 @@
-"""Resolve the modes of a document: merge `extends`, resolve names, convert numbers to SI units, and resolve holds, cuts and feet.
+"""Resolve the modes of a document: merge extended modes, look up names, and convert numbers to SI units.
 
 The module `model/assembly/modes.py` finds the link of each root.
 """

@@ -111,7 +111,7 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
 
 
 def _stand_ins(known: Joints, origin: Origin) -> Settings:
-    """Return placeholder values for joints with limits that exclude 0, for poses with reported errors.
+    """Return a valid value for each joint whose limits exclude 0. A pose whose values have errors uses these placeholders.
 
     The error may be the reason why the intended values are missing, so a report that 0 is out of the limits would be misleading. The
     placeholders never affect build outputs.

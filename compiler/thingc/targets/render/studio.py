@@ -134,7 +134,7 @@ UNDER, GLASS = 0.5e-3, 0.4
 
 
 def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: float, *, shadow: int = SHADOW) -> Any:
-    """Return the `mujoco.MjSpec` of a model with the studio around it.
+    """Return the `mujoco.MjSpec` of a model with the floor, lights and background of the render studio.
 
     The studio has two lamps with shadow maps of `shadow` pixels, and the floor of the scene at z = 0. The floor is transparent if the
     `lowest` point of the robot [m] is below it.

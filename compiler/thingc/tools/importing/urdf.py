@@ -119,7 +119,7 @@ class _Urdf:
     def _sensed(
         self, links: tuple[source_model.SourceLink, ...], hangings: tuple[source_model.Attachment, ...],
     ) -> tuple[tuple[source_model.SourceLink, ...], tuple[source_model.SourceSensor, ...]]:
-        """Return the links with additional mounts for sensors, and the sensors.
+        """Add a mount to the links for each sensor. Return the changed links and the sensors.
 
         A sensor on a link that is only a frame is moved to the link to which this frame is fixed.
         """
