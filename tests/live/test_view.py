@@ -25,7 +25,7 @@ from live.documents import ROBOT, write
 from thingc.targets.html.emit import Page
 from thingc.tools.cli.main import main
 from thingc.tools.live.server import Server
-from viewer.browser import chromium, needed, opened
+from viewer.browser import chromium, needed, opened, until
 
 WRONG = ROBOT.replace("yaw_0: 30 deg", "yaw_0: 300 deg")
 
@@ -310,7 +310,7 @@ def test_in_a_browser(tmp_path: Path, shared_store: str) -> None:
             own.wait_for_selector("#findings a")
             assert "outside its limits" in own.locator("#findings").inner_text()
             shown.document.write_text(ROBOT.replace("count: 2", "count: 3"))
-            own.wait_for_function("() => thingc.viewer.robot.joints.some((joint) => joint.path === 'yaw_2')")
+            until(own, "() => thingc.viewer.robot.joints.some((joint) => joint.path === 'yaw_2')")
             assert own.locator("#findings").is_hidden()
             # what the page came with is not asked for again
             assert own.evaluate("performance.getEntriesByType('resource').filter(({ name }) => name.endsWith('robot.json')).length") == 1

@@ -197,7 +197,7 @@ def test_a_model_with_something_in_another_place_is_refused(made: Made, name: st
     made.modes.read("bridge", data)
     ELSEWHERE[name](model)
     kind, thing = name.split(" ")[:2]
-    with pytest.raises(WrongData, match=f"the {kind} `{thing}` is 0.0[01][0-9]* m"):
+    with pytest.raises(WrongData, match=f"its {kind} `{thing}` is 0.0[01][0-9]* m"):
         made.modes.read("bridge", data)
     start = made.data("near")
     with pytest.raises(WrongData, match="belongs to another variant"):

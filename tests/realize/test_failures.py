@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from typing import Any
 
 import pytest
@@ -238,7 +239,7 @@ def test_a_kernel_that_does_not_load(
     shadowed = {**usual, "PYTHONPATH": f"{tmp_path}:{usual.get('PYTHONPATH', '')}"}
     monkeypatch.setattr(client, "environment", lambda seed=0: shadowed)
     place.write("parts/arm.py", "from thingc import Thing\nclass A(Thing): pass\n")
-    with place.service(workers=None) as service:
+    with closing(Workers(1)) as own, place.service(workers=own) as service:
         failure = service.realize([define("arm:A")])["arm:A"]
     assert isinstance(failure, PartFailure)
     assert (failure.kind, failure.message) == (
@@ -272,7 +273,7 @@ def test_where_no_process_can_be_started_it_is_said(
     """As where the system has none left: here the interpreter is gone."""
     place.write("parts/arm.py", "from thingc import Thing\nclass A(Thing): pass\n")
     monkeypatch.setattr(sys, "executable", str(tmp_path / "gone"))
-    with place.service(workers=None) as service:
+    with closing(Workers(1)) as own, place.service(workers=own) as service:
         failure = service.realize([define("arm:A")])["arm:A"]
     assert isinstance(failure, PartFailure)
     assert (failure.kind, failure.message) == ("crashed", "cannot start a worker process: No such file or directory")
