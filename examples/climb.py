@@ -75,13 +75,20 @@ def report(found: Mapping[str, tuple[Seen, Stages]]) -> str:
         ("", list(found)),
         ("steps of a foot", [f"{2 * one.steps}" for one in seen]),
         *((f"smallest pull margin, {stage} [N]", [newtons(watch.least[stage]) for _, watch in found.values()]) for stage in STAGES),
+        *outcomes(seen),
+    ]
+    return "\n".join(f"{name:42}" + "".join(f"{cell:>12}" for cell in cells) for name, cells in rows)
+
+
+def outcomes(seen: Sequence[Seen]) -> list[tuple[str, list[str]]]:
+    """Return the rows of a table that compares simulations: smallest margins, slip and contacts, one column per simulation."""
+    return [
         ("smallest shear margin", [f"{100 * (1 - one.shear):.1f} %" for one in seen]),
         ("smallest torque margin", [f"{100 * (1 - max(one.torque.values())):.1f} %" for one in seen]),
         ("smallest torque-speed margin", [f"{100 * (1 - one.speed):.1f} %" for one in seen]),
         ("slip of the supporting foot [mm]", [f"{1e3 * one.slips['standing']:.3f}" for one in seen]),
         ("contacts besides soles", [", ".join(sorted(one.touches)) or "nothing" for one in seen]),
     ]
-    return "\n".join(f"{name:42}" + "".join(f"{cell:>12}" for cell in cells) for name, cells in rows)
 
 
 def newtons(margin: float) -> str:

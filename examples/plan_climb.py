@@ -20,7 +20,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 import thingc
-from climb import newtons
+from climb import newtons, outcomes
 from inchworm_film import HEIGHT, OPEN, WIDTH, FollowingFilm
 from inchworm_gait import DRAWN_UP, FEET, PULL, TRANSFER, Stance, Swing
 from inchworm_modes import Foothold, Margins, Mode
@@ -169,11 +169,7 @@ def report(ways: Mapping[str, tuple[Sequence[Swing], Margins, Seen, Watch]]) -> 
         ("smallest static pull margin [N]", [f"{one.magnet:.1f}" for one in static]),
         ("smallest pull margin [N]", [newtons(PULL - one.pull) for one in seen]),
         (f"time with less than {LOW:.0f} N [ms]", [f"{1e3 * one.low:.0f}" for one in watches]),
-        ("smallest torque margin", [f"{100 * (1 - max(one.torque.values())):.1f} %" for one in seen]),
-        ("smallest torque-speed margin", [f"{100 * (1 - one.speed):.1f} %" for one in seen]),
-        ("smallest shear margin", [f"{100 * (1 - one.shear):.1f} %" for one in seen]),
-        ("slip of the supporting foot [mm]", [f"{1e3 * one.slips['standing']:.3f}" for one in seen]),
-        ("contacts besides soles", [", ".join(sorted(one.touches)) or "nothing" for one in seen]),
+        *outcomes(seen),
     ]
     return "\n".join(f"{name:40}" + "".join(f"{cell:>16}" for cell in cells) for name, cells in rows)
 

@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -93,8 +94,8 @@ def report_environment(count: int) -> list[str]:
                 models, axes, _ = env.batch(loads[:, None])
                 states = jax.jit(jax.vmap(env.reset, in_axes=(axes, 0)))(models, jax.random.split(jax.random.key(1), count))
                 step = jax.jit(jax.vmap(env.step, in_axes=(axes, 0, 0, 0)))
-                given = models, states, np.zeros((count, env.action_size)), np.zeros(count, int)
-                times.append(seconds_of(lambda: jax.block_until_ready(step(*given)), 2))  # noqa: B023
+                first = partial(step, models, states, np.zeros((count, env.action_size)), np.zeros(count, int))
+                times.append(seconds_of(partial(settled, first), 2))
             world = make_env(family, settings=[{"load": loads[0]}], modes=MODES, floor=False)
             world.reset(seed=1)
             for number in range(20):
@@ -105,6 +106,11 @@ def report_environment(count: int) -> list[str]:
     ratio = times[1] / times[0]
     print(f"environment of two modes in MJX: {ratio:.2f} of one mode (must {SHARE:.1f}), error {error:.1e}", flush=True)
     return [] if ratio <= SHARE and error <= OBSERVED else ["environment"]
+
+
+def settled(job: Callable[[], Any]) -> None:
+    """Run a job of JAX, and wait for its result."""
+    jax.block_until_ready(job())
 
 
 def seconds_of(job: Callable[[], Any], times: int) -> float:

@@ -337,7 +337,7 @@ def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Sto
         meshes["visual"] = _stored(shown, meshing.obj(shown), store)
         meshes["mesh"] = stored_obj(metres, store)
         meshes["hull"] = stored_obj(hull, store)
-        printed, double = meshing.in_single(mesh), meshing.in_single(mesh, DECIMALS)
+        printed, double = meshing.merge_vertices(mesh), meshing.merge_vertices(mesh, DECIMALS)
         meshes["print"] = _stored(printed, meshing.stl(printed), store)
         meshes["slicing"] = _stored(double, meshing.double(double), store)
         if not meshes["print"].closed:
@@ -480,5 +480,5 @@ def _stored(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
 
 def stored_obj(mesh: meshing.Triangles, store: Store) -> Mesh:
     """Write a mesh to the store as an OBJ file, without changing its unit."""
-    rounded = meshing.in_single(mesh)
+    rounded = meshing.merge_vertices(mesh)
     return _stored(rounded, meshing.obj(rounded), store)

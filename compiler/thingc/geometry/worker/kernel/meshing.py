@@ -105,10 +105,10 @@ def hull(points: NDArray[np.float64]) -> Triangles | None:
 _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")])
 
 
-def in_single(mesh: Triangles, decimals: int | None = None) -> Triangles:
-    """Round the vertices to 32-bit floats, as in STL files and simulators, and merge vertices that become equal.
+def merge_vertices(mesh: Triangles, decimals: int | None = None) -> Triangles:
+    """Merge vertices that are equal as 32-bit floats, as in STL files and simulators.
 
-    With `decimals`, equal vertices are merged, but coordinates are rounded to decimals only.
+    The coordinates of the result are 32-bit floats. With `decimals`, they are rounded to this number of decimals instead.
     """
     single = mesh.vertices.astype(np.float32).astype(np.float64) + 0.0
     firsts, numbers = _once(single)
