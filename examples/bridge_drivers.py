@@ -1,4 +1,4 @@
-"""Drivers that select the bridges to build: random samples of the document of variants, or Optuna."""
+"""Drivers that select the bridges to build, either by random sampling or with Optuna."""
 
 from __future__ import annotations
 
@@ -15,27 +15,29 @@ from bridge_report import MARGIN, Tried
 from thingc import Options
 
 ROUND = 8
-"""Number of bridges to request from Optuna at once."""
+"""Number of bridges that each call of `Optuna.ask` requests from Optuna."""
 
 
 class Driver(Protocol):
-    """A search strategy. Call `ask` for the next document of variants until it returns None, and report the results to `tell`."""
+    """A search strategy that proposes variants and receives their results. Call `ask` until it returns None. Build each document that it
+    returns, and pass the results to `tell`.
+    """
 
     def ask(self) -> Path | None:
-        """Return the next document of variants to build, or None."""
+        """Return the path of the next `variants/1` document to build, or None at the end of the search."""
 
     def tell(self, rows: Sequence[Tried]) -> None:
-        """Receive the results, in the order of the variants."""
+        """Receive the results of the last document, in the order of its variants."""
 
 
 class Random:
-    """The sample of the document itself or, with `count`, another number of points of the same sequence."""
+    """Builds the random sample that the document specifies. If `count` is given, the sample has `count` points of the same sequence."""
 
     def __init__(self, document: Path, count: int | None, options: Options) -> None:
         self._waiting: list[Path] = [document if count is None else _written(document, "bridge_search_random", sample={"count": count})]
 
     def ask(self) -> Path | None:
-        """Return the document once."""
+        """Return the path of the document at the first call, and None at later calls."""
         return self._waiting.pop() if self._waiting else None
 
     def tell(self, rows: Sequence[Tried]) -> None:
@@ -43,7 +45,9 @@ class Random:
 
 
 class Optuna:
-    """A tree-structured Parzen estimator with the torque margin as a constraint. It uses the seed of the document."""
+    """Selects bridges with Optuna's tree-structured Parzen estimator. The torque margin is a constraint. The sampler uses the seed of the
+    document.
+    """
 
     def __init__(self, document: Path, count: int | None, options: Options) -> None:
         import optuna
@@ -58,7 +62,7 @@ class Optuna:
         self._round = 0
 
     def ask(self) -> Path | None:
-        """Return a document that lists the next bridges."""
+        """Write a document with the next bridges, and return its path. Return None at the end of the search."""
         size = min(ROUND, self._left)
         if not size:
             return None
@@ -72,14 +76,16 @@ class Optuna:
         return _written(self._document, f"bridge_search_optuna_{self._round:02d}", listed=listed)
 
     def tell(self, rows: Sequence[Tried]) -> None:
-        """Convert the settings of a trial to lengths and margins."""
+        """Report the bridge length and the torque margin of each variant to Optuna."""
         for trial, row in zip(self._asked, rows, strict=True):
             trial.set_constraint("torque_margin", MARGIN - row.margin)
             self._study.tell(trial, row.bridge)
 
 
 def _written(document: Path, name: str, *, sample: dict[str, Any] | None = None, listed: list[Any] | None = None) -> Path:
-    """Write a copy of a document to the build folder of the workspace, with another sample, or with a list instead. Return its path."""
+    """Write a copy of a variants document to the build folder of the workspace. The copy has another sample, or a list of variants. Return
+    the path of the copy.
+    """
     found = yaml.safe_load(document.read_text())
     folder = document.parents[2] / "build"
     folder.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""Report the bridges of a search as a section of a page and as a plot."""
+"""Report the results of a bridge search as a section of a page and as a plot."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import mujoco
 import numpy as np
 
 MARGIN = 1.3
-"""Smallest allowed torque margin, as in `keep` of the document."""
+"""Smallest allowed torque margin, the same as in the section `keep` of the variants document."""
 PULL, RADIUS = 300.0, 0.025
-"""Pull [N] and radius [m] of a magnet."""
+"""Adhesion force [N] of a magnet, and the radius [m] of its face."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
-    """A bridge: its lengths [m], smallest torque margin, mass [kg], and the build folder of a feasible bridge."""
+    """A bridge that was tried: its lengths [m], smallest torque margin and mass [kg]. A feasible bridge also has a build folder."""
 
     name: str
     leg: float
@@ -33,8 +33,8 @@ class Tried:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rebuilt:
-    """Results of MuJoCo for a bridge: the distance of the soles [m], the torque margin by joint, and the pull [N] at the rim of the
-    holding magnet.
+    """Values of a bridge computed by MuJoCo: distance between the soles [m], torque margin by joint, and pull [N] at the rim of the holding
+    magnet.
     """
 
     bridge: float
@@ -43,7 +43,7 @@ class Rebuilt:
 
 
 def rebuilt(one: Tried) -> Rebuilt:
-    """Compute the same values with MuJoCo's inverse dynamics, from the built model."""
+    """Compute the distance, the torque margins and the pull of a built bridge with MuJoCo's inverse dynamics."""
     assert one.folder is not None
     model = mujoco.MjModel.from_xml_path(str(Path(one.folder, "mjcf", "minchw_probe_reaching.xml")))
     data = mujoco.MjData(model)
@@ -62,7 +62,7 @@ def rebuilt(one: Tried) -> Rebuilt:
 
 
 def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, driver: str) -> str:
-    """Return the section of `docs/variants_search.md`."""
+    """Return the generated section of the page `docs/variants_search.md` as Markdown."""
     feasible = [one for one in found if one.feasible]
     document = Path(__file__).resolve().parents[1] / "assemblies" / "minchw" / "bridge_search.yaml"
     chosen = "sampled by the document" if driver == "random" else "chosen by Optuna"
@@ -107,7 +107,7 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
 
 
 def best_so_far(found: Sequence[Tried]) -> list[float]:
-    """Return the longest bridge [m] up to each robot; NaN before the first feasible one."""
+    """Return the length [m] of the longest feasible bridge so far, for each robot. The value is NaN before the first feasible robot."""
     best, curve = math.nan, []
     for one in found:
         if one.feasible and not one.bridge <= best:
@@ -117,7 +117,7 @@ def best_so_far(found: Sequence[Tried]) -> list[float]:
 
 
 def draw(found: Sequence[Tried], best: Tried | None, path: Path) -> None:
-    """Plot the bridge length against both lengths, and the best result so far."""
+    """Plot the bridge length against the leg length and the body length, and the length of the best bridge so far."""
     import matplotlib
 
     matplotlib.use("Agg")

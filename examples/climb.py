@@ -1,7 +1,7 @@
 """MInchW climbs through a steel tunnel with a floor, a wall and a ceiling: `make climb`, or `python examples/climb.py BUILD`.
 
-The film shows one simulation from the floor to the ceiling, rooted at the foot that holds the robot. The plot shows the pull margin of many
-walks on each surface, at different speeds. The printed values are measured in the simulations.
+The film shows one simulation from the floor to the ceiling. The root of the model is the foot that holds the robot. The plot shows the pull
+margin of many walks on each surface, at different speeds. The printed values are measured in the simulations.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from walk import LIFT, PLACES, SHORT, SINK, STRIDE, built, write
 
 STAGES = ("floor", "floor to wall", "wall", "wall to ceiling", "ceiling")
 PACES = (0.5, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
-"""Paces relative to the gait of `walk`, which has pace 1."""
+"""Speeds of the walk relative to the gait in `walk.py`."""
 
 FALLEN = 0.1
-"""Distance [m] by which a foot slips in a fall."""
+"""Slip [m] of a foot above which the robot counts as fallen."""
 
 FRAME, SHOWN = 0.3, 0.1
-"""Simulated time between two frames of the film [s], and the duration of a frame [s]."""
+"""Simulated time [s] between two frames of the film, and the time [s] for which each frame is shown."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Stages:
-    """Records the smallest pull margin [N] in each stage. Called after every step, like a film."""
+    """Records the smallest pull margin [N] in each stage of the climb. An instance is a callback that runs after every simulation step."""
 
     until: tuple[float, ...]
     film: FollowingFilm | None = None
     least: dict[str, float] = field(default_factory=lambda: dict.fromkeys(STAGES, np.inf))
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, margin: float) -> None:
-        """Record the margin, and pass it to the film."""
+        """Update the smallest margin of the current stage, and call the film's callback."""
         stage = STAGES[min(int(np.searchsorted(self.until, data.time - 1e-9)), len(STAGES) - 1)]
         self.least[stage] = min(self.least[stage], margin)
         if self.film is not None:
@@ -52,13 +52,15 @@ class Stages:
 
 
 def stages(tunnel: Tunnel, plan: Sequence[Swing]) -> tuple[float, ...]:
-    """Return the end of each stage [s]."""
+    """Return the simulated time [s] at the end of each stage."""
     ends = np.cumsum([2 * tunnel.floor, len(CORNER), 2 * tunnel.wall, len(CORNER), 2 * tunnel.ceiling])
     return tuple(STAND + sum(swing.duration for swing in plan[:end]) for end in ends)
 
 
 def climb(folder: Path, tunnel: Tunnel, film: FollowingFilm | None = None) -> dict[str, tuple[Seen, Stages]]:
-    """Simulate the way through a tunnel twice, rooted and free. The film shows the rooted robot."""
+    """Simulate the climb through a tunnel twice: rooted at the holding foot, and with a free base. The film records only the rooted
+    simulation.
+    """
     robot = Climb(folder, "", tunnel.faces)
     plan, footholds = tunnel.plan(robot.models), tunnel.footholds()
     found = {}
@@ -69,7 +71,7 @@ def climb(folder: Path, tunnel: Tunnel, film: FollowingFilm | None = None) -> di
 
 
 def report(found: Mapping[str, tuple[Seen, Stages]]) -> str:
-    """Return the table of the climb, one column per simulation."""
+    """Return the results of the climb as a text table with one column per simulation."""
     seen = [each for each, _ in found.values()]
     rows = [
         ("", list(found)),
@@ -81,7 +83,7 @@ def report(found: Mapping[str, tuple[Seen, Stages]]) -> str:
 
 
 def outcomes(seen: Sequence[Seen]) -> list[tuple[str, list[str]]]:
-    """Return the rows of a table that compares simulations: smallest margins, slip and contacts, one column per simulation."""
+    """Return the rows of a table that compares simulations, with one column per simulation: smallest margins, slip and contacts."""
     return [
         ("smallest shear margin", [f"{100 * (1 - one.shear):.1f} %" for one in seen]),
         ("smallest torque margin", [f"{100 * (1 - max(one.torque.values())):.1f} %" for one in seen]),
@@ -92,24 +94,26 @@ def outcomes(seen: Sequence[Seen]) -> list[tuple[str, list[str]]]:
 
 
 def newtons(margin: float) -> str:
-    """Format a pull margin [N], or report that the foot came off."""
+    """Format a pull margin [N], or report that the foot detached from the steel."""
     return f"{round(margin, 1) + 0.0:.1f}" if np.isfinite(margin) else "off"
 
 
 def fallen(seen: Seen) -> bool:
-    """Return whether a foot is far away from its planned position."""
+    """Return whether a foot has slipped by more than `FALLEN`."""
     return max(seen.slips.values()) > FALLEN
 
 
 def paced(folder: Path, place: str, pace: float, steps: int = 2) -> tuple[float, dict[str, Seen]]:
-    """Simulate the gait of `walk` on a surface at `pace` times its speed. Return the speed [m/s] and the results of both simulations."""
+    """Simulate the gait of `walk.py` on a surface, with its speed multiplied by `pace`. Return the walking speed [m/s] and the results of
+    the rooted and the free simulation.
+    """
     robot = Climb(folder, PLACES[place])
     plan = [replace(swing, pace=pace) for swing in swings(robot.models, steps, SHORT, STRIDE, LIFT, SINK)]
     return steps * STRIDE / sum(swing.duration for swing in plan), {"rooted": robot.rooted(plan), "free": robot.adhering(plan)}
 
 
 def report_speeds(found: Mapping[str, Sequence[tuple[float, dict[str, Seen]]]]) -> str:
-    """Return the table of speeds, one column per pace."""
+    """Return the results at each speed as a text table with one column per speed."""
     rows = [("speed [mm/s]", [f"{1e3 * speed:.1f}" for speed, _ in next(iter(found.values()))])]
     for place, walks in found.items():
         for way in ("rooted", "free"):
@@ -120,8 +124,8 @@ def report_speeds(found: Mapping[str, Sequence[tuple[float, dict[str, Seen]]]]) 
 
 
 def plot(found: Mapping[str, Sequence[tuple[float, dict[str, Seen]]]], path: Path) -> None:
-    """Plot the smallest pull margin against the speed: a line for the rooted robot, a ring for the free robot, and a cross if a foot comes
-    off.
+    """Plot the smallest pull margin against the speed. Lines are rooted simulations, rings are free simulations, and crosses are walks in
+    which a foot detached.
     """
     import matplotlib
 

@@ -1,8 +1,8 @@
 """Search for the lengths of MInchW's legs and body together with its gait: `make codesign`, or `python examples/codesign.py`.
 
-Optuna maximizes the distance climbed on a wall per joule. `thingc.family` creates each robot from the document with other lengths, and
-`mujoco.rollout` simulates sixteen walks at once. All trials are stored in a journal. If a search is interrupted, the same command continues
-it, with the same result as an uninterrupted search.
+Optuna maximizes the distance that the robot climbs on a wall per joule of energy. `thingc.family` creates the robots, which differ in the
+lengths of legs and body. `mujoco.rollout` simulates sixteen walks in parallel. Optuna stores all trials in a journal file. To continue an
+interrupted search, run the same command again. The result is the same as without the interruption.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from walk import ROOT, write
 DOCUMENT = ROOT / "assemblies" / "minchw" / "minchw.yaml"
 JOURNAL = ROOT / "build" / "codesign.journal"
 TOGETHER = 16
-"""Number of walks that are requested and simulated at once."""
+"""Number of walks that are simulated in parallel. Optuna suggests the same number of designs at a time."""
 AT_RANDOM = 64
-"""Number of random walks before the sampler uses results."""
+"""Number of walks with random designs before the sampler uses earlier results."""
 
 LENGTHS = {"leg": (64, 140, 2), "body": (90, 220, 10)}
-"""Range and step of each length [mm]. Because of the step, each part is built only once per length."""
+"""Minimum, maximum and step of each length [mm]. Lengths are multiples of the step, so each part is built only once per length."""
 GAIT = {"stride": (0.03, 0.3), "knee": (1.0, 1.7), "pace": (0.5, 2.0)}
-"""Ranges of the parameters of the gait, as in `Design`."""
+"""Minimum and maximum of the gait parameters. The units are the same as in `Design`."""
 PUBLISHED = {"leg": 0.064, "body": 0.0947}
 BY_HAND = Design(**PUBLISHED, stride=0.09, knee=1.5, pace=1.0)
-"""The robot and the gait of `make walk`."""
+"""The design that `make walk` simulates: the published robot with a gait that was planned by hand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
-    """A design and its result."""
+    """A design and the outcome of its simulated walk."""
 
     design: Design
     outcome: Outcome
@@ -52,10 +52,11 @@ class Tried:
 def search(
     robots: thingc.RobotFamily, storage: BaseStorage, name: str, count: int, seed: int, lengths: Mapping[str, float] | None, threads: int,
 ) -> list[Tried]:
-    """Run a study until it has `count` walks, and return them in order. If `lengths` [m] is set, only the gait is varied.
+    """Run an Optuna study until it contains `count` walks, and return the walks in the order of the trials. If `lengths` [m] is set, these
+    lengths are fixed and only the gait varies.
 
-    Each walk has its own sampler seed, and uses the results of all previous rounds. Therefore, an interrupted search continues with the
-    same choices.
+    The sampler of each walk has its own seed. It uses the results of all previous rounds. Therefore, an interrupted search continues with
+    the same designs.
     """
     study = optuna.create_study(study_name=f"{name}, seed {seed}", storage=storage, direction="maximize", load_if_exists=True)
     while True:
@@ -76,7 +77,7 @@ def search(
 
 
 def _trial(study: optuna.Study, number: int, seed: int, begun: FrozenTrial | None) -> Trial:
-    """Return the trial with this number, or create it."""
+    """Return the Optuna trial with the number `number`. Create the trial if it does not exist."""
     study.sampler = optuna.samplers.TPESampler(
         seed=seed * 1_000_003 + number, multivariate=True, n_startup_trials=AT_RANDOM,
     )
@@ -84,7 +85,7 @@ def _trial(study: optuna.Study, number: int, seed: int, begun: FrozenTrial | Non
 
 
 def _designed(trial: Trial, lengths: Mapping[str, float] | None) -> Design:
-    """Return the design that a trial suggests."""
+    """Return the design with the parameters that an Optuna trial suggests."""
     if lengths is None:
         lengths = {key: trial.suggest_int(key, low, high, step=step) / 1000 for key, (low, high, step) in LENGTHS.items()}
     return Design(**lengths, **{key: trial.suggest_float(key, low, high) for key, (low, high) in GAIT.items()})
@@ -96,12 +97,12 @@ def _tried(trial: FrozenTrial, lengths: Mapping[str, float] | None) -> Tried:
 
 
 def best_of(tried: Sequence[Tried]) -> Tried:
-    """Return the first trial with the longest distance per joule."""
+    """Return the design with the longest distance per joule. If several designs are equal, return the first."""
     return max(tried, key=lambda one: one.outcome.value)
 
 
 def report(columns: Mapping[str, Tried]) -> str:
-    """Return the table, one column per robot."""
+    """Return the results as a text table with one column per robot."""
     some = list(columns.values())
     rows = [
         ("", list(columns)),
@@ -122,14 +123,16 @@ def report(columns: Mapping[str, Tried]) -> str:
 
 
 def report_failed(tried: Sequence[Tried]) -> str:
-    """Count the failed walks by reason."""
+    """Return a text that lists the number of failed walks for each reason."""
     reasons = Counter(one.outcome.failed for one in tried if one.outcome.failed)
     lines = [f"{len(tried):5} walks, {len(tried) - reasons.total()} of them completed"]
     return "\n".join([*lines, *(f"{count:5} {reason}" for reason, count in sorted(reasons.items(), key=lambda one: (-one[1], one[0])))])
 
 
 def plot(together: Sequence[Tried], gait: Sequence[Tried], path: Path) -> None:
-    """Plot the distance per joule against the leg length, coloured by body length, and the best result so far of both searches."""
+    """Plot the distance per joule of both searches against the leg length. Colours show the body length, and lines show the best result so
+    far.
+    """
     import matplotlib
 
     matplotlib.use("Agg")

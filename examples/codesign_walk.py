@@ -1,7 +1,7 @@
 """Simulate designs of MInchW that climb a wall, with different lengths and gaits, in parallel with `mujoco.rollout`.
 
-The robot is free, and only its magnets hold it. The commands of its servos are computed with inverse dynamics before the simulation, as in
-`inchworm_physics`, without feedback. Units are SI.
+The base of the robot is free, and only the magnets hold the robot. The commands of its servos are computed before the simulation with
+inverse dynamics, as in `inchworm_physics.py`. The simulation has no feedback. Units are SI.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from inchworm_gait import DRAWN_UP, FEET, JOINTS, Array, Swing, swings
 
 PLACE = "_wall"
 STEPS = 2
-"""Steps of each foot. The robot stands for `STAND` [s] first."""
+"""Number of steps that each foot makes. The robot stands on both feet for `STAND` [s] before the walk."""
 STAND = 0.3
 LIFT, SINK = 0.025, 0.0001
 SAMPLED = 25
@@ -32,7 +32,8 @@ STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """A design: lengths of leg and body [m], stride [m], knee angle with both feet close together [rad], and pace relative to `make walk`.
+    """A design of the robot and its gait: lengths of leg and body [m], stride [m], knee angle [rad] and pace. The knee angle applies while
+    both feet are close together, and the pace is relative to `make walk`.
     """
 
     leg: float
@@ -43,7 +44,7 @@ class Design:
 
     @property
     def settings(self) -> dict[str, float]:
-        """The design in the document."""
+        """Return the parameters of the document that define the lengths of legs and body."""
         return {"leg_length": self.leg, "body_length": self.body}
 
 
@@ -51,8 +52,8 @@ class Design:
 class Outcome:
     """The result of a walk: distance [m], time [s] and energy [J].
 
-    `work` is the work of the servos, the integral of |torque * velocity| (braking does not recover energy). `heat` is the heat in their
-    windings. `failed` is the reason of a failure, or empty.
+    `work` is the mechanical work of the servos: the integral of |torque * velocity|. Braking does not recover energy. `heat` is the energy
+    [J] that the windings of the motors lose as heat. `failed` is the reason why the walk failed. It is empty for a successful walk.
     """
 
     failed: str = ""
@@ -62,18 +63,18 @@ class Outcome:
     heat: float = 0.0
     mass: float = 0.0
     largest: float = 0.0
-    """The largest load on the torque-speed line of a servo: torque / stall torque + speed / no-load speed."""
+    """Largest load on the torque-speed line of a servo, computed as torque / stall torque + speed / no-load speed."""
 
     @property
     def value(self) -> float:
-        """Distance per energy [m/J]; 0 for a failed walk."""
+        """Return the distance per energy [m/J], or 0 for a failed walk."""
         return 0.0 if self.failed else self.distance / (self.work + self.heat)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prepared:
-    """A walk before its simulation: the model, the initial state, and the commands of the drives (steps, nu). `ends` contains the step at
-    which each swing ends, `plan` the swings.
+    """A walk that is ready to be simulated: the model, the initial state, and the commands of the drives (steps, nu). `ends` contains the
+    simulation step at which each swing ends, and `plan` contains the swings.
     """
 
     model: mujoco.MjModel
@@ -84,7 +85,9 @@ class Prepared:
 
 
 def evaluate(robots: thingc.RobotFamily, designs: Sequence[Design], threads: int) -> list[Outcome]:
-    """Simulate designs. The result of a design does not depend on the other designs."""
+    """Simulate the walks of several designs in parallel, and return their outcomes. The outcome of a design does not depend on the other
+    designs.
+    """
     prepared = [prepare(robots, design) for design in designs]
     walks = [one for one in prepared if isinstance(one, Prepared)]
     if not walks:
@@ -100,7 +103,9 @@ def evaluate(robots: thingc.RobotFamily, designs: Sequence[Design], threads: int
 
 
 def prepare(robots: thingc.RobotFamily, design: Design) -> Prepared | Outcome:
-    """Plan the walk of a design. Return the reason if the legs cannot reach, or if the document rejects the lengths."""
+    """Plan the walk of a design, and compute the commands of its drives. Return an outcome with the reason if the legs cannot reach a
+    foothold, or if the document rejects the lengths.
+    """
     held: dict[str, mujoco.MjModel] = {}
     for foot in FEET:
         model = robots.model(design.settings, mode=f"{foot}_foot{PLACE}", visual=False)
@@ -177,7 +182,7 @@ def _at_pace(swing: Swing, pace: float) -> Swing:
 
 @dataclass(slots=True)
 class _Inverse:
-    """Return the inverse dynamics of the mode that is rooted at a foot, without contacts."""
+    """Computes the inverse dynamics of a mode that is rooted at a foot, without contacts."""
 
     model: mujoco.MjModel
     data: mujoco.MjData = field(init=False)
@@ -192,7 +197,9 @@ class _Inverse:
         self.still = {}
 
     def torque(self, q: Array, v: Array, a: Array) -> Array:
-        """Return torques (6,) for q, v and a, including friction and damping of the joints."""
+        """Return the joint torques (6,) [N m] for positions q, velocities v and accelerations a (6,). The torques include friction and
+        damping of the joints.
+        """
         key = b"" if v.any() else q.tobytes()
         if key in self.still:
             return self.still[key]
@@ -205,7 +212,7 @@ class _Inverse:
 
 
 def judged(walk: Prepared, states: Array) -> Outcome:
-    """Evaluate a walk from its states after every step (steps, nstate)."""
+    """Evaluate a walk from the states of the simulation after every step (steps, nstate)."""
     model, begin = walk.model, walk.ends[0]
     if not np.isfinite(states).all():
         return Outcome(failed="the simulation is unstable")
@@ -231,7 +238,7 @@ def judged(walk: Prepared, states: Array) -> Outcome:
 
 
 def _watched(walk: Prepared, states: Array) -> tuple[str, float]:
-    """Return the reason of a failure (empty for a successful walk) and the distance that the middle between the soles has moved."""
+    """Return the reason of a failure (empty for a successful walk), and the distance [m] that the midpoint between the soles has moved."""
     model, data = walk.model, mujoco.MjData(walk.model)
     soles = {frozenset((model.geom("floor").id, model.geom(f"{foot}/magnet:collision").id)) for foot in FEET}
     first = None

@@ -1,4 +1,6 @@
-"""An animation of MInchW in a tunnel. The camera follows the robot, the root is orange, and a bar shows the pull margin."""
+"""Record an animation of MInchW in a tunnel. The camera follows the robot. The root of the model is orange, and a bar shows the pull
+margin.
+"""
 
 from __future__ import annotations
 
@@ -14,14 +16,15 @@ ROOT, HOLDING, LOOSE, BRACKET = (0.95, 0.42, 0.08, 1.0), (0.98, 0.75, 0.45, 1.0)
 
 STEEL, LINE = [0.66, 0.70, 0.76, 1], [0.45, 0.49, 0.55, 1]
 NEAR, FAR, THICK, OPEN = -0.08, 0.16, 0.012, -0.45
-"""Extent of the plates from y = NEAR to FAR [m], their thickness THICK, and their start at x = OPEN."""
+"""The plates extend from y = `NEAR` to y = `FAR` [m] and begin at x = `OPEN` [m]. Their thickness is `THICK` [m]."""
 
 FULL = 300.0
-"""Pull margin of a full bar [N]."""
+"""Pull margin [N] at which the bar of the film is full."""
 
 
 def decorate_tunnel(spec: mujoco.MjSpec, length: float, height: float) -> None:
-    """Add steel plates with a line every 100 mm: a floor, a wall at x = `length` [m] and a ceiling at z = `height` [m]. Also add a light.
+    """Add steel plates with a line every 100 mm: a floor, a wall at x = `length` [m] and a ceiling at z = `height` [m]. Also add a light to
+    the model.
     """
     look = {"contype": 0, "conaffinity": 0, "group": 2, "type": mujoco.mjtGeom.mjGEOM_BOX}
     y, half = (NEAR + FAR) / 2, (FAR - NEAR) / 2
@@ -41,7 +44,7 @@ def decorate_tunnel(spec: mujoco.MjSpec, length: float, height: float) -> None:
         name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT, width=16, height=16,
         rgb1=[0.95, 0.96, 0.97], rgb2=[0.95, 0.96, 0.97],
     )
-    spec.worldbody.add_light(  # from the open side, so that no plate keeps it from the robot
+    spec.worldbody.add_light(  # from the open side, where no plate blocks the light
         name="sun", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=[length - 1.0, -2.0, height / 2 + 0.6], dir=[0.35, 0.9, -0.22],
         diffuse=[0.34] * 3, specular=[0.1] * 3,
     )
@@ -51,7 +54,9 @@ def decorate_tunnel(spec: mujoco.MjSpec, length: float, height: float) -> None:
 
 
 class FollowingFilm:
-    """Records frames of a climbing robot at an interval [s]. Call it after every step."""
+    """Records frames of a climbing robot at a fixed interval of simulated time [s]. An instance is a callback that runs after every
+    simulation step.
+    """
 
     def __init__(self, every: float) -> None:
         self.every = every
@@ -61,8 +66,8 @@ class FollowingFilm:
         self.at: np.ndarray | None = None
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, margin: float) -> None:
-        """Record a frame if `every` has passed since the last one. The bar shows the smallest margin since then, and the mark the smallest
-        so far.
+        """Record a frame if `every` [s] of simulated time has passed since the last frame. The bar shows the smallest margin since the last
+        frame, and a mark shows the smallest margin so far.
         """
         self.least, self.ever = min(self.least, margin), min(self.ever, margin)
         if data.time < len(self.frames) * self.every:
@@ -74,7 +79,7 @@ class FollowingFilm:
         self.least = np.inf
 
     def picture(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Image.Image, str]:
-        """Return a picture of the robot with coloured feet, and the foot that is the root."""
+        """Return a picture of the robot with coloured feet, and the name of the foot that is the root."""
         root = next(foot for foot in ("front", "rear") if model.body(f"{foot}/foot").mocapid[0] >= 0)
         if id(model) not in self.renderers:
             self.renderers[id(model)] = mujoco.Renderer(model, 2 * HEIGHT, 2 * WIDTH)
@@ -93,7 +98,7 @@ class FollowingFilm:
         return Image.fromarray(renderer.render()).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS), root
 
     def close(self) -> None:
-        """Close the renderers."""
+        """Close the MuJoCo renderers."""
         for renderer in self.renderers.values():
             renderer.close()
 
@@ -104,7 +109,7 @@ class FollowingFilm:
         first.save(path, save_all=True, append_images=rest, duration=milliseconds, loop=0, quality=quality, method=4)
 
     def camera(self, data: mujoco.MjData) -> mujoco.MjvCamera:
-        """Return the camera, which smoothly follows the middle of the robot on the open side."""
+        """Return a camera on the open side of the tunnel, which smoothly follows the midpoint of the robot."""
         middle = np.array(data.subtree_com[0])
         self.at = middle if self.at is None else self.at + 0.12 * (middle - self.at)
         camera = mujoco.MjvCamera()

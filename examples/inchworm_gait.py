@@ -1,7 +1,7 @@
-"""The gait of an inchworm: joint positions and magnets as functions of time.
+"""Plan the gait of an inchworm robot: joint positions and magnet forces as functions of time.
 
-The gait is planned once from the kinematics of the built robot, without feedback. Both kinds of simulation (`inchworm_physics`) follow the
-same plan. Units are SI. Vectors of six joints are in the order of `JOINTS`.
+The gait is planned once from the kinematics of the built robot, without feedback. The rooted and the free simulation
+(`inchworm_physics.py`) use the same plan. Units are SI. Vectors of six joints are in the order of `JOINTS`.
 """
 
 from __future__ import annotations
@@ -20,32 +20,34 @@ FEET = ("front", "rear")
 JOINTS = tuple(f"{foot}/{joint}" for foot in FEET for joint in ("yaw", "knee", "ankle"))
 PITCHING = tuple(name for name in JOINTS if not name.endswith("yaw"))
 PULL = 300.0
-"""Nominal pull of a magnet [N]."""
+"""Nominal adhesion force [N] of a magnet."""
 
 SWING, PRESS, TRANSFER, RELEASE, REST = 1.5, 0.15, 0.35, 0.15, 0.2
-"""Durations [s] of the phases of a step: foot in the air, magnet on, load transfer, other magnet off, and rest."""
+"""Durations [s] of the phases of a step: swing of a foot, switching its magnet on, load transfer, switching the other magnet off, and
+rest.
+"""
 
 DRAWN_UP = np.array([0.0, 1.5, 1.5, 0.0, 1.5, 1.5])
-"""Joint angles (6,) near a stance on both feet with the knees above the ankles."""
+"""Initial joint angles (6,) [rad] for the inverse kinematics of a stance on both feet. Both knees are above the ankles."""
 
 DEGREE, KNOTS = 24, 49
-"""Degree of the polynomials of joint paths, and number of points for their fit."""
+"""Degree of the polynomials that represent joint paths, and number of points to which a polynomial is fitted."""
 
 
 def other(foot: str) -> str:
-    """Return the other foot."""
+    """Return the name of the other foot: `front` for `rear`, and `rear` for `front`."""
     return FEET[1 - FEET.index(foot)]
 
 
 def smooth(s: Array) -> Array:
-    """Return a smooth step from 0 at s = 0 to 1 at s = 1, whose first four derivatives are 0 at both ends."""
+    """Return a smooth step from 0 at s = 0 to 1 at s = 1. Its first four derivatives are 0 at both ends."""
     return s**5 * (126.0 - 420.0 * s + 540.0 * s**2 - 315.0 * s**3 + 70.0 * s**4)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Instant:
-    """The desired state at a time: `q`, `v`, `a` (6,) of the joints, `share` (the part of the load on the landing foot, 0 to 1), the
-    magnet forces [N] by foot, and the name of the phase.
+    """The desired state of the robot at a time: positions, velocities and accelerations of the joints (6,), magnet forces [N] by foot, and
+    the phase. `share` is the fraction of the load on the landing foot, from 0 to 1.
     """
 
     phase: str
@@ -58,10 +60,10 @@ class Instant:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Swing:
-    """The motion of one foot while the other holds.
+    """The motion of one foot while the other foot holds the robot.
 
-    Contains the Chebyshev coefficients (degree + 1, 6) of q over s in [-1, 1], and the durations [s] in the air and until the magnet holds.
-    With `pace` 2, all durations are halved.
+    The field `path` contains the Chebyshev coefficients (degree + 1, 6) of the joint positions over s in [-1, 1]. Two durations [s] follow:
+    the time in the air, and the time until the magnet holds. If `pace` is 2, all durations are halved.
     """
 
     holds: str
@@ -73,18 +75,18 @@ class Swing:
 
     @property
     def begin(self) -> Instant:
-        """Return the desired state on both feet before the first swing."""
+        """Return the desired state before the swing, with the robot on both feet."""
         still, start = np.zeros(len(JOINTS)), np.asarray(chebyshev.chebval(-1.0, self.path))
         magnets = {self.holds: PULL, self.moves: 0.0}
         return Instant(phase="stand", q=start, v=still, a=still, share=0.0, magnets=magnets)
 
     @property
     def end(self) -> Array:
-        """q (6,) at touchdown."""
+        """Return the joint positions q (6,) [rad] when the foot touches down."""
         return np.asarray(chebyshev.chebval(1.0, self.path))
 
     def bent(self, begin: Array, end: Array) -> Swing:
-        """Return the same motion from other initial joint angles (6,) to other final joint angles."""
+        """Return the same motion with other initial and final joint angles (6,) [rad]."""
         over = np.linspace(-1.0, 1.0, KNOTS)
         done = chebyshev.chebfit(over, smooth(0.5 + 0.5 * over), 9)
         path = self.path.copy()
@@ -94,11 +96,11 @@ class Swing:
 
     @property
     def duration(self) -> float:
-        """Duration [s] from lifting one foot until it carries the load and the other foot is free."""
+        """Return the time [s] from lifting one foot until this foot carries the load and the other foot is free."""
         return (self.seconds + self.press + TRANSFER + RELEASE + REST) / self.pace
 
     def instants(self, timestep: float) -> Iterator[Instant]:
-        """Return the desired state between lifting one foot and releasing the other foot."""
+        """Yield the desired states of a step, from lifting one foot until the other foot is released."""
         velocity = chebyshev.chebder(self.path) * (2.0 * self.pace / self.seconds)
         acceleration = chebyshev.chebder(velocity) * (2.0 * self.pace / self.seconds)
         for phase, duration in (
@@ -123,7 +125,7 @@ class Swing:
 
 
 class Legs:
-    """Inverse kinematics in the plane of the legs, by Newton's method on the model of the mode rooted at a foot."""
+    """Solves the inverse kinematics of the legs in their plane, with Newton's method on the model that is rooted at a foot."""
 
     def __init__(self, model: mujoco.MjModel, holds: str) -> None:
         self.model, self.data = model, mujoco.MjData(model)
@@ -131,10 +133,11 @@ class Legs:
         self.columns = [int(model.joint(name).dofadr[0]) for name in PITCHING]
 
     def solve(self, x: float, z: float, turn: float, pitch: float, near: Array) -> Array:
-        """Return q (6,) for a position of the moving sole.
+        """Return the joint positions q (6,) [rad] for a pose of the moving sole.
 
-        The sole is at `x` and `z` [m] relative to the held sole (x forwards, z out of the steel), rotated by `turn` [rad] (toe up). The
-        nose of the body is rotated up by `pitch` [rad]. The search starts at `near` (6,). Raises `ValueError` if there is no solution.
+        The moving sole is at `x` and `z` [m] relative to the held sole: x points forwards, and z points out of the steel. It is rotated by
+        `turn` [rad], toe up. The nose of the body is rotated upwards by `pitch` [rad]. Newton's method starts at the joint positions `near`
+        (6,) [rad]. Raises `ValueError` if the iteration does not find a solution.
         """
         q = near.copy()
         for _ in range(50):
@@ -145,12 +148,12 @@ class Legs:
         raise ValueError(f"the legs do not reach {x:.3f} m ahead and {z:.3f} m up, turned by {turn:.3f} rad")
 
     def pitch(self, q: Array) -> float:
-        """Return the pitch of the body [rad] (nose up) at q (6,)."""
+        """Return the pitch of the body [rad] at joint positions q (6,). Positive values raise the nose."""
         return -float(self._error(q, 0.0, 0.0, 0.0, 0.0)[0][3])
 
     def _error(self, q: Array, x: float, z: float, turn: float, pitch: float) -> tuple[Array, Array]:
-        """Return x and z of the moving sole, its pitch and the pitch of the body (4,), and their derivatives by the four pitch joints (4,
-        4).
+        """Return the pose of the moving sole and the body (4,), and its Jacobian with respect to the four pitch joints (4, 4). The pose
+        contains x, z and the pitch of the sole, and the pitch of the body.
         """
         for name, value in zip(JOINTS, q, strict=True):
             self.data.joint(name).qpos = value
@@ -172,8 +175,8 @@ class Legs:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stance:
-    """A stance on both feet, relative to the holding foot: position [m] and rotation of the other foot, and pitch of the body [rad], as
-    for `Legs.solve`. Also the position and rotation of one foot in the world.
+    """A stance on both feet: position [m] and rotation [rad] of the other foot relative to the holding foot, and pitch of the body [rad].
+    A stance can also describe the position and rotation of one foot in the world.
     """
 
     x: float
@@ -182,25 +185,27 @@ class Stance:
     pitch: float = 0.0
 
     def seen_from(self, held: Stance) -> Stance:
-        """Return this stance relative to a holding foot. Both are in the world. The rotation is between -pi and pi."""
+        """Return this stance relative to the stance `held` of the holding foot. Both stances must be in the world frame. The returned
+        rotation is between -pi and pi.
+        """
         x, z, c, s = self.x - held.x, self.z - held.z, np.cos(held.turn), np.sin(held.turn)
         turn = (self.turn - held.turn + np.pi) % (2.0 * np.pi) - np.pi
         return Stance(x=x * c + z * s, z=z * c - x * s, turn=turn, pitch=self.pitch - held.turn)
 
 
 def swing(legs: Legs, near: Array, begin: Stance, end: Stance, *, lift: float, nose: float, sink: float, seconds: float = SWING) -> Swing:
-    """Plan a swing from one stance to another, starting at joint angles near `near` (6,).
+    """Plan a swing from the stance `begin` to the stance `end`. The inverse kinematics start at joint angles `near` (6,) [rad].
 
-    The foot is lifted by `lift` [m], with the nose of the body up by an additional `nose` [rad], and is lowered to `sink` [m] below the
-    surface of the steel. The servos therefore press the foot on gently before the magnet would pull it down. Raises `ValueError` if the
+    The foot is lifted by `lift` [m], while the nose of the body rises by `nose` [rad]. It is then lowered to `sink` [m] below the surface
+    of the steel. The servos therefore press the foot gently onto the steel before the magnet is switched on. Raises `ValueError` if the
     legs cannot reach.
     """
     q, knots = near, []
     s = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, KNOTS))
     done, up = smooth(s), 64.0 * (s * (1.0 - s)) ** 3
     turn, pitch = (a + (b - a) * done for a, b in ((begin.turn, end.turn), (begin.pitch, end.pitch)))
-    # Away from the steel that is left and from the one that is come to. The foot that moves now is the one that the other was pressed
-    # down from, by `sink` along the normal of the steel under the foot that holds.
+    # `leaving` is the distance from the old surface, and `coming` the distance from the new surface. At the start, the moving foot is
+    # `sink` above the old surface, because the previous swing pressed the holding foot down by `sink`.
     leaving, coming = lift * up * (1.0 - done), (lift * up - sink) * done
     x = begin.x + (end.x - begin.x) * done - leaving * np.sin(begin.turn) - coming * np.sin(end.turn)
     z = begin.z + (end.z - begin.z) * done + leaving * np.cos(begin.turn) + coming * np.cos(end.turn) + sink * (1.0 - done)
@@ -212,11 +217,11 @@ def swing(legs: Legs, near: Array, begin: Stance, end: Stance, *, lift: float, n
 
 
 def swings(models: dict[str, mujoco.MjModel], steps: int, short: float, stride: float, lift: float, sink: float) -> list[Swing]:
-    """Plan `steps` steps forward: the front foot moves by `stride` [m], and the rear foot follows.
+    """Plan `steps` steps forward. In each step, the front foot moves by `stride` [m], and the rear foot follows.
 
-    `models` contains the models of the modes rooted at a foot, by foot. With both feet close together, the soles are `short` [m] apart. A
-    foot is lifted by `lift` [m], half by the pitch of the body and half by the legs, and lowered to `sink` [m] below the surface of the
-    steel.
+    `models` maps each foot to the MuJoCo model of the mode that is rooted at this foot. When the feet are close together, the distance
+    between the soles is `short` [m]. A foot is lifted by `lift` [m] and then lowered to `sink` [m] below the surface of the steel. Half of
+    the lift comes from the pitch of the body, and half comes from the legs.
     """
     start = DRAWN_UP
     found = {}

@@ -1,6 +1,6 @@
-"""MInchW while one foot holds it: the poses that its torques, its magnet and obstacles allow, and motions between two footholds.
+"""Compute allowed poses and motions of MInchW while one foot holds it. The limits are its torques, its magnet, and obstacles.
 
-A foothold is a distance along a surface. Units are SI. Vectors of six joints are in the order of `JOINTS`.
+A foothold is given by a surface and a distance along the surface. Units are SI. Vectors of six joints are in the order of `JOINTS`.
 """
 
 from __future__ import annotations
@@ -24,57 +24,63 @@ from thingc.model.robot.types import Robot
 from thingc.model.statics.efforts import static_efforts
 
 TORQUE, MAGNET = 2.0, 100.0
-"""Smallest static margins of a pose: torque (limit / effort), and pull [N] of the magnet that holds."""
+"""Smallest allowed static margins of a pose: the ratio limit / effort of the torques, and the unused pull [N] of the holding magnet."""
 
 LOAD, MOVED = 0.8, 90.0
-"""Limits of a motion: the largest load on the torque-speed line of a servo, and the smallest pull margin [N] while it moves."""
+"""Limits of a motion: the largest load on the torque-speed line of a servo, and the smallest pull margin [N] during the motion."""
 
 LIMIT, CLEARANCE, HOVER = np.radians(10.0), 0.003, 0.02
-"""Smallest distances: of a joint from its limits [rad], of a part from the steel [m], and of a swinging sole from its footholds [m]."""
+"""Smallest allowed distances: from a joint to its limits [rad], from a part to the steel [m], and from a swinging sole to its footholds
+[m].
+"""
 
 SEATED, FLAT = 0.002, 0.02
-"""Within this distance of a foothold [m] along the steel and with this tilt [rad], a sole may touch the steel."""
+"""A sole may touch the steel if it is this close to its foothold [m] along the steel, with at most this tilt [rad]."""
 
 RESOLUTION, TRIES = 0.05, 50
-"""Largest change of a joint between two checked poses [rad], and number of random targets for a motion."""
+"""Largest change of a joint [rad] between two poses that are checked, and maximum number of random targets when a motion is planned."""
 
 SECONDS = (1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)
-"""Durations of a swing [s]. The shortest that the servos allow is used."""
+"""Allowed durations of a swing [s], shortest first. The planner uses the shortest duration that the servos allow."""
 
 AT_REST, LIFT, LINGER = 5, 4, (0, 1, 2)
-"""Control points of a curve: at each end, on the way between foothold and `HOVER`, and repeated there. The fewest repeats that keep the
-curve clear are used.
+"""Numbers of control points of a curve: at each end, between the foothold and the height `HOVER`, and repetitions at that height. The
+planner uses the smallest number of repetitions for which the motion is allowed.
 """
 
 NOSE = np.radians([0.0, 3.0, -3.0, 6.0, -6.0, 10.0, -10.0, 15.0, -15.0])
-"""Changes of the pitch of the body [rad] with which a foot is lifted. The first that is allowed is used."""
+"""Changes of the pitch of the body [rad] that are tried when a foot is lifted, in this order. The planner uses the first change that is
+allowed.
+"""
 
 MOVING = np.array([name in PITCHING for name in JOINTS])
-"""Which joints (6,) the planner moves. The yaw joints stay at 0."""
+"""Mask (6,) of the joints that the planner moves. The yaw joints stay at 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Foothold:
-    """A position of a sole: a surface and the distance [m] along it from its start."""
+    """A position of a sole: a surface, and the distance [m] along this surface."""
 
     face: Face
     distance: float
 
     def above(self, height: float = 0.0) -> Stance:
-        """Return the point at `height` [m] above the steel, in the world."""
+        """Return the stance of the sole in the world, `height` [m] above the steel."""
         return foothold(self.face, self.distance, height)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margins:
-    """Static margins of a pose: the smallest limit / effort of a servo, and the unused pull [N] of the magnet that holds."""
+    """Static margins of a pose: the smallest ratio limit / effort of a servo, and the unused pull [N] of the holding magnet."""
 
     torque: float
     magnet: float
 
 
 class Mode:
-    """The robot held by one foot: `Mode(world, robots)` with the model of this mode and its robot on each surface by name."""
+    """A mode of the robot in which one foot is held. `world` contains the MuJoCo model of the mode, and `robots` the robot of the mode on
+    each surface.
+    """
 
     def __init__(self, holds: str, world: World, robots: Mapping[str, Robot]) -> None:
         self.holds, self.moves, self.world, self.robots = holds, other(holds), world, robots
@@ -97,15 +103,19 @@ class Mode:
         self.held = held
 
     def solve(self, target: Stance, near: Array) -> Array:
-        """Return q (6,) with the other sole and the pitch of the body at `target` in the world. Raises `ValueError` if out of reach."""
+        """Return the joint positions q (6,) at which the other sole and the pitch of the body are at `target` in the world. Raises
+        `ValueError` if the legs cannot reach the target.
+        """
         assert self.held is not None
         to = target.seen_from(self.held.above())
         return (self.legs.solve(to.x, to.z, to.turn, to.pitch, near) + np.pi) % (2.0 * np.pi) - np.pi
 
     def on(self, face: Face, q: Array) -> list[tuple[Array, float]]:
-        """Return the poses (6,) with the free sole flat on a surface, in which the leg that holds is as in `q`, and where the sole is [m].
+        """Return poses with the free sole flat on a surface, each with the distance [m] of the sole along the surface. In each pose (6,),
+        the joints of the holding leg have the values in `q`.
 
-        The thigh can be at two angles. Both axes of the leg and the sole are in one plane.
+        There are at most two poses, because the thigh can have two angles. The axes of knee and ankle are perpendicular to a plane that
+        contains the leg and the sole.
         """
         q = np.where([name.startswith(self.moves) for name in JOINTS], 0.0, q)
         self.data.qpos[self.world.qpos] = q
@@ -134,7 +144,7 @@ class Mode:
         return self.legs.pitch(q) + self.held.face.turn
 
     def margins(self, q: Array) -> Margins:
-        """Return the static margins by the statics of thingc."""
+        """Return the static margins of the pose `q`, computed from the static efforts of thingc."""
         assert self.held is not None
         robot = self.robots[self.held.face.name]
         by_joint = dict(zip(JOINTS, q.tolist(), strict=True))
@@ -150,18 +160,20 @@ class Mode:
         return Margins(torque=float(efforts.least_margin or 0.0), magnet=PULL - pull)
 
     def refusal(self, q: Array, seats: Sequence[Foothold] = ()) -> str:
-        """Return why a pose is not allowed, or an empty text. On `seats`, the free sole may touch the steel."""
+        """Return the reason why a pose is not allowed, or an empty string if the pose is allowed. The free sole may touch the steel at the
+        footholds `seats`.
+        """
         if not (np.all(self.lower <= q) and np.all(q <= self.upper)):
             return "joint limit"
         return "collision" if self.collides(q, seats) else self.weakness(q)
 
     def weakness(self, q: Array) -> str:
-        """Return which static margin of a pose is too small, or an empty text."""
+        """Return the name of the static margin that is too small in a pose, or an empty string."""
         margins = self.margins(q)
         return "torque margin" if margins.torque < TORQUE else "magnet margin" if margins.magnet < MAGNET else ""
 
     def collides(self, q: Array, seats: Sequence[Foothold]) -> bool:
-        """Return whether the robot collides with the steel or with itself."""
+        """Return whether the robot collides with the steel or with itself in a pose."""
         assert self.held is not None
         self.data.qpos[self.world.qpos] = q
         mujoco.mj_kinematics(self.model, self.data)
@@ -171,16 +183,17 @@ class Mode:
         return any(frozenset(self.world.names[geom] for geom in pair) not in allowed for pair in self.data.contact.geom.tolist())
 
     def _seated(self, seat: Foothold) -> bool:
-        """Return whether the free sole is above a foothold and parallel to its steel."""
+        """Return whether the free sole is above a foothold and parallel to the surface of the steel."""
         sole, at, turn = self.data.site(f"{self.moves}/sole"), seat.above(), seat.face.turn
         along = (sole.xpos[0] - at.x) * np.cos(turn) + (sole.xpos[2] - at.z) * np.sin(turn)
         tilt = sole.xmat[2::3] @ [np.cos(turn), 0.0, np.sin(turn)]
         return bool(abs(along) < SEATED and abs(tilt) < FLAT)
 
     def press(self, q: Array, seat: Foothold) -> float:
-        """Return the pull [N] of the magnet that holds when the free sole lands on a foothold and its target is `SINK` below the steel.
+        """Return the pull [N] on the holding magnet that results when the free sole lands. The servos aim `SINK` below the surface of the
+        steel.
 
-        The servos act as springs. The steel returns the sole to its surface, without a tilt.
+        In this computation, the servos are springs. The steel keeps the sole at its surface, without a tilt.
         """
         self.data.qpos[self.world.qpos] = q
         mujoco.mj_kinematics(self.model, self.data)
@@ -194,17 +207,21 @@ class Mode:
         return abs(float(force[2] + lever[2] * force[0] - lever[0] * force[1])) / POLE
 
     def spread(self, q: Array) -> float:
-        """Return the sine of the angle between the thighs. If it is 0, the legs cannot correct the position of a sole."""
+        """Return the sine of the angle between the thighs. If this sine is 0, the legs cannot correct the position of a sole."""
         front, rear = (q[JOINTS.index(f"{foot}/knee")] for foot in FEET)
         return abs(float(np.sin(front + rear)))
 
     def clear(self, begin: Array, end: Array) -> bool:
-        """Return whether the straight motion of the joints between two poses within the limits of the joints is allowed."""
+        """Return whether all poses on the straight line between two joint positions are allowed. Both joint positions must be within the
+        joint limits.
+        """
         poses = np.linspace(begin, end, int(np.ceil(np.abs(end - begin).max() / RESOLUTION)) + 1)
         return not any(self.collides(q, ()) for q in poses) and not any(map(self.weakness, poses))
 
     def motion(self, begin: Array, end: Array, seats: tuple[Foothold, Foothold], rng: np.random.Generator) -> Swing | None:
-        """Return a swing from one seat of the free foot to the other, or None. The foot leaves and meets the steel along its normal."""
+        """Return a swing of the free foot from the first foothold to the second, or None if the planner finds no motion. The foot leaves
+        and reaches the steel along its normal.
+        """
         up, down = (self._lifted(seat, q) for seat, q in zip(seats, (begin, end), strict=True))
         if not up or not down:
             return None
@@ -214,7 +231,9 @@ class Mode:
         return self._smooth([begin, *up], rrt_connect.shorten(way, self.clear), [*down[::-1], end], seats)
 
     def _lifted(self, seat: Foothold, q: Array) -> list[Array]:
-        """Return poses that lift the free foot from the pose `q` on a foothold along the normal, or nothing if none is allowed."""
+        """Return poses that lift the free foot from a foothold along the normal, beginning at the pose `q`. Return an empty list if no such
+        motion is allowed.
+        """
         for nose in NOSE:
             try:
                 found = [
@@ -228,7 +247,7 @@ class Mode:
         return []
 
     def _smooth(self, up: list[Array], way: list[Array], down: list[Array], seats: tuple[Foothold, Foothold]) -> Swing | None:
-        """Return the fastest swing along a path with rounded corners, or None if no such swing is allowed."""
+        """Return the fastest allowed swing along a path with rounded corners, or None if no such swing is allowed."""
         assert self.held is not None
         far = len({self.held.face, *(seat.face for seat in seats)}) > 1
         for linger in LINGER:
@@ -245,7 +264,9 @@ class Mode:
         return load <= LOAD and margin >= MOVED
 
     def loads(self, plan: Swing) -> tuple[float, float]:
-        """Return the largest load on the torque-speed line of a servo in a swing, and the smallest pull margin [N], by inverse dynamics."""
+        """Return the largest load on the torque-speed line of a servo during a swing, and the smallest pull margin [N]. Both values are
+        computed with inverse dynamics.
+        """
         assert self.held is not None
         gravity = np.array(self.robots[self.held.face.name].gravity)
         found = [self.dynamics.load(now, gravity) for now in plan.instants(0.02) if now.phase == "swing"]
@@ -253,8 +274,8 @@ class Mode:
 
 
 def curve(up: Sequence[Array], way: Sequence[Array], down: Sequence[Array]) -> Array:
-    """Return the Chebyshev coefficients of a Bezier curve, at rest at both ends. `up` and `down` are control points, and more of them are
-    evenly on `way` between them.
+    """Return the Chebyshev coefficients of a Bezier curve that is at rest at both ends. The control points are `up`, additional points at
+    equal distances along `way`, and `down`.
     """
     head, tail = [up[0]] * (AT_REST - 1) + list(up), list(down) + [down[-1]] * (AT_REST - 1)
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(np.array(way), axis=0), axis=1))])

@@ -1,7 +1,9 @@
-"""Simulate MInchW on steel in MuJoCo, either rooted at the holding foot with mode switches, or free and held only by its magnets.
+"""Simulate MInchW on steel in MuJoCo, in one of two ways. Either the model is rooted at the holding foot and switches modes, or its base is
+free and only the magnets hold it.
 
-The servos are the position drives of the document. Their position commands follow from the torque that the motion requires. The torque is
-computed with inverse dynamics in the mode rooted at the foot that carries the robot: `force = kp (ctrl - q) - kv v`.
+The servos are the position drives that the document defines. Their position commands are computed from the torques that the motion
+requires. The torques result from inverse dynamics in the mode that is rooted at the foot that carries the robot. A servo applies `force =
+kp (ctrl - q) - kv v`.
 """
 
 from __future__ import annotations
@@ -21,38 +23,41 @@ from thingc.modes import Modes
 
 TIMESTEP = 1e-3
 STAND = 0.3
-"""Time [s] for which the robot stands before it starts."""
+"""Time [s] for which the robot stands still before it starts."""
 
 POLE = 0.025
-"""Radius [m] of a magnet's face. A foot tips over its rim."""
+"""Radius [m] of a magnet's face. The foot can tip over the rim of the magnet."""
 
 SLIDE = 0.5
-"""Friction of a sole on steel, as in MInchW's materials."""
+"""Coefficient of friction between a sole and steel, as in the materials of MInchW."""
 
 STEEL = {
     "friction": [SLIDE, 0.005, 0.0001], "priority": 2, "solref": [0.004, 1.0], "solimp": [0.99, 0.999, 0.0005, 0.5, 2.0],
     "gap": 0.001,
 }
-"""Contact parameters of the beam.
+"""Contact parameters of the beam, as attributes of a MuJoCo geom.
 
-With MuJoCo's default contacts, a magnet with 300 N would penetrate the beam by 4 mm; with these, by 0.03 mm. A magnet also pulls in the
-last millimetre without contact; otherwise, it would never attach to a wall, because gravity does not press it on.
+With MuJoCo's default contact parameters, a magnet with 300 N would penetrate the beam by 4 mm. With these parameters, the penetration is
+0.03 mm. The gap lets a magnet pull in the last millimetre before contact. Without the gap, a magnet would never attach to a wall, because
+gravity does not press it against the wall.
 """
 
 LEANS = 1e-5
 """Tilt of the steel [rad].
 
-A foot that was the root is exactly parallel to the steel. In this case, MuJoCo (3.17, plane against cylinder) derives the contact direction
-from rounding errors, and can report a penetration of 24 mm. It ignores tilts of less than 1e-6.
+Without this tilt, a foot that was the root would be exactly parallel to the steel. MuJoCo (3.17, plane against cylinder) would then derive
+the contact direction from rounding errors, and could report a penetration of 24 mm. MuJoCo ignores tilts of less than 1e-6.
 """
 
 Watch = Callable[[mujoco.MjModel, mujoco.MjData, float], None]
-"""A callback after every step, with the pull margin [N] of the feet that carry the robot."""
+"""A callback that runs after every simulation step. Its last argument is the pull margin [N] of the feet that carry the robot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Face:
-    """A steel plane: a point on it [m], and its rotation about y [rad] relative to a floor. Its x axis points forwards."""
+    """A steel plane: a point [m] on the plane, and the rotation [rad] about y relative to a floor. The x axis of the plane points
+    forwards.
+    """
 
     name: str
     x: float = 0.0
@@ -65,38 +70,38 @@ BEAM = (Face(name="steel"),)
 
 @dataclass(slots=True, kw_only=True)
 class Seen:
-    """Extreme values of a walk [SI], and the final position."""
+    """Extreme values of a simulated walk in SI units, and the distance that the robot has moved."""
 
     steps: int = 0
     progress: float = 0.0
     slips: dict[str, float] = field(default_factory=lambda: {"standing": 0.0, "landing": 0.0})
     pull: float = 0.0
-    """Largest required pull of a holding foot [N]. A moment counts as an equivalent force at the rim."""
+    """Largest pull [N] that a holding foot requires. A tipping moment is converted to an equivalent force at the rim of the magnet."""
     pulled: str = ""
-    """Phase of the largest required pull."""
+    """Name of the phase with the largest required pull."""
     shear: float = 0.0
     """Largest ratio of the tangential force to the friction limit."""
     torque: dict[str, float] = field(default_factory=lambda: dict.fromkeys(JOINTS, 0.0))
     """Largest torque of each servo, relative to its stall torque."""
     speed: float = 0.0
-    """Largest load on the torque-speed line: torque / stall torque + speed / no-load speed."""
+    """Largest load on the torque-speed line of a servo, computed as torque / stall torque + speed / no-load speed."""
     tracking: float = 0.0
     tilt: float = 0.0
     removed: float = 0.0
-    """Largest velocity [m/s or rad/s] of a foot when it becomes the root."""
+    """Largest velocity [m/s or rad/s] that a foot has when it becomes the root."""
     removed_angular: float = 0.0
     touches: set[str] = field(default_factory=set)
-    """Contacts of the robot with the steel (except soles) or with itself."""
+    """Pairs of geoms in contact, except the contacts between soles and steel."""
 
 
 def on_steel(folder: Path, mode: str, faces: Sequence[Face] = BEAM) -> mujoco.MjModel:
-    """Return the model of a mode on the surface of a beam (z = 0), or between other surfaces."""
+    """Return the MuJoCo model of a mode on the surface of a beam (z = 0), or between the planes `faces`."""
     spec = mujoco.MjSpec.from_file(str(folder / "mjcf" / f"minchw_{mode}.xml"))
     spec.option.timestep = TIMESTEP
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 10.0
     for geom in spec.geoms:
-        geom.margin = 0.0  # the steel has a gap instead
+        geom.margin = 0.0  # the geoms of the steel have a gap instead
     for face in faces:
         turned = np.zeros(4)
         mujoco.mju_mulQuat(turned, np.array([np.cos(face.turn / 2), 0, -np.sin(face.turn / 2), 0]), np.array([1, LEANS / 2, 0, 0]))
@@ -112,7 +117,7 @@ def on_steel(folder: Path, mode: str, faces: Sequence[Face] = BEAM) -> mujoco.Mj
 
 
 class World:
-    """The model and the state of one mode."""
+    """The MuJoCo model of a mode, and its simulation state."""
 
     def __init__(self, folder: Path, mode: str, faces: Sequence[Face] = BEAM) -> None:
         self.mode, self.model = mode, on_steel(folder, mode, faces)
@@ -129,25 +134,27 @@ class World:
         self.kp, self.kv = self.model.actuator_gainprm[self.drives, 0], -self.model.actuator_biasprm[self.drives, 2]
 
     def joints(self) -> Array:
-        """The current q (6,)."""
+        """Return the current joint positions (6,) [rad]."""
         return np.array(self.data.qpos[self.qpos])
 
     def sole(self, foot: str) -> Array:
-        """Return the centre of a sole in the world (3,)."""
+        """Return the position of the centre of a sole in the world (3,) [m]."""
         return np.array(self.soles[foot].xpos)
 
     def normal(self, foot: str) -> Array:
-        """Return the normal (3,) of the steel under a foot, towards the robot. It is along an axis of the world."""
+        """Return the unit normal (3,) of the steel under a foot, which points towards the robot. The normal is along an axis of the
+        world.
+        """
         return -np.round(self.soles[foot].xmat[2::3])
 
     def turn(self, foot: str) -> float:
-        """Return the rotation of a sole relative to a floor [rad], toe up."""
+        """Return the rotation [rad] of a sole relative to a floor. Positive values raise the toe."""
         x, _, z = self.soles[foot].xmat[2::3]
         return float(np.arctan2(x, -z))
 
     def gravity(self, foot: str) -> Array:
-        """Return gravity (3,) in the frame of the steel under a foot: z from the steel to the robot, x forwards. The result is equal to
-        the gravity of the document's modes `..._wall` and `..._ceiling`.
+        """Return the gravity vector (3,) in the frame of the steel under a foot. The z axis points from the steel to the robot, and the x
+        axis points forwards. The vector equals the gravity of the modes `..._wall` and `..._ceiling` in the document.
         """
         normal, gravity = self.normal(foot), self.model.opt.gravity
         return np.array([normal[2] * gravity[0] - normal[0] * gravity[2], gravity[1], gravity @ normal])
@@ -157,20 +164,21 @@ class World:
         return float(np.linalg.norm(cross(self.soles[foot].xmat[2::3], self.normal(foot))))
 
     def contacts(self) -> Iterator[frozenset[str]]:
-        """Yield the names of the geoms of each contact."""
+        """Yield the names of the two geoms of each contact."""
         for pair in self.data.contact.geom.tolist():
             yield frozenset(self.names[geom] for geom in pair)
 
     def reaction(self, foot: str) -> tuple[float, float, float]:
-        """Return the load of the steel on the sole of a foot: force towards the robot [N], tangential force [N], and tipping moment [N m].
+        """Return the load of the steel on the sole of a foot: normal force towards the robot [N], tangential force [N], and tipping moment
+        [N m].
 
-        For a held foot, it is computed from the accelerations of the robot, otherwise from contacts.
+        For a held foot, the load is computed from the accelerations of the robot. For any other foot, it is computed from contacts.
         """
         centre, wrench = self.sole(foot), np.zeros(6)
         body = self.feet[foot]
         if self.model.body_mocapid[body] >= 0:
             wrench = root_wrench(self.model, self.data, body, centre)
-            # That counts contacts, but not what presses a magnet onto them, which is an actuator.
+            # The wrench includes contact forces, but not the adhesion force of a magnet, which is an actuator force.
             _, force, moment = self.hold(other(foot), centre)
             wrench -= np.concatenate([force, moment])
         else:
@@ -182,7 +190,7 @@ class World:
         return float(wrench[:3] @ normal), along, tipping
 
     def on_sole(self, foot: str, centre: Array) -> Iterator[tuple[Array, Array]]:
-        """Return force [N] and moment about `centre` [N m] of each contact of a foot with the steel."""
+        """Yield the force [N] and the moment about `centre` [N m] of each contact between a foot and the steel."""
         body, found = self.feet[foot], self.data.contact
         for index, bodies in enumerate(self.model.geom_bodyid[found.geom].tolist()):
             if sorted(bodies) == [0, body]:
@@ -192,8 +200,8 @@ class World:
                 yield force, cross(found.pos[index] - centre, force)
 
     def hold(self, foot: str, centre: Array) -> tuple[int, Array, Array]:
-        """Return the number of contacts of a magnet, its pull [N], and the moment of the pull about `centre` [N m]. MuJoCo distributes the
-        pull evenly over the contacts.
+        """Return the number of contacts of a magnet, the pull [N] of the magnet, and the moment of the pull about `centre` [N m]. MuJoCo
+        distributes the pull evenly over the contacts.
         """
         bodies = self.model.geom_bodyid[self.data.contact.geom].tolist()
         touching = [index for index, pair in enumerate(bodies) if sorted(pair) == [0, self.feet[foot]]]
@@ -204,39 +212,43 @@ class World:
         return len(points), force, cross(points.mean(axis=0) - centre, force)
 
     def drive(self, now: Instant, torque: Array) -> None:
-        """Set the position commands at which the servos provide `torque` (6,), and set the magnets."""
+        """Set the position commands so that the servos apply `torque` (6,) [N m], and set the forces of the magnets."""
         self.data.ctrl[self.drives] = now.q + (torque + self.kv * now.v) / self.kp
         for foot, force in now.magnets.items():
             self.magnets[foot].ctrl = force
 
 
 def root_wrench(model: mujoco.MjModel, data: mujoco.MjData, body: int, centre: Array) -> Array:
-    """Return the force [N] and the moment about `centre` [N m] (6,) that the world exerts on the root, from the accelerations in `data`."""
+    """Return the force [N] and the moment about `centre` [N m] that the world exerts on the root, as an array (6,). They are computed from
+    the accelerations in `data`.
+    """
     mujoco.mj_rnePostConstraint(model, data)
     moment, force = data.cfrc_int[body][:3], data.cfrc_int[body][3:]
     return np.concatenate([force, moment + cross(data.subtree_com[model.body_rootid[body]] - centre, force)])
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return a x b. The function of numpy accepts more shapes, but is slower."""
+    """Return the cross product of two vectors (3,). `numpy.cross` accepts more shapes, but is slower."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def sum_of(parts: Iterator[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Return the sum of forces and the sum of moments (3,)."""
+    """Return the sum of the forces (3,) and the sum of the moments (3,)."""
     found = list(parts)
     return sum((force for force, _ in found), np.zeros(3)), sum((moment for _, moment in found), np.zeros(3))
 
 
 class Dynamics:
-    """Return the torques (6,) for q, v and a without contacts, by inverse dynamics of the mode rooted at a foot."""
+    """Computes joint torques with inverse dynamics, without contacts, in the mode that is rooted at a foot."""
 
     def __init__(self, world: World) -> None:
         self.world, self.model = world, on_no_steel(world.model)
         self.data = mujoco.MjData(self.model)
 
     def torque(self, now: Instant, gravity: Array) -> Array:
-        """Return torques [N m] including friction and damping of the joints. `gravity` (3,) is in the frame of the steel under the foot."""
+        """Return the joint torques (6,) [N m] for the state `now`. The torques include friction and damping of the joints. `gravity` (3,)
+        is expressed in the frame of the steel under the foot.
+        """
         self.model.opt.gravity[:] = gravity
         self.data.qpos[self.world.qpos] = now.q
         self.data.qvel[self.world.dofs], self.data.qacc[self.world.dofs] = now.v, now.a
@@ -244,9 +256,9 @@ class Dynamics:
         return np.array(self.data.qfrc_inverse[self.world.dofs])
 
     def load(self, now: Instant, gravity: Array) -> tuple[float, float]:
-        """Return the largest load on the torque-speed line of a servo, and the required pull [N] of the magnet of the root.
+        """Return the largest load on the torque-speed line of a servo, and the pull [N] that the magnet of the root requires.
 
-        Arguments are as for `torque`.
+        The arguments are the same as in `torque`.
         """
         torque, world = self.torque(now, gravity), self.world
         foot = next(foot for foot in FEET if self.model.body_mocapid[world.feet[foot]] >= 0)
@@ -255,15 +267,15 @@ class Dynamics:
 
 
 def on_no_steel(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy of the model without contacts."""
+    """Return a copy of a MuJoCo model with contacts disabled."""
     found = copy.copy(model)
     found.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     return found
 
 
 class Climb:
-    """The robot on a floor (`where=""`), a wall (`"_wall"`) or a ceiling (`"_ceiling"`), or between several surfaces: the worlds of its
-    modes, and the measured values.
+    """Simulates the climb of a robot, and measures its forces, slips and contacts. The robot is on a floor (`where=""`), on a wall
+    (`"_wall"`), under a ceiling (`"_ceiling"`), or between several surfaces.
     """
 
     def __init__(self, folder: Path, where: str, faces: Sequence[Face] = BEAM) -> None:
@@ -275,10 +287,11 @@ class Climb:
         self.legs = {foot: Legs(model, foot) for foot, model in self.models.items()}
 
     def rooted(self, plan: list[Swing], watch: Watch | None = None, footholds: Sequence[Stance] | None = None) -> Seen:
-        """Simulate a walk rooted at the holding foot. The other foot becomes the root after it has landed and carries the robot.
+        """Simulate a walk in which the model is rooted at the holding foot. After the other foot has landed and carries the robot, this
+        foot becomes the root.
 
-        `footholds` are the planned positions of the soles in the world. If they are set, each swing is corrected for the actual position of
-        the root.
+        `footholds` contains the planned positions of the soles in the world. If `footholds` is given, each swing is corrected for the
+        actual position of the root.
         """
         seen = Seen(steps=len(plan) // 2)
         world = self._start(plan[0])
@@ -297,7 +310,7 @@ class Climb:
         return seen
 
     def adhering(self, plan: list[Swing], watch: Watch | None = None, footholds: Sequence[Stance] | None = None) -> Seen:
-        """Simulate the same plan with a free base. Only the magnets hold the feet."""
+        """Simulate a walk with a free base. Only the magnets hold the feet."""
         seen = Seen(steps=len(plan) // 2)
         first = self._start(plan[0])
         self.robot.switch((first.mode, first.data), (self.free.mode, self.free.data))
@@ -311,7 +324,9 @@ class Climb:
         return seen
 
     def _start(self, swing: Swing) -> World:
-        """Return the robot on both feet with the soles close together, rooted at the foot that holds first."""
+        """Set the initial state: the robot on both feet, with the soles close together. Return the world that is rooted at the first
+        holding foot.
+        """
         world, now = self.held[swing.holds], swing.begin
         mujoco.mj_resetDataKeyframe(world.model, world.data, 0)
         world.data.qpos[world.qpos] = now.q
@@ -321,7 +336,7 @@ class Climb:
         return world
 
     def _stand(self, world: World, swing: Swing) -> Array:
-        """Simulate until the robot is at rest on both feet. Return the middle between the soles."""
+        """Simulate `STAND` seconds in which the robot comes to rest on both feet. Return the midpoint between the soles (3,) [m]."""
         world.drive(swing.begin, self._torque(world, swing, swing.begin))
         for _ in range(round(STAND / TIMESTEP)):
             mujoco.mj_step(world.model, world.data)
@@ -345,14 +360,14 @@ class Climb:
             seen.slips[what] = max(seen.slips[what], slip)
 
     def _aimed(self, world: World, swing: Swing, q: Array, foothold: Stance) -> Swing:
-        """Return the swing to a foothold in the world, from the joint angles (6,) at the end of the previous swing."""
+        """Return the swing to a foothold in the world. The swing begins at the joint angles `q` (6,) at the end of the previous swing."""
         legs, (x, _, z) = self.legs[swing.holds], world.sole(swing.holds)
         to = foothold.seen_from(Stance(x=x, z=z, turn=world.turn(swing.holds)))
         return swing.bent(q, legs.solve(to.x, to.z, to.turn, legs.pitch(swing.end), swing.end))
 
     def _torque(self, world: World, swing: Swing, now: Instant) -> Array:
-        """Return the required torques (6,) of the servos from the dynamics of the foot that carries the robot. During load transfer, the
-        result is interpolated between both feet.
+        """Return the torques (6,) [N m] that the servos require, computed in the mode that is rooted at the foot that carries the robot.
+        During load transfer, the torques are interpolated between the two feet.
         """
         torque = self.dynamics[swing.holds].torque(now, world.gravity(swing.holds))
         if now.share == 0.0:
@@ -360,13 +375,13 @@ class Climb:
         return (1.0 - now.share) * torque + now.share * self.dynamics[swing.moves].torque(now, world.gravity(swing.moves))
 
     def _measure(self, world: World, swing: Swing, now: Instant, seen: Seen) -> float:
-        """Return the largest required pull [N] of the feet that carry the robot."""
+        """Update the extreme values in `seen`, and return the largest pull [N] that a foot that carries the robot requires."""
         data, most = world.data, -np.inf
         carrying = [swing.holds] if now.share == 0.0 else [swing.moves] if now.share == 1.0 else FEET
         for foot in carrying:
             held = world.model.body_mocapid[world.feet[foot]] >= 0
             if not held and world.hold(foot, world.sole(foot))[0] == 0:
-                seen.pull, seen.pulled, most = np.inf, now.phase, np.inf  # it has come off
+                seen.pull, seen.pulled, most = np.inf, now.phase, np.inf  # the foot has detached
                 continue
             normal, along, tipping = world.reaction(foot)
             most = max(most, tipping / POLE - normal)

@@ -1,8 +1,10 @@
-"""Plan footholds and motions of MInchW over several surfaces: sample transitions between its modes, and search among them.
+"""Plan footholds and motions of MInchW over several surfaces. The planner samples transitions between the modes of the robot, and searches
+for a sequence of transitions.
 
-A state is a pose on both feet. The foot that moved last holds next. From a state, the planner samples footholds of the other foot and
-pitches of the body. It keeps poses that both feet can hold alone. A best-first search visits states by the number of steps and the distance
-that remains. When it visits a state, it plans the motion that leads there, with RRT-Connect.
+A state of the search is a pose of the robot on both feet. The feet alternate: the foot that moved last holds in the next step. From each
+state, the planner samples footholds of the moving foot and pitches of the body. The planner keeps a sampled pose only if each foot could
+hold the robot alone. A best-first search orders states by the number of steps so far and the remaining distance. When the search visits a
+state, it plans the motion to this state with RRT-Connect.
 """
 
 from __future__ import annotations
@@ -19,27 +21,33 @@ from inchworm_modes import MOVING, Foothold, Mode
 from inchworm_physics import POLE, Face
 
 SAMPLES, VISITS = 500, 400
-"""Number of sampled poses of the leg that holds for each state, and largest number of visited states."""
+"""Number of poses of the holding leg that are sampled in each state, and maximum number of states that are visited."""
 
 RIM = POLE + 0.005
-"""Smallest distance of the centre of a sole from the edges of a surface [m]."""
+"""Smallest allowed distance [m] from the centre of a sole to the edges of a surface."""
 
 PRESSED = 15.0
-"""Largest pull [N] of the magnet that holds by the press of a landing sole. It is large if legs are stretched across to another surface."""
+"""Largest allowed pull [N] on the holding magnet when the other sole lands and is pressed against the steel. This pull is large if the legs
+are stretched.
+"""
 
 SPREAD = 0.24
-"""Smallest sine of the angle between the thighs in a landing."""
+"""Smallest allowed sine of the angle between the thighs at a landing."""
 
 GAIN = 0.06
-"""Distance [m] by which a step moves the middle between the feet, in the estimate of the steps that remain."""
+"""Distance [m] by which one step moves the midpoint between the feet. The search uses this value to estimate the number of remaining
+steps.
+"""
 
 CELL, ANGLE = 0.02, np.radians(10.0)
-"""States whose footholds [m] and pitch [rad] are in the same cell count as equal."""
+"""Cell sizes for footholds [m] and for the pitch of the body [rad]. The search visits at most one state per cell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surface:
-    """A steel surface of a length [m], and the distance [m] from the start of the whole way to its start."""
+    """A steel surface with two edges, given as distances [m] along the surface. `start` is the distance [m] along the whole path at which
+    the surface begins.
+    """
 
     face: Face
     begin: float
@@ -49,7 +57,9 @@ class Surface:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """A pose on both feet, the foot that holds next, the state before it, and the swing that leads from there to here."""
+    """A pose on both feet, and the foot that holds the robot in the next step. `before` is the previous state, and `swing` is the motion
+    from the previous state to this one.
+    """
 
     q: Array
     feet: Mapping[str, Foothold]
@@ -59,17 +69,19 @@ class State:
     steps: int = 0
 
     def trail(self) -> list[State]:
-        """Return the states from the first to this one."""
+        """Return all states from the start to this state."""
         return [*(self.before.trail() if self.before else []), self]
 
 
 class NoPlan(Exception):
-    """No plan was found. The text reports how far the search came, and why it went no further."""
+    """Raised if the planner does not find a plan. The message contains the state nearest to the goal, and the reasons for which states were
+    refused.
+    """
 
 
 @dataclass(slots=True, kw_only=True)
 class Planner:
-    """Plans a way over `surfaces` with the modes by the foot that holds."""
+    """Plans a path over `surfaces`. `modes` maps each foot to the mode in which this foot holds the robot."""
 
     modes: Mapping[str, Mode]
     surfaces: Sequence[Surface]
@@ -78,9 +90,10 @@ class Planner:
     visited: int = 0
 
     def plan(self, start: State, goal: float) -> list[State]:
-        """Return the states to one whose feet are both on the last surface, with their middle at least `goal` [m] along the way.
+        """Return the states of a plan to a state with both feet on the last surface. There, the midpoint between the feet is at least
+        `goal` [m] along the path.
 
-        Raises `NoPlan`.
+        Raises `NoPlan` if the search does not find such a state.
         """
         queue, closed, furthest = [(0.0, 0, start)], {self._cell(start)}, start
         while queue and self.visited < VISITS:
@@ -100,7 +113,7 @@ class Planner:
         raise NoPlan(self._report(furthest, goal))
 
     def transitions(self, state: State) -> list[State]:
-        """Return sampled states in which the foot that does not hold has another foothold, and both feet could hold alone."""
+        """Return sampled states in which the moving foot has a new foothold and each foot could hold the robot alone."""
         mode, moves, found = self.modes[state.holds], other(state.holds), []
         held = state.feet[state.holds]
         mode.hold(held)
@@ -115,12 +128,12 @@ class Planner:
         return found
 
     def progress(self, state: State) -> float:
-        """Return the distance [m] of the middle between the feet along the way."""
+        """Return the distance [m] of the midpoint between the feet along the path."""
         starts = {surface.face: surface.start for surface in self.surfaces}
         return float(np.mean([starts[foot.face] + foot.distance for foot in state.feet.values()]))
 
     def _refused(self, state: State) -> bool:
-        """Return whether one of the feet could not hold a state alone, and count why."""
+        """Return whether one of the feet could not hold the robot alone in a state. Count the reason in `refused`."""
         for holds, seat in state.feet.items():
             mode = self.modes[holds]
             mode.hold(seat)
@@ -130,7 +143,9 @@ class Planner:
         return False
 
     def _lands(self, mode: Mode, state: State) -> bool:
-        """Return whether the other foot can be pressed on without tearing off the foot that holds, and count why not."""
+        """Return whether the moving foot can be pressed against the steel without detaching the holding foot. Count the reason in `refused`
+        if not.
+        """
         if mode.spread(state.q) < SPREAD:
             self.refused["stretched legs"] += 1
             return False
@@ -140,7 +155,7 @@ class Planner:
         return True
 
     def _with_motion(self, state: State) -> State | None:
-        """Return the state with the swing that leads to it, or None if no motion was found."""
+        """Return a copy of the state with the swing to this state, or None if the planner finds no motion."""
         if state.before is None:
             if self._refused(state):
                 raise NoPlan(f"no plan: the start is not allowed ({next(iter(self.refused))})")
@@ -154,7 +169,7 @@ class Planner:
         return replace(state, swing=swing)
 
     def _cell(self, state: State) -> tuple[object, ...]:
-        """Return the cell of a state. Equal states have the same cell."""
+        """Return a key of the state for the set of visited states. States with almost equal footholds and pitch have the same key."""
         feet = [(state.feet[foot].face.name, round(state.feet[foot].distance / CELL)) for foot in sorted(state.feet)]
         mode = self.modes[state.holds]
         mode.hold(state.feet[state.holds])

@@ -1,4 +1,4 @@
-"""Visual elements of films: a steel beam on a floor, on a wall or under a ceiling, and animations of a robot on it."""
+"""Create the scenery of films, a steel beam on a floor, on a wall or under a ceiling, and record animations of a robot on the beam."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ HEIGHT = 300
 WIDTHS = {"floor": 280, "wall": 200, "ceiling": 280}
 COLORS = 64
 HOLDING, LOOSE = (0.93, 0.42, 0.13, 1.0), (0.72, 0.74, 0.78, 1.0)
-"""Colours [rgba] of an active and an inactive magnet."""
+"""Colours [rgba] of a magnet that is switched on, and of a magnet that is switched off."""
 
 
 def decorate(spec: mujoco.MjSpec, place: str) -> None:
-    """Add a beam under the plane z = 0, its support, a light and the camera `aside`. Up is z on the floor, x on a wall and -z under a
-    ceiling.
+    """Add a beam under the plane z = 0, its support, a light and the camera `aside`. The vertical direction is z on the floor, x on a wall,
+    and -z under a ceiling.
     """
     world = spec.worldbody
     wall = place == "wall"
@@ -43,7 +43,7 @@ def decorate(spec: mujoco.MjSpec, place: str) -> None:
         rgb1=[0.94, 0.95, 0.97], rgb2=[0.94, 0.95, 0.97],
     )
     up = {"floor": np.array([0.0, 0, 1]), "wall": np.array([1.0, 0, 0]), "ceiling": np.array([0.0, 0, -1])}[place]
-    # Where the beam is not below the robot, the light comes from its side.
+    # If the beam is not below the robot, the light comes from the side of the beam.
     out = np.array([0, 0, {"floor": 0.0, "wall": 1.0, "ceiling": 4.0}[place]])
     world.add_light(
         name="sun", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=2 * up + out, dir=-up - 0.6 * out + np.array([0, 0.35, 0]),
@@ -62,7 +62,9 @@ def decorate(spec: mujoco.MjSpec, place: str) -> None:
 
 
 class Film:
-    """Records frames of a walking robot. Call it after every step."""
+    """Records frames of a walking robot at a fixed interval of simulated time. An instance is a callback that runs after every simulation
+    step.
+    """
 
     def __init__(self, where: str, every: float) -> None:
         self.where, self.every = where, every
@@ -70,7 +72,7 @@ class Film:
         self.renderers: dict[int, mujoco.Renderer] = {}
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, margin: float) -> None:
-        """Record a frame if `every` [s] has passed since the last one."""
+        """Record a frame if `every` [s] of simulated time has passed since the last frame."""
         if data.time < len(self.frames) * self.every:
             return
         if id(model) not in self.renderers:
@@ -88,13 +90,13 @@ class Film:
         self.frames.append(picture.resize((WIDTHS[self.where], HEIGHT), Image.Resampling.LANCZOS))
 
     def close(self) -> None:
-        """Close the renderers."""
+        """Close the MuJoCo renderers."""
         for renderer in self.renderers.values():
             renderer.close()
 
 
 def save(films: list[Film], path: Path, milliseconds: int) -> None:
-    """Save the films side by side as a looping GIF. They share one palette, so that static areas are compressed well."""
+    """Save the films side by side as a looping GIF. All frames share one palette, so that static areas are compressed well."""
     width = sum(WIDTHS[film.where] for film in films)
     whole = []
     for pictures in zip(*(film.frames for film in films), strict=True):

@@ -1,8 +1,8 @@
-"""Search for the largest distance between MInchW's soles: `make bridge-search`, or `python examples/longest_bridge.py`.
+"""Search for the largest distance between the soles of MInchW: `make bridge-search`, or `python examples/longest_bridge.py`.
 
-The search varies leg and body length with `assemblies/minchw/bridge_search.yaml` and the batch engine. The result is the longest bridge in
-which all drives have a torque margin of 1.3. `--driver random` builds the variants of the document; with `--driver optuna`, Optuna selects
-the variants in the same loop.
+The search varies the lengths of leg and body with the batch document `assemblies/minchw/bridge_search.yaml`. The result is the longest
+bridge in which every drive has a torque margin of at least 1.3. With `--driver random`, the search builds a random sample. With `--driver
+optuna`, Optuna selects the variants.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DOCUMENT = ROOT / "assemblies" / "minchw" / "bridge_search.yaml"
 
 
 def search(driver: Driver, output: str | None, store: str | None, jobs: int) -> list[Tried]:
-    """Build the documents of the driver, round after round, until it returns None."""
+    """Build every document that the driver returns, and report the results to the driver. Return the results of all variants."""
     found: list[Tried] = []
     while (document := driver.ask()) is not None:
         summary = thingc.batch.run(str(document), output=output, jobs=jobs, options=Options(store=store), on_progress=_progress)
@@ -34,7 +34,9 @@ def search(driver: Driver, output: str | None, store: str | None, jobs: int) -> 
 
 
 def tried(row: Any, folder: str) -> Tried:
-    """Return the results of a variant in the table. Variants without results (refused, failed) cannot be used by the search."""
+    """Convert the row of a variant in the results table to a `Tried` object. A variant that was refused or failed ends the search, because
+    it has no results.
+    """
     if "torque_margin" not in row:
         raise SystemExit(f"variant {row['name']} is {row['status']}: {row.get('message', '')}")
     return Tried(
@@ -49,7 +51,7 @@ def _progress(now: thingc.batch.Progress) -> None:
 
 
 def main() -> int:
-    """Search, print the page, and write the page and its plot."""
+    """Run the search and print the results. If `--docs` is given, also write the page and its plot."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--driver", choices=DRIVERS, default="random", help="how to select variants (default: random)")
     parser.add_argument("--count", type=int, help="number of variants (default: that of the document)")

@@ -1,7 +1,7 @@
-"""MInchW plans its own way from the floor over a wall to the ceiling: `make plan`, or `python examples/plan_climb.py BUILD`.
+"""Let MInchW plan its path from the floor over a wall to the ceiling: `make plan`, or `python examples/plan_climb.py BUILD`.
 
-The plan is simulated by the controller of `climb`, and compared with the climb that is planned by hand through the same tunnel. The printed
-values are measured in the simulations.
+The controller of `climb.py` simulates the plan. The result is compared with the climb through the same tunnel that was planned by hand. The
+printed values are measured in the simulations.
 """
 
 from __future__ import annotations
@@ -30,32 +30,32 @@ from inchworm_tunnel import SHORT, SINK, Tunnel
 from walk import PLACES, ROOT, built, write
 
 TUNNEL = Tunnel(wall=3)
-"""In the lower tunnel of `climb`, the robot needs no foothold on the wall."""
+"""In this tunnel, which is lower than the tunnel of `climb.py`, the robot does not need a foothold on the wall."""
 
 SEED = 5
 LOW, NEAR = 20.0, 0.02
-"""A smaller pull margin [N] is counted as low, and a sole nearer to the edge of a surface [m] is reported."""
+"""Pull margins below the first value [N] count as low. Footholds nearer than the second value [m] to an edge are reported."""
 
 COLUMNS, TILE = 5, 0.55
-"""Pictures in a row, and their scale."""
+"""Number of pictures in a row, and scale of each picture."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Watch:
-    """Measures for how long the pull margin is low [s]. Called after every step, like a film."""
+    """Measures how long [s] the pull margin is low. An instance is a callback that runs after every simulation step."""
 
     film: Strip | None = None
     low: float = 0.0
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, margin: float) -> None:
-        """Record the margin, and pass it to the film."""
+        """Update the smallest margin of the current stage, and call the film's callback."""
         self.low += TIMESTEP * (margin < LOW)
         if self.film is not None:
             self.film(model, data, margin)
 
 
 class Strip(FollowingFilm):
-    """Takes pictures of the whole tunnel at the middle and at the end of each swing."""
+    """Takes pictures of the whole tunnel in the middle and at the end of each swing."""
 
     def __init__(self, tunnel: Tunnel, plan: Sequence[State]) -> None:
         super().__init__(0.0)
@@ -63,7 +63,7 @@ class Strip(FollowingFilm):
         self.shots = list(self._shots(plan))
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, margin: float) -> None:
-        """Take a picture if its time has come."""
+        """Take a picture if the time of the next picture has been reached."""
         if len(self.frames) < len(self.shots) and data.time >= self.shots[len(self.frames)][0]:
             picture, _ = self.picture(model, data)
             ImageDraw.Draw(picture).text((12, 10), self.shots[len(self.frames)][1], fill=(40, 42, 48), font=ImageFont.load_default(24))
@@ -77,7 +77,7 @@ class Strip(FollowingFilm):
         return camera
 
     def save_grid(self, path: Path) -> None:
-        """Save the pictures in rows."""
+        """Save all pictures as one image with `COLUMNS` pictures in a row."""
         wide, high = round(TILE * WIDTH), round(TILE * HEIGHT)
         grid = Image.new("RGB", (COLUMNS * wide, -(-len(self.frames) // COLUMNS) * high), "white")
         for k, frame in enumerate(self.frames):
@@ -98,7 +98,7 @@ class Strip(FollowingFilm):
 
 
 def surfaces(tunnel: Tunnel) -> list[Surface]:
-    """Return the surfaces of a tunnel, with their edges."""
+    """Return the three surfaces of a tunnel, with the positions of their edges."""
     floor, wall, ceiling = tunnel.faces
     return [
         Surface(face=floor, begin=OPEN, end=tunnel.length, start=0.0),
@@ -108,32 +108,32 @@ def surfaces(tunnel: Tunnel) -> list[Surface]:
 
 
 def modes(robot: Climb, store: str | None = None) -> dict[str, Mode]:
-    """Return the modes of the robot by the foot that holds."""
+    """Return a mapping from each foot to the mode in which this foot holds the robot."""
     names = {(foot, face): f"{foot}_foot{where}" for foot in FEET for face, where in PLACES.items()}
     compiled = thingc.compile(str(ROOT / "assemblies" / "minchw" / "minchw.yaml"), modes=list(names.values()), store=store).modes
     return {foot: Mode(foot, robot.held[foot], {face: compiled[names[foot, face]].robot for face in PLACES}) for foot in FEET}
 
 
 def start(robot: Climb, tunnel: Tunnel) -> State:
-    """Return the state in which the climb by hand starts: on both feet on the floor, held by the rear foot."""
+    """Return the state in which the climb starts: on both feet on the floor, held by the rear foot."""
     floor = tunnel.faces[0]
     q = robot.legs["rear"].solve(SHORT, 0.0, 0.0, 0.0, DRAWN_UP)
     return State(q=q, feet={"front": Foothold(face=floor, distance=SHORT), "rear": Foothold(face=floor, distance=0.0)}, holds="rear")
 
 
 def goal(tunnel: Tunnel) -> float:
-    """Return how far the middle between the feet is along the way [m] where the climb by hand ends."""
+    """Return the distance [m] along the path at which the climb planned by hand ends, measured at the midpoint between the feet."""
     front, rear = tunnel.footholds()[-2:]
     return tunnel.length + tunnel.height + tunnel.length - (front.x + rear.x) / 2
 
 
 def swings(plan: Sequence[State]) -> tuple[list[Swing], list[Stance]]:
-    """Return the swings of a plan, and the positions of the soles at their ends."""
+    """Return the swings of a plan, and the position of the moving sole at the end of each swing."""
     return [one.swing for one in plan if one.swing is not None], [one.feet[one.holds].above(-SINK) for one in plan[1:]]
 
 
 def least_margins(by_foot: Mapping[str, Mode], tunnel: Tunnel, plan: Sequence[Swing], footholds: Sequence[Stance]) -> Margins:
-    """Return the smallest static margins in all swings, of the foot that holds in each of them."""
+    """Return the smallest static margins of the holding foot over all swings."""
     on = dict.fromkeys(FEET, tunnel.faces[0])
     found = []
     for swing, foothold in zip(plan, footholds, strict=True):
@@ -145,7 +145,7 @@ def least_margins(by_foot: Mapping[str, Mode], tunnel: Tunnel, plan: Sequence[Sw
 
 
 def report_steps(plan: Sequence[State], on: Sequence[Surface]) -> str:
-    """Return the table of the footholds, and which of them are near an edge."""
+    """Return a text table of the footholds, and the steps whose footholds are near an edge."""
     rows, near = [f"{'step':6}{'foot':8}{'surface':10}{'at [mm]':>8}{'edge [mm]':>11}{'swing [s]':>11}"], []
     for state in plan:
         for foot in FEET if state.swing is None else [state.holds]:
@@ -177,7 +177,7 @@ def report(ways: Mapping[str, tuple[Sequence[Swing], Margins, Seen, Watch]]) -> 
 def simulate(
     robot: Climb, by_foot: Mapping[str, Mode], tunnel: Tunnel, plan: Sequence[State], film: Strip | None,
 ) -> dict[str, tuple[Sequence[Swing], Margins, Seen, Watch]]:
-    """Simulate the plan and the climb by hand, rooted and free, and return what `report` compares."""
+    """Simulate the plan of the planner and the plan by hand, rooted and free. Return the results for `report` by name."""
     ways = {}
     for name, (steps, footholds) in (("planned", swings(plan)), ("by hand", (tunnel.plan(robot.models), tunnel.footholds()))):
         static = least_margins(by_foot, tunnel, steps, footholds)
@@ -188,7 +188,7 @@ def simulate(
 
 
 def failed(seen: Seen) -> str | None:
-    """Return why a plan fails in the simulation, or None."""
+    """Return the reason why a plan fails in the simulation, or None if it succeeds."""
     if seen.touches:
         return f"the plan fails in the simulation: contacts between {', '.join(sorted(seen.touches))}"
     if seen.pull > PULL:
@@ -197,7 +197,9 @@ def failed(seen: Seen) -> str | None:
 
 
 def main() -> int:
-    """Plan and simulate the climb, and print the results. Returns 1 if there is no plan, or if it fails in the simulation."""
+    """Plan the climb, simulate it, and print the results. Returns 1 if the planner finds no plan, or if the plan fails in the
+    simulation.
+    """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("build", nargs="?", type=Path, help="build folder of MInchW (default: build it)")
     parser.add_argument("--seed", type=int, default=SEED, help=f"seed of the random samples (default: {SEED})")

@@ -1,4 +1,4 @@
-"""RRT-Connect: a path between two points among obstacles, by two random trees that grow towards each other.
+"""RRT-Connect: find a path between two points among obstacles with two random trees that grow towards each other.
 
 J. Kuffner and S. LaValle, RRT-Connect: An efficient approach to single-query path planning, ICRA 2000.
 """
@@ -13,21 +13,23 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Clear = Callable[[Array, Array], bool]
-"""Whether the straight line between two points is free of obstacles."""
+"""A function that returns whether the straight line between two points is free of obstacles."""
 
 STEP = 0.3
-"""Largest distance between two points of a tree."""
+"""Largest distance between a point of a tree and its parent."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Tree:
-    """A tree of points. Each point after the first has a parent."""
+    """A tree of points that grows in free space. Each point except the first has a parent."""
 
     points: list[Array]
     parents: list[int]
 
     def grow(self, target: Array, clear: Clear) -> bool:
-        """Add a point up to `STEP` from the nearest point towards `target`. Return whether the way to it is clear."""
+        """Add a point in the direction of `target`, at most `STEP` away from the nearest point of the tree. Return whether the line to the
+        new point is free of obstacles.
+        """
         nearest = int(np.argmin([np.linalg.norm(point - target) for point in self.points]))
         begin = self.points[nearest]
         step = target - begin
@@ -39,14 +41,14 @@ class Tree:
         return True
 
     def reach(self, target: Array, clear: Clear) -> bool:
-        """Grow towards `target` until it is reached or an obstacle is in the way."""
+        """Extend the tree towards `target` until the tree reaches it or an obstacle blocks the line."""
         while self.grow(target, clear):
             if np.array_equal(self.points[-1], target):
                 return True
         return False
 
     def branch(self) -> list[Array]:
-        """Return the points from the root to the newest point."""
+        """Return the points on the branch from the root of the tree to the newest point."""
         found, at = [], len(self.points) - 1
         while at >= 0:
             found.append(self.points[at])
@@ -55,7 +57,7 @@ class Tree:
 
 
 def connect(begin: Array, end: Array, lower: Array, upper: Array, clear: Clear, rng: np.random.Generator, tries: int) -> list[Array] | None:
-    """Return points from `begin` to `end` whose connecting lines are clear, or None after `tries` random targets."""
+    """Return points of a path from `begin` to `end` without obstacles. Return None if no path is found after `tries` random targets."""
     if clear(begin, end):
         return [begin, end]
     one, two = (Tree(points=[point], parents=[-1]) for point in (begin, end))
@@ -68,7 +70,7 @@ def connect(begin: Array, end: Array, lower: Array, upper: Array, clear: Clear, 
 
 
 def shorten(path: list[Array], clear: Clear) -> list[Array]:
-    """Return the path without detours: each point is followed by the last one that a clear straight line reaches."""
+    """Remove detours from a path: from each point, continue to the last point that a straight line reaches without obstacles."""
     found, at = [path[0]], 0
     while at < len(path) - 1:
         at = next(k for k in range(len(path) - 1, at, -1) if k == at + 1 or clear(path[at], path[k]))

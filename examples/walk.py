@@ -1,7 +1,7 @@
 """MInchW climbs along a steel beam on the floor, on a wall and under a ceiling: `make walk`, or `python examples/walk.py BUILD`.
 
-The walk is simulated in two ways: rooted at the holding foot, where `thingc.modes` moves the root from foot to foot, and with a free base,
-held only by the magnets. The printed values are measured in the simulation.
+The walk is simulated in two ways: rooted at the holding foot, where `thingc.modes` moves the root from foot to foot, and with a free base.
+The printed values are measured in the simulation.
 """
 
 from __future__ import annotations
@@ -23,21 +23,24 @@ from inchworm_scenery import Film, save
 
 ROOT = Path(__file__).resolve().parent.parent
 SHORT, STRIDE, LIFT, SINK = 0.31, 0.09, 0.025, 0.0001
-"""Distance between the soles when they are close together, stride, lift, and depth of touchdown below the steel [m].
+"""Parameters of the gait [m]: distance between the soles when they are close together, stride, lift, and depth of touchdown below the
+steel.
 
-A foot that has landed is tilted by a third of a milliradian, which lifts the other foot by 0.13 mm when it is the root.
+A foot that has landed is tilted by a third of a milliradian. When this foot becomes the root, the tilt lifts the other foot by 0.13 mm.
 """
 
 PLACES = {"floor": "", "wall": "_wall", "ceiling": "_ceiling"}
 FILMED = ("floor", "wall")
 FRAME = 0.15
-"""Simulated time [s] between two frames. The film is shown a third faster."""
+"""Simulated time [s] between two frames of the film. The film plays at 4/3 of real speed."""
 
 
 def walk(
     folder: Path, steps: int, film: Path | None = None, places: Sequence[str] = tuple(PLACES), sink: float = SINK,
 ) -> dict[tuple[str, str], Seen]:
-    """Simulate both kinds of walks on every surface. Return them by (surface, kind). Feet are lowered to `sink` [m] below the steel."""
+    """Simulate the rooted and the free walk on every surface. Return the results by surface and kind of simulation. Each foot is lowered to
+    `sink` [m] below the surface of the steel.
+    """
     found, films = {}, []
     for place in places:
         climb = Climb(folder, PLACES[place])
@@ -54,7 +57,7 @@ def walk(
 
 
 def report(found: dict[tuple[str, str], Seen]) -> str:
-    """Return the table, one column per walk."""
+    """Return the results as a text table with one column per walk."""
     worst = {key: max(seen.torque, key=seen.torque.__getitem__) for key, seen in found.items()}
     rows: list[tuple[str, list[str]]] = [
         ("", [f"{place}, {way}" for place, way in found]),
@@ -79,7 +82,9 @@ def report(found: dict[tuple[str, str], Seen]) -> str:
 
 @contextmanager
 def built(folder: Path | None) -> Iterator[Path]:
-    """Provide the build folder of MInchW: `folder`, or a temporary folder in which it is built."""
+    """Return a context manager that provides a build folder of MInchW: `folder`, or else a temporary folder into which the robot is
+    built.
+    """
     if folder is not None:
         yield folder
         return
@@ -90,7 +95,7 @@ def built(folder: Path | None) -> Iterator[Path]:
 
 
 def write(page: Path, marker: str, text: str) -> None:
-    """Replace the block that follows a marker in a page by a report."""
+    """Replace the block after a marker in a Markdown page by a report."""
     head, opening, rest = page.read_text().partition(f"<!-- {marker} -->\n```text\n")
     assert opening, f"{page} has no block <!-- {marker} -->"
     page.write_text(head + opening + text + "\n```" + rest.partition("\n```")[2])
