@@ -1,7 +1,7 @@
 """The printed parts of the pen-drawing arm: the links between its Dynamixel XM430 servos, and the hand that holds the pen.
 
-Each part that holds a servo places the servo at its mount and derives faces, holes and clearances from it, so this module repeats no
-dimension of a servo. All holes of a part are cut in one boolean operation.
+The dimensions of a servo are not repeated in this module: a part that carries a servo derives its faces, holes and clearances from the
+placed servo. A single boolean operation cuts all holes of a part.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from thingc_stock.dynamixel import XM430
 from thingc_stock.fasteners import Screw
 
 PLAY = 0.1
-"""Clearance on each side of a component in a printed part [mm]."""
+"""Clearance on each side of a component that is inserted into a printed part [mm]."""
 
 
 class BasePlate(Thing):
     """A square plate with two walls that hold the yaw servo by its sides, horn up.
 
-    The origin is on the yaw axis in the underside; z is up, and x is the forward direction of the arm at yaw 0.
+    The origin is on the yaw axis, in the underside of the plate; z is up, and x is the forward direction of the arm at yaw 0.
 
     Args:
         size: edge of the plate
@@ -58,20 +58,20 @@ class BasePlate(Thing):
         self.body = self.plate.fuse(*self.walls).cut(*holes).solid()
 
     def result(self) -> Solid:
-        """The plate with its walls and holes."""
+        """Return the solid of the plate with its walls and holes."""
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The plate and each wall, without holes."""
+        """Return the collision shapes: the plate and each wall, without holes."""
         return [self.plate, *self.walls]
 
 
 class YawPitchBracket(Thing):
-    """A cradle on the horn of the yaw servo. It holds the shoulder servo, whose axis is perpendicular to the yaw axis.
+    """A cradle that is mounted on the horn of the yaw servo.
 
-    The origin is on the yaw axis in the horn's face; z is up, and x is the forward direction of the arm. The shoulder axis is along +y, so
-    a positive angle lowers the arm. The screws to the horn are countersunk in the platform, under the shoulder servo. You insert the screws
-    that hold the shoulder servo from the sides.
+    The cradle holds the shoulder servo, whose axis is perpendicular to the yaw axis. The origin is on the yaw axis in the horn's face; z is
+    up, and x is the forward direction of the arm. The shoulder axis is along +y, so a positive angle lowers the arm. The screws that attach
+    the platform to the horn are countersunk, under the shoulder servo. The screws that hold the shoulder servo are inserted from the sides.
 
     Args:
         thickness: thickness of the platform
@@ -112,19 +112,19 @@ class YawPitchBracket(Thing):
         self.body = self.platform.fuse(*self.walls).cut(*holes).solid()
 
     def result(self) -> Solid:
-        """The platform with its walls and holes."""
+        """Return the solid of the platform with its walls and holes."""
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The platform and each wall, without holes."""
+        """Return the collision shapes: the platform and each wall, without holes."""
         return [self.platform, *self.walls]
 
 
 class RotorBrace(Thing):
-    """One of the two sides of a link, an L from the horn (or the idler) of a servo to the bottom of the next servo.
+    """One of the two sides of an arm link: an L from the horn or idler of a servo to the bottom of the next servo.
 
-    The origin is on the axis of the servo that turns it, at half the depth of the servo; y points to the next axis, and z out of the
-    horn. A link consists of two equal braces. The second one is on the idler, rotated by 180 deg about y.
+    The origin is on the axis of the servo that turns the brace, at half the depth of the servo; y points to the next axis, and z out of the
+    horn. An arm link consists of two equal braces. The second brace is attached to the idler, rotated by 180 deg about y.
 
     Args:
         length: distance between the axes
@@ -160,18 +160,18 @@ class RotorBrace(Thing):
         self.body = along.fuse(*self.legs[1:]).cut(plug, *(screw.clearance_hull for screw in screws)).solid()
 
     def result(self) -> Solid:
-        """Both legs and the gusset between them, with their holes."""
+        """Return the solid of both legs and the gusset between them, with their holes."""
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The leg along the servo, the leg across and the gusset, without holes."""
+        """Return the collision shapes: the leg along the servo, the leg across and the gusset, without holes."""
         return self.legs
 
 
 class OmegaCap(Thing):
     """The clamp that holds the pen against the hand: an arch over the pen between two flanges, in the shape of an omega.
 
-    The origin is in the face on the hand, under the arch; z points away from the hand, and y along the pen to its tip.
+    The origin is in the face on the hand, under the arch; z points away from the hand, and y along the pen to the tip.
 
     Args:
         pen_diameter: diameter of the pen
@@ -202,15 +202,15 @@ class OmegaCap(Thing):
         self.body = body.cut(self._arch(radius), *(self.fixing(k, thickness).clearance_hull for k in (0, 1))).solid()
 
     def fixing(self, number: int, depth: float) -> Screw:
-        """Return the screw through flange 0 (+x) or 1, which extends `depth` [mm] into the hand."""
+        """Return the screw through flange 0 (at +x) or flange 1, which extends `depth` [mm] into the hand."""
         return Screw("M3", self.p.thickness + depth).move(self.screw[number].location)
 
     def result(self) -> Solid:
-        """Arch and flanges, with the holes for the screws."""
+        """Return the solid of the arch and the flanges, with the holes for the screws."""
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The arch without the space for the pen, and the flanges."""
+        """Return the collision shapes: the arch without the space for the pen, and the flanges."""
         return [self._arch(self.outer), _block(2 * self.half_width, self.p.width, self.p.thickness)]
 
     def _arch(self, radius: float) -> Solid:
@@ -223,10 +223,10 @@ class OmegaCap(Thing):
 
 
 class Hand(Thing):
-    """An L on the horn of the wrist servo: a leg beside the servo, and a plate across its end that carries the cap of the pen.
+    """An L on the horn of the wrist servo: a leg beside the servo, and a plate across the end of the servo that carries the cap of the pen.
 
-    The origin is on the wrist axis at half the depth of the servo; y points away from the arm, and z out of the horn. The pen is along x
-    with its tip towards -x.
+    The origin is on the wrist axis at half the depth of the servo; y points away from the arm, and z out of the horn. The pen is along x,
+    and its tip points to -x.
 
     Args:
         pen_diameter: diameter of the pen
@@ -268,11 +268,11 @@ class Hand(Thing):
         self.body = along.fuse(*self.legs[1:]).cut(*holes).solid()
 
     def result(self) -> Solid:
-        """The L with its gusset and holes."""
+        """Return the solid of the L with its gusset and holes."""
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The leg beside the servo, the plate across and the gusset, without holes."""
+        """Return the collision shapes: the leg beside the servo, the plate across and the gusset, without holes."""
         return self.legs
 
 
@@ -300,12 +300,15 @@ class PenDummy(Thing):
         self.tip = MountPoint(Location((0, 0, length / 2 + length / 10)))
 
     def result(self) -> Solid:
-        """The pen."""
+        """Return the solid of the pen."""
         return self.body
 
 
 def _swing(servo: XM430) -> float:
-    """Return the distance [mm] from the axis to the corners next to the output. A part across this end must be outside this radius."""
+    """Return the distance [mm] from the axis of the servo to the corners of its case next to the output.
+
+    A part that turns around the short end of the servo must stay outside this radius.
+    """
     return hypot(servo.p.width / 2, servo.top.location.position.Y)
 
 
@@ -315,7 +318,7 @@ def _block(length: float, width: float, height: float) -> Solid:
 
 
 def _tongue(width: float, end: float, bottom: float, thickness: float) -> Solid:
-    """Return a flat leg on the plane z = `bottom`, from the z axis to y = `end`, rounded around the axis [mm]."""
+    """Return a flat leg on the plane z = `bottom`, from the z axis to y = `end`, with a rounded end at the z axis [mm]."""
     x, y, z = width / 2, end, bottom
     sides = Wire.make_polygon([(x, 0, z), (x, y, z), (-x, y, z), (-x, 0, z)], close=False)
     around = Edge.make_three_point_arc((-x, 0, z), (0, -x, z), (x, 0, z))
@@ -323,6 +326,9 @@ def _tongue(width: float, end: float, bottom: float, thickness: float) -> Solid:
 
 
 def _gusset(width: float, y: float, z: float, leg: float) -> Solid:
-    """Return a prism of this width in the corner between a leg above `z` and a leg beyond `y`. It extends by `leg` along both [mm]."""
+    """Return a triangular prism that fills the corner between two legs, one above `z` and one beyond `y`.
+
+    The prism extends by `leg` [mm] along both legs.
+    """
     corner = [(-width / 2, y - leg, z), (-width / 2, y, z - leg), (-width / 2, y, z)]
     return Solid.extrude(Face(Wire.make_polygon(corner)), (width, 0, 0))

@@ -15,14 +15,14 @@ from thingc_stock.dynamixel import XM430
 from thingc_stock.fasteners import Screw
 
 CORNER = 6.0
-"""Radius of the upright edges [mm]."""
+"""Radius of the rounded vertical edges of the case [mm]."""
 
 
 class Chassis(Thing):
-    """An open case: three cells are on its floor, three others in its cover, and a yaw servo is attached at each end.
+    """An open case that holds three cells on its floor and a yaw servo at each end; its cover holds three other cells.
 
-    The origin is in the underside, below the middle of the cells; z points up, and x forwards. The rear half is longer, because the
-    electronics are behind the cells.
+    The origin is in the underside of the case, below the middle of the cells; z points up, and x forwards. The rear half of the case is
+    longer, because the electronics are behind the cells.
 
     Args:
         length: length of the case, which is the distance between the bottoms of both yaw servos
@@ -69,38 +69,38 @@ class Chassis(Thing):
         self.body = self.hull.cut(inside, *self._windows(end), *self._cables(axis), *holes).solid()
 
     def _windows(self, end: float) -> list[Solid]:
-        """Return the vertical slots for ventilation in both sides, between the ends, which have this thickness [mm]."""
+        """Return the vertical ventilation slots in both sides of the case, between the ends, whose thickness is `end` [mm]."""
         pitch, height = 2.5 * CORNER, self.height - self.p.wall - 2.5 * CORNER
         count = int((self.p.length - 2 * end - CORNER) / pitch)
         slot = block(CORNER, 2 * self.width, height)
         return [Pos(self.middle + (k - (count - 1) / 2) * pitch, 0, self.p.wall + CORNER) * slot for k in range(count)]
 
     def _cables(self, z: float) -> list[Solid]:
-        """Return the openings for cables through both ends, left and right of the yaw servos, at this height [mm]."""
+        """Return the openings for cables through both ends of the case, left and right of the yaw servos, at the height `z` [mm]."""
         y = XM430().p.width / 2 + CORNER
         opening = block(2 * self.p.length, CORNER, 2 * CORNER)
         return [Pos(self.middle, s * y, z - CORNER) * opening for s in (1, -1)]
 
     def cover_screws(self, thickness: float) -> list[Screw]:
-        """Return the four screws of a cover of this thickness [mm], which extend 8 mm into the ends of the case."""
+        """Return the four screws of a cover with this thickness [mm], which extend 8 mm into the ends of the case."""
         x, y = (self.p.length - self.p.wall - 2) / 2, self.width / 2 - 2 * CORNER
         screw = Screw("M2.5", thickness + 8)
         corners = [(s * x, t * y) for s in (1, -1) for t in (1, -1)]
         return [screw.move(self.rim.location * Location((x, y, thickness))) for x, y in corners]
 
     def result(self) -> Solid:
-        """The case with its holes and windows."""
+        """Return the solid of the case with its holes and windows."""
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The case as a solid block, which includes its contents."""
+        """Return the collision shape: the case as a solid block, which includes its contents."""
         return [self.hull]
 
 
 class Cover(Thing):
     """The lid of the case, with three cells attached below it and a hood for a camera at its front edge.
 
-    The origin is in its underside above the middle of the case; z points up, and x forwards.
+    The origin is in the underside of the cover, above the middle of the case; z points up, and x forwards.
 
     Args:
         length: length of the case
@@ -136,9 +136,9 @@ class Cover(Thing):
         self.body = plate.fuse(housing).cut(*holes).solid()
 
     def result(self) -> Solid:
-        """The lid with its hood, grooves and holes."""
+        """Return the solid of the lid with its hood, grooves and holes."""
         return self.body
 
     def collision(self) -> list[Solid]:
-        """Lid and hood, without holes."""
+        """Return the collision shapes: the lid and the hood, without holes."""
         return self.pieces

@@ -14,15 +14,15 @@ from thingc_stock.fasteners import Screw
 from thingc_stock.magnets import HoldingMagnet
 
 OTHER_SIDE = Location((0, 0, 0), (0, 180, 0))
-"""The pose of the second brace of a thigh: a rotation by 180 deg about y."""
+"""The pose of the second brace of a thigh relative to the first brace: a rotation by 180 deg about y."""
 
 
 class HipBracket(Thing):
-    """A fork around the yaw servo, on its horn and its idler, that carries the knee servo on its back.
+    """A fork on the horn and the idler of the yaw servo, whose back carries the knee servo.
 
     The origin is on the yaw axis at half the depth of the servo; z points out of the horn, x outwards along the leg, and y to its left. The
-    knee axis is along y, and the bottom of its servo is on the back of the fork. The screws into the bottom are countersunk, so the corners
-    of the yaw servo can move over them.
+    knee axis is along y, and the bottom of the knee servo is on the back of the fork. The screws into the bottom of the knee servo are
+    countersunk, so the corners of the yaw servo can move over the screw heads.
 
     Args:
         thickness: thickness of the arms and the back
@@ -56,19 +56,19 @@ class HipBracket(Thing):
         self.body = plate.fuse(*arms).cut(*holes).solid()
 
     def result(self) -> Solid:
-        """The fork with its holes."""
+        """Return the solid of the fork with its holes."""
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The back and both arms, without holes."""
+        """Return the collision shapes: the back and both arms, without holes."""
         return self.pieces
 
 
 class ThighBrace(Thing):
-    """One of the two sides of a thigh: a plate from the horn of the knee to the horn of the ankle, with half of the web between the sides.
+    """One of the two sides of a thigh: a plate from the horn of the knee servo to the horn of the ankle servo, with half of the web.
 
     The origin is on the knee axis at half the depth of the servo; y points to the ankle, and z out of the horns. A thigh consists of two
-    equal braces. The second one is on the idlers, rotated by 180 deg about y. Each brace has one of the two screws through the web.
+    equal braces. The second brace is attached to the idlers, rotated by 180 deg about y. The web has two screws, one in each brace.
 
     Args:
         length: distance between the axes
@@ -114,20 +114,20 @@ class ThighBrace(Thing):
         self.body = plate.fuse(web).cut(*holes).solid()
 
     def result(self) -> Solid:
-        """The plate with its web and holes."""
+        """Return the solid of the plate with its web and holes."""
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The plate and the web, without holes."""
+        """Return the collision shapes: the plate and the web, without holes."""
         return self.pieces
 
 
 class Foot(Thing):
-    """A disc on the magnet that carries the ankle servo, with a rim around the magnet.
+    """A disc on top of the magnet that carries the ankle servo, with a rim around the magnet.
 
     The origin is on the ankle axis at half the depth of the servo; z points up, x outwards along the leg, and y to its left. The screws
-    into the servo are countersunk from below, and the magnet covers them. The screws into the magnet are in front of the servo and behind
-    it.
+    into the servo are countersunk from below, and the magnet covers their heads. The screws into the magnet are in front of the servo and
+    behind the servo.
 
     Args:
         thickness: thickness of the disc
@@ -160,9 +160,9 @@ class Foot(Thing):
         self.body = disc.cut(*cut_away([*held, *fixings])).solid()
 
     def result(self) -> Solid:
-        """The disc with its rim and holes."""
+        """Return the solid of the disc with its rim and holes."""
         return self.body
 
     def collision(self) -> list[Solid]:
-        """One cylinder, which includes the upper part of the magnet."""
+        """Return the collision shape: one cylinder, which includes the upper part of the magnet."""
         return self.pieces

@@ -1,4 +1,4 @@
-"""Shapes that several parts of the robot use."""
+"""Functions that create shapes for several parts of the robot."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def turned(outline: Sequence[tuple[float, float]]) -> Solid:
 
 
 def cut_away(screws: Sequence[Screw]) -> list[Solid]:
-    """Return the solids to subtract for screws: clearance holes and heads."""
+    """Return the solids to subtract from a part for its screws: clearance holes and heads."""
     return [screw.clearance_hull for screw in screws]
 
 
@@ -62,10 +62,13 @@ def sunk(hole: Hole, thickness: float, below: float) -> Screw:
 
 
 def swing(servo: XSeries) -> float:
-    """Return the distance [mm] from the axis to the corners next to the output. A part that turns across this end must be further out."""
+    """Return the distance [mm] from the axis of the servo to the corners of its case next to the output.
+
+    A part that turns around the short end of the servo must stay outside this radius.
+    """
     return hypot(servo.p.width / 2, servo.top.location.position.Y)
 
 
 def placed(x: float, z_dir: tuple[float, float, float], x_dir: tuple[float, float, float], z: float = 0.0) -> Location:
-    """Return the frame at (x, 0, z) with these axes."""
+    """Return the location at (x, 0, z) with the given directions of its z and x axes."""
     return Location(Plane((x, 0, z), x_dir=x_dir, z_dir=z_dir))

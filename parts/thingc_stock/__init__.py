@@ -1,1 +1,1 @@
-"""Stock parts: commercial components modelled from published drawings. Every hole and face has a name."""
+"""Stock parts: commercial components modelled from published drawings. Every hole and face of a stock part has a name."""

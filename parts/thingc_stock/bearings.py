@@ -13,7 +13,7 @@ from thingc_stock.shapes import turned
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """Bore, outer diameter and width [mm], the mass [kg] and its source."""
+    """The bore, outer diameter and width [mm] of a bearing, its mass [kg], and the source of the mass."""
 
     bore: float
     diameter: float
@@ -43,9 +43,9 @@ Designation = Literal["MR105", "623", "624", "625", "626", "688", "608", "61800"
 class Bearing(Thing):
     """A deep groove ball bearing with shields. Both rings are one rigid part, so the bearing does not act as a joint.
 
-    The origin is in the middle; z is along the axis.
+    The origin is in the middle of the bearing; z is along its axis.
 
-    Mounts: `front` (z) and `back` are at the centres of the faces.
+    Mounts: `front` (at +z) and `back` are at the centres of the two faces.
 
     Args:
         designation: ISO designation: 608, 623 ...
@@ -61,7 +61,7 @@ class Bearing(Thing):
         self.back = MountPoint(Location((0, 0, -self.width / 2)) * MATE, f"bearing-{designation}")
 
     def mass(self) -> tuple[float, str]:
-        """The mass [kg] in the table above, and its source."""
+        """Return the mass [kg] of this bearing in the table above, and its source."""
         sizes = BEARINGS[self.p.designation]
         return (sizes.mass, sizes.source)
 
@@ -70,7 +70,7 @@ class Bearing(Thing):
         return turned([(0, -self.width / 2), (self.diameter / 2, -self.width / 2), (self.diameter / 2, depth), (0, depth)])
 
     def result(self) -> Solid:
-        """The two rings, with the shields recessed between them."""
+        """Return the solid of the two rings, with the shields recessed between them."""
         inner, outer, z = self.bore / 2, self.diameter / 2, self.width / 2
         ring = 0.28 * (outer - inner)
         back = 0.1 * self.width
@@ -83,5 +83,5 @@ class Bearing(Thing):
         return turned([(inner, z - edge), *upper, *lower, (inner, edge - z)])
 
     def collision(self) -> list[Solid]:
-        """The enclosing cylinder."""
+        """Return the collision shape: the enclosing cylinder."""
         return [Solid.make_cylinder(self.diameter / 2, self.width).translate(-Axis.Z.direction * self.width / 2)]

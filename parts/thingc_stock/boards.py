@@ -19,8 +19,9 @@ THICKNESS = 1.6
 class Layout:
     """The dimensions of a board [mm].
 
-    `hole_middle` is the centre of the holes relative to the centre of the board, `holes` their distances in x and y, and `hole` their
-    diameter. `blocks` are the tall components: centre (x, y) and size (x, y, z), with a negative z size for components below the board.
+    `hole_middle` is the centre of the hole pattern relative to the centre of the board, `holes` contains the hole distances in x and y, and
+    `hole` is the diameter. `blocks` lists the tall components by their centre (x, y) and size (x, y, z). The z size is negative for
+    components below the board.
     """
 
     size: tuple[float, float]
@@ -34,10 +35,11 @@ class Layout:
 class Board(Thing):
     """A printed circuit board.
 
-    The origin is in the middle of its underside; z is up, and x is along its long side.
+    The origin is in the middle of the underside; z is up, and x is along the long side of the board.
 
-    Mounts: `bottom` is the underside, and `top` the upper side. `hole_0`, `hole_1` ... are the upper ends of the holes, counted from
-    (+x, +y) towards (-x, +y). `post_0`, `post_1` ... are the same holes on the underside, with z down, for posts.
+    Mounts: `bottom` is on the underside of the board, and `top` on the upper side. `hole_0`, `hole_1` ... are at the upper ends of the
+    holes, counted from (+x, +y) towards (-x, +y). `post_0`, `post_1` ... are at the lower ends of the same holes, with z down, for the
+    attachment of posts.
     """
 
     layout: ClassVar[Layout]
@@ -54,14 +56,14 @@ class Board(Thing):
         self.post = [MountPoint(Location(Plane((*place, 0), x_dir=(-1, 0, 0), z_dir=(0, 0, -1)))) for place in self.places]
 
     def result(self) -> Solid:
-        """The board with its holes, and a block for each tall component."""
+        """Return the solid of the board with its holes, and with a block for each tall component."""
         one = self.layout
         board = block((*one.size, THICKNESS), (0, 0, THICKNESS / 2), corner=one.corner)
         tall = [block((dx, dy, abs(dz)), (x, y, THICKNESS + dz / 2 if dz > 0 else dz / 2)) for x, y, dx, dy, dz in one.blocks]
         return board.fuse(*tall).cut(*(disc(one.hole, 4, -1, x, y) for x, y in self.places)).solid()
 
     def collision(self) -> list[Solid]:
-        """The box around the board and the blocks."""
+        """Return the collision shape: the box around the board and the blocks."""
         one = self.layout
         above, below = max(dz for *_, dz in one.blocks), min(0.0, *(dz for *_, dz in one.blocks))
         return [block((*one.size, THICKNESS + max(0.0, above) - below), (0, 0, (THICKNESS + max(0.0, above) + below) / 2))]
@@ -86,7 +88,7 @@ class RaspberryPi4(Board):
     bom = {"make": "buy", "number": "Raspberry Pi 4 Model B", "supplier": "Raspberry Pi"}
 
     def mass(self) -> tuple[float, str]:
-        """46 g."""
+        """Return the measured mass of 46 g."""
         return (0.046, "measured")
 
 
@@ -107,7 +109,7 @@ class RaspberryPiZero2(Board):
     bom = {"make": "buy", "number": "Raspberry Pi Zero 2 W", "supplier": "Raspberry Pi"}
 
     def mass(self) -> tuple[float, str]:
-        """11 g."""
+        """Return the estimated mass of 11 g."""
         return (0.011, "estimated")
 
 
@@ -131,7 +133,7 @@ class ArduinoNano(Board):
         super().__init__(color=color)
 
     def mass(self) -> tuple[float, str]:
-        """7 g, from the manufacturer's page."""
+        """Return the mass of 7 g from the manufacturer's page."""
         return (0.007, "vendor")
 
 
@@ -156,5 +158,5 @@ class Esp32DevKitC(Board):
         super().__init__(color=color)
 
     def mass(self) -> tuple[float, str]:
-        """10 g."""
+        """Return the estimated mass of 10 g."""
         return (0.010, "estimated")

@@ -1,4 +1,7 @@
-"""Small bus servos: ROBOTIS Dynamixel XL330 and Feetech STS3215. XL430, XM430 and XM540 are in `thingc_stock.dynamixel`."""
+"""Small bus servos: ROBOTIS Dynamixel XL330 and Feetech STS3215.
+
+The larger models XL430, XM430 and XM540 are in `thingc_stock.dynamixel`.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +23,8 @@ from thingc_stock.shapes import bevelled, block, disc, spots
 class Drawing:
     """The dimensions of a model [mm], relative to the axis of the shaft at half the depth of the case.
 
-    x is across the case, y along it to the short end, and z along the shaft. `horn` and `idler` are diameter and thickness, and `circle` is
-    the diameter through the centres of the horn's holes.
+    x is across the case, y along it to the short end, and z along the shaft. `horn` and `idler` contain diameter and thickness, and
+    `circle` is the diameter through the centres of the horn's holes.
     """
 
     width: float
@@ -43,11 +46,10 @@ class BusServo(Thing):
     The origin is on the axis at half the depth of the case; x is to the left, y to the top (the short end, next to the shaft), and z along
     the shaft out of the horn.
 
-    Mounts: `rotor` is the face of the horn. `front`, `back_face`, `left`, `right`, `top` and `bottom` are the centres of the faces of the
-    case, and `idler` is the face of the idler. `screws_horn` are the threaded holes of the horn; number 0 is at +x, and they are counted
-    towards +y.
+    Mounts: `rotor` is on the face of the horn. `front`, `back_face`, `left`, `right`, `top` and `bottom` are at the centres of the faces of
+    the case, and `idler` is on the face of the idler. `screws_horn` lists the threaded holes of the horn, counted from +x towards +y.
 
-    The solid has no cavities. thingc scales its inertia to the mass of the model.
+    The solid has no cavities, so thingc scales its inertia to the mass of the model.
     """
 
     drawing: ClassVar[Drawing]
@@ -74,15 +76,15 @@ class BusServo(Thing):
 
     @abstractmethod
     def mass(self) -> tuple[float, str]:
-        """The mass [kg] of the model and its source."""
+        """Return the mass [kg] of the servo model and its source."""
 
     def case_hull(self, play: float = 0.0) -> Solid:
-        """Return the case without horn and idler, `play` [mm] larger on all sides, to be cut out of a bracket."""
+        """Return the case without horn and idler, `play` [mm] larger on all sides, for subtraction from a bracket."""
         d = self.drawing
         return block((d.width + 2 * play, d.height + 2 * play, d.depth + 2 * play), (0, self.middle, 0), corner=d.corner)
 
     def result(self) -> Solid:
-        """The case, the horn with its holes, and the idler."""
+        """Return the solid of the case, the horn with its holes, and the idler."""
         d = self.drawing
         pieces = [bevelled(d.horn[0], d.horn[1] + 0.5, 0.4, d.depth / 2 - 0.5)]
         if d.idler[1]:
@@ -95,7 +97,7 @@ class BusServo(Thing):
         return self.case_hull().cut(*seam).fuse(*pieces).cut(*holes, disc(0.14 * d.horn[0], 1.5, self.horn_z - 1.5)).solid()
 
     def collision(self) -> list[Solid]:
-        """The case, and horn and idler in one cylinder."""
+        """Return the collision shapes: the case, and one cylinder for horn and idler."""
         d = self.drawing
         case = block((d.width, d.height, d.depth), (0, self.middle, 0))
         return [case, Solid.make_cylinder(d.horn[0] / 2, self.horn_z - self.idler_z, Plane((0, 0, self.idler_z)))]
@@ -104,12 +106,12 @@ class BusServo(Thing):
 class XL330(BusServo):
     """ROBOTIS Dynamixel XL330-M288-T.
 
-    Data from the e-Manual (emanual.robotis.com/docs/en/dxl/x/xl330-m288): 20 x 34 x 26 mm, 18 g, gear 288.4 : 1, at 5 V stall torque
-    0.52 N m and no-load speed 103 rpm. Other dimensions are not from ROBOTIS's drawing, but from a model in github.com/wyolum/orbigator,
-    fabricate/dynamixel_motor.scad: the case is 23 mm deep, the axis is 9.5 mm from the top, and the horn has a diameter of 16 mm with four
-    holes of 2 mm on a circle of 12 mm.
+    The e-Manual (emanual.robotis.com/docs/en/dxl/x/xl330-m288) lists 20 x 34 x 26 mm, 18 g, gear 288.4 : 1, and at 5 V a stall torque of
+    0.52 N m and a no-load speed of 103 rpm. Other dimensions are not from ROBOTIS's drawing, but from a model in
+    github.com/wyolum/orbigator, fabricate/dynamixel_motor.scad: the case is 23 mm deep, the axis is 9.5 mm from the top, and the horn has a
+    diameter of 16 mm with four holes of 2 mm on a circle of 12 mm.
 
-    The rotor inertia is scaled from the XM430 with the fifth power of the width of the case, as for similar motors.
+    The rotor inertia is an estimate, scaled from the XM430 with the fifth power of the width of the case, as for similar motors.
     """
 
     drawing = Drawing(
@@ -125,21 +127,22 @@ class XL330(BusServo):
         super().__init__(color=color)
 
     def mass(self) -> tuple[float, str]:
-        """18 g, e-Manual."""
+        """Return the mass of 18 g from the e-Manual."""
         return (0.018, "vendor")
 
 
 class STS3215(BusServo):
-    """Feetech STS3215-C018, a bus servo with 30 kgf cm for 12 V. The arms SO-100 and SO-101 use it, also in a version for 7.4 V.
+    """Feetech STS3215-C018, a bus servo with 30 kgf cm for 12 V.
 
-    Feetech's data are quoted in github.com/TheRobotStudio/SO-ARM100 (issue 134) and in a test (robonine.com, "Testing of Feetech STS3215
-    servomotor"): gear 345 : 1, at 12 V 30 kgf cm and 45 rpm. The dimensions are from the model used to design the arms, in the same
-    repository (STEP/SO100/STS3215_03a.step): 45.4 x 24.8 mm, 31.8 mm deep without the rim around the horn, and the axis 10.2 mm from the
-    end. The horns have a diameter of 20 mm with four holes of 2.5 mm, for M3, on a circle of 14 mm. Their faces are 18.7 mm in front and
-    17.7 mm behind.
+    The SO-100 and SO-101 robot arms use this servo, also in a version for 7.4 V. Feetech's data are quoted in
+    github.com/TheRobotStudio/SO-ARM100 (issue 134) and in a test (robonine.com, "Testing of Feetech STS3215 servomotor"): gear 345 : 1, at
+    12 V 30 kgf cm and 45 rpm. The dimensions are from the model used to design the arms, in the same repository
+    (STEP/SO100/STS3215_03a.step): 45.4 x 24.8 mm, 31.8 mm deep without the rim around the horn, and the axis 10.2 mm from the end. The
+    horns have a diameter of 20 mm with four holes of 2.5 mm, for M3, on a circle of 14 mm. The face of the horn is at z = 18.7 mm, and the
+    face of the idler is at z = -17.7 mm.
 
-    Estimates are the mass (55 g), the gain (full torque at an error of 5 deg), and the rotor inertia, which is scaled from the XM430 with
-    the fifth power of the width of the case, as for similar motors.
+    The mass (55 g) and the gain (full torque at an error of 5 deg) are estimates. The rotor inertia is scaled from the XM430 with the fifth
+    power of the width of the case, as for similar motors.
     """
 
     drawing = Drawing(
@@ -161,5 +164,5 @@ class STS3215(BusServo):
         super().__init__(color=color)
 
     def mass(self) -> tuple[float, str]:
-        """55 g."""
+        """Return the estimated mass of 55 g."""
         return (0.055, "estimated")

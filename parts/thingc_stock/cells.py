@@ -13,12 +13,12 @@ from thingc_stock.fasteners import Screw
 class Cell18650(Thing):
     """A lithium-ion cell of size 18650, Samsung SDI ICR18650-26C: 2600 mAh, 3.7 V.
 
-    The origin is in the middle of the axis; z points to the positive pole.
+    The origin is in the middle of the cell; z points to the positive pole.
 
-    Specification of product ICR18650-26C, version 1.0: at most 18.40 mm in diameter, 65.00 mm long and 47.0 g. The solid has no cavities.
-    thingc scales its inertia to the mass in the specification.
+    The specification of product ICR18650-26C, version 1.0, allows at most 18.40 mm in diameter, 65.00 mm in length and 47.0 g. The solid
+    has no cavities, so thingc scales its inertia to the mass in the specification.
 
-    Mounts: `plus` and `minus` are the poles, and `side` is on the cylindrical surface at half the length.
+    Mounts: `plus` and `minus` are on the poles, and `side` is on the cylindrical surface at half the length.
 
     Args:
         diameter: diameter of the can
@@ -37,15 +37,15 @@ class Cell18650(Thing):
         self.side = MountPoint(Location(Plane((0, -diameter / 2, 0), x_dir=(0, 0, 1), z_dir=(0, -1, 0))), "18650")
 
     def mass(self) -> tuple[float, str]:
-        """47.0 g, the maximum in the specification."""
+        """Return the mass of 47.0 g, which is the maximum in the specification."""
         return (0.047, "vendor")
 
     def hull(self) -> Solid:
-        """The can without its groove."""
+        """Return the cylinder of the can without its groove."""
         return Solid.make_cylinder(self.p.diameter / 2, self.p.length, Plane((0, 0, -self.p.length / 2)))
 
     def result(self) -> Solid:
-        """The can with the groove below its positive pole, and the rim around the pole."""
+        """Return the solid of the can with the groove below its positive pole, and the rim around the pole."""
         radius, end = self.p.diameter / 2, self.p.length / 2
         outline = [
             (0, -end), (radius, -end),
@@ -55,17 +55,18 @@ class Cell18650(Thing):
         return Solid.revolve(Face(Wire.make_polygon([(x, 0, z) for x, z in outline])), 360, Axis.Z)
 
     def collision(self) -> list[Solid]:
-        """The can."""
+        """Return the collision shape: the cylinder of the can."""
         return [self.hull()]
 
 
 class CellTray(Thing):
-    """An open tray for cells side by side, with screws through the ridges between them.
+    """An open tray for several cells side by side, with screws through the ridges between the cells.
 
     The origin is in the middle of the underside; z points up, and the cells are along x.
 
-    Mounts: `base` is the underside. `bay_0`, `bay_1` ... are for the cylindrical surfaces of the cells. The positive pole points to +x, and
-    in every second bay to -x, because the cells are in series. `screw_0` and `screw_1` are for the screw heads.
+    Mounts: `base` is on the underside of the tray. `bay_0`, `bay_1` ... are for the attachment of the cells at their cylindrical surfaces.
+    The positive poles point alternately to +x and to -x, because the cells are in series. `screw_0` and `screw_1` are for the attachment of
+    the screws at their heads.
 
     Args:
         cells: number of cells
@@ -113,25 +114,25 @@ class CellTray(Thing):
         self.body = block.cut(*beds, *springs, *holes).solid()
 
     def fixing(self, number: int, depth: float) -> Screw:
-        """Return screw 0 or 1 through the wall below the cells, which extends `depth` [mm] into the part below the tray."""
+        """Return screw 0 or 1 through the bottom wall, which extends `depth` [mm] into the part below the tray."""
         return Screw("M2.5", self.p.wall + depth).move(self.screw[number].location)
 
     def result(self) -> Solid:
-        """A block with a bed for each cell, space for the springs, and the holes for the screws."""
+        """Return the solid of a block with a bed for each cell, space for the springs, and holes for the screws."""
         return self.body
 
     def envelope(self) -> Solid:
-        """The tray and the cells."""
+        """Return the solid of the tray together with the cells."""
         return Solid.make_box(self.length, self.width, self.top, Plane((-self.length / 2, -self.width / 2, 0)))
 
 
 class Pack2S(Thing):
     """A pack of two lithium cells in series, ProModeler B2S2500: 2500 mAh, 7.4 V.
 
-    Data from www.promodeler.com/B2S2500: 66 x 36 x 18 mm, 107 g. The origin is in the middle of the underside; x is along the cells, and z
-    up.
+    The page www.promodeler.com/B2S2500 lists 66 x 36 x 18 mm and 107 g. The origin is in the middle of the underside; x is along the cells,
+    and z up.
 
-    Mounts: `bottom` and `top` are the faces, and `lead` is the end with the leads (+x).
+    Mounts: `bottom` and `top` are on the flat faces, and `lead` is on the end with the cables (+x).
     """
 
     bom = {"make": "buy", "number": "B2S2500", "supplier": "ProModeler"}
@@ -144,11 +145,11 @@ class Pack2S(Thing):
         self.lead = MountPoint(Location((self.size[0] / 2, 0, self.size[2] / 2), (0, 90, 0)))
 
     def mass(self) -> tuple[float, str]:
-        """107 g, from the manufacturer's page."""
+        """Return the mass of 107 g from the manufacturer's page."""
         return (0.107, "vendor")
 
     def result(self) -> Solid:
-        """Two round cells side by side in a sleeve."""
+        """Return the solid of two round cells side by side in a sleeve."""
         length, width, height = self.size
         radius = height / 2
         across = width / 2 - radius
@@ -156,5 +157,5 @@ class Pack2S(Thing):
         return Solid.make_box(length, 2 * across, height, Plane((-length / 2, -across, 0))).fuse(*cells).solid()
 
     def collision(self) -> list[Solid]:
-        """The bounding box."""
+        """Return the collision shape: the bounding box."""
         return [Solid.make_box(*self.size, Plane((-self.size[0] / 2, -self.size[1] / 2, 0)))]

@@ -1,6 +1,6 @@
 """ROBOTIS Dynamixel X servos: XM430-W350, XL430-W250 and XM540-W270.
 
-The family has one class. A model consists of a `Drawing` (the dimensions in its published drawing), an actuator and a mass.
+All models share a base class. A servo model consists of a `Drawing` (the dimensions in its published drawing), an actuator and a mass.
 
 Sources: ROBOTIS e-Manual, pages "XM430-W350", "XL430-W250" and "XM540-W270" (size, mass, gear ratio, stall torque and no-load speed at
 12 V, control table), and the drawings that can be downloaded there, X-430 (XM430-W350, horn HN12-N101, idler HN12-I101) and X-540
@@ -23,15 +23,15 @@ from thingc_stock.fasteners import Hole, Size, threaded_hole
 Positive = Annotated[Length, Range(minimum=0.1)]
 
 FLIP = Location((0, 0, 0), (0, 180, 0))
-"""A rotation by 180 deg about y, for elements on the back."""
+"""A rotation by 180 deg about y, for mounts and holes on the back of a servo."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing:
     """The dimensions of a model [mm], relative to the output axis at half the depth (`middle`).
 
-    x is to the left, y to the top (the short end, next to the output), and z to the front (the horn). A `circle` is the diameter through
-    the centres of holes.
+    x is to the left, y to the top (the short end, next to the output), and z to the front (the horn). A field `circle` is the diameter of
+    the circle through the centres of the holes.
     """
 
     axis_to_top: float
@@ -60,16 +60,16 @@ class Drawing:
 
 
 def position_gain(stall_torque: float) -> float:
-    """Return the stiffness [N m/rad] of the position controller with default gains, at the output, from the stall torque [N m].
+    """Return the stiffness [N m/rad] of the position controller at the output, with default gains, for the stall torque [N m].
 
-    Source: e-Manual, control tables. The position P gain is 800, which gives 800/128 duty counts per encoder step, at 4096 steps per turn.
-    885 counts are full duty, which gives the stall torque at standstill. The default I and D gains are 0.
+    The source is the control table in the e-Manual. The position P gain is 800, which gives 800/128 duty counts per encoder step, at 4096
+    steps per turn. 885 counts are full duty, which gives the stall torque at standstill. The default I and D gains are 0.
     """
     return 800.0 / 128.0 * 4096.0 / (2.0 * pi) / 885.0 * stall_torque
 
 
 def velocity_gain(stall_torque: float, no_load_speed: float) -> float:
-    """Return the damping [N m s/rad] due to back-EMF, from the stall torque [N m] and the no-load speed [rad/s].
+    """Return the damping [N m s/rad] due to back-EMF, for a motor with this stall torque [N m] and no-load speed [rad/s].
 
     At full duty the torque falls from the stall torque to 0 at the no-load speed.
     """
@@ -77,7 +77,7 @@ def velocity_gain(stall_torque: float, no_load_speed: float) -> float:
 
 
 def servo_drive(stall_torque: float, no_load_speed: float, gear_ratio: float, rotor_inertia: float) -> Actuator:
-    """Return a position drive with gains computed from published data: stall torque [N m], no-load speed [rad/s] and gear ratio.
+    """Return a position drive whose gains follow from published data: stall torque [N m], no-load speed [rad/s] and gear ratio.
 
     The rotor inertia at the motor [kg m^2] is an estimate.
     """
@@ -93,21 +93,22 @@ def servo_drive(stall_torque: float, no_load_speed: float, gear_ratio: float, ro
 
 
 class XSeries(Thing):
-    """A Dynamixel X servo: case, horn and idler as one rigid part with all screw holes.
+    """A Dynamixel X servo: case, horn and idler as one rigid part with all its screw holes.
 
-    The origin is on the output axis at half the depth; x is to the left, y to the top (the short end, next to the output), and z along the
-    output axis out of the horn. Attach the driven part to `rotor`.
+    The origin is on the output axis at half the depth of the case; x is to the left, y to the top (the short end, next to the output), and
+    z out of the horn. Attach the driven part to the mount `rotor`.
 
-    Mounts: The six faces of the case have mounts at their centres. `horn` and `idler` are the outer faces of horn and idler. `rotor` is
-    another name of `horn`, for joints.
+    Mounts: Each of the six faces of the case has a mount at its centre. `horn` and `idler` are on the outer faces of the horn and the
+    idler. `rotor` is another name of the mount `horn`, for use in joints.
 
     Every screw hole has a name: `screw_left_top_front(thickness)` returns the `Screw` in that hole, with its head on a plate of that
-    thickness. `screws_left`, `screws_right`, `screws_front`, `screws_top`, `screws_bottom`, `screws_horn` and `screws_idler` are lists of
-    the holes of a face. In the last two lists, number 0 is at +x, and holes are counted towards +y.
+    thickness. `screws_left`, `screws_right`, `screws_front`, `screws_top`, `screws_bottom`, `screws_horn` and `screws_idler` list the holes
+    of a face. The lists `screws_horn` and `screws_idler` count the holes from +x towards +y.
 
-    The solid has no cavities. thingc scales its inertia to the manufacturer's mass.
+    The solid has no cavities, so thingc scales its inertia to the manufacturer's mass.
 
-    The dimensions of a model are constant. For cutting, `XM430().adjust(width__add=0.2)` returns the same servo with clearance.
+    The dimensions of a servo model are constant. To subtract a servo from a part, use `XM430().adjust(width__add=0.2)`, which returns the
+    same servo with clearance.
 
     Args:
         width: width of the case, along x
@@ -182,21 +183,21 @@ class XSeries(Thing):
 
     @cached_property
     def screws_horn(self) -> list[Hole]:
-        """The holes of the horn, from +x towards +y."""
+        """Return the holes of the horn, counted from +x towards +y."""
         d = self.drawing
         spots = [Pos(0, 0, self.horn_z) * spot for spot in _circle(d.horn_circle, d.horn_holes)]
         return [threaded_hole(spot, d.horn_screw, d.horn_thickness) for spot in spots]
 
     @cached_property
     def screws_idler(self) -> list[Hole]:
-        """The holes of the idler, from +x towards +y, or an empty list without an idler."""
+        """Return the holes of the idler, counted from +x towards +y, or an empty list for a servo without an idler."""
         d = self.drawing
         spots = [Pos(0, 0, self.idler_z) * spot * FLIP for spot in _circle(d.horn_circle, d.horn_holes) if self.p.idler]
         return [threaded_hole(spot, d.horn_screw, d.idler_thickness) for spot in spots]
 
     @abstractmethod
     def mass(self) -> tuple[float, str]:
-        """The manufacturer's mass [kg] and its source, defined by each model."""
+        """Return the manufacturer's mass [kg] and its source, defined by each servo model."""
 
     def case_hull(self) -> Solid:
         """Return the case without holes, horn and idler."""
@@ -209,15 +210,15 @@ class XSeries(Thing):
         return Solid.extrude(Face(Wire.make_polygon([(u, v, z) for u, v in outline])), (0, 0, self.p.depth))
 
     def boss_hull(self, height: float) -> Solid:
-        """Return the boss on the horn as a cylinder that ends `height` [mm] above the horn's face, to be cut out of a part."""
+        """Return a cylinder for the boss on the horn that ends `height` [mm] above the horn's face, for subtraction from a part."""
         return Solid.make_cylinder(self.p.boss_diameter / 2, height, Plane((0, 0, self.horn_z)))
 
     def idler_hull(self, height: float) -> Solid:
-        """Return the idler as a cylinder that ends `height` [mm] behind the back of the case, to be cut out of a part on the back."""
+        """Return a cylinder for the idler that ends `height` [mm] behind the back of the case, for subtraction from a part."""
         return Solid.make_cylinder(self.p.horn_diameter / 2, height, Plane((0, 0, -self.p.depth / 2 - height)))
 
     def result(self) -> Solid:
-        """The case, horn and idler, with holes of the outer diameter of the threads."""
+        """Return the solid of the case, horn and idler, with holes of the outer diameter of the threads."""
         d = self.drawing
         rim = Solid.make_cylinder(self.p.horn_diameter / 2, self.horn_z - self.idler_z, Plane((0, 0, self.idler_z)))
         boss = self.boss_hull(d.boss_height)
@@ -227,7 +228,7 @@ class XSeries(Thing):
         return self.case_hull().fuse(rim, boss, tip).cut(*holes).solid()
 
     def collision(self) -> list[Solid]:
-        """The case, one cylinder for horn and idler, and the boss."""
+        """Return the collision shapes: the case, one cylinder for horn and idler, and the boss."""
         rim = Solid.make_cylinder(self.p.horn_diameter / 2, self.horn_z - self.idler_z, Plane((0, 0, self.idler_z)))
         return [self.case_hull(), rim, self.boss_hull(self.drawing.tip_height)]
 
@@ -238,13 +239,14 @@ class XSeries(Thing):
 class XM430(XSeries):
     """ROBOTIS Dynamixel XM430-W350 with horn HN12-N101 and idler HN12-I101.
 
-    Data from the e-Manual (emanual.robotis.com/docs/en/dxl/x/xm430-w350): 28.5 x 46.5 x 34 mm, 82 g, gear 353.5 : 1, at 12 V stall torque
-    4.1 N m and no-load speed 46 rpm. Drawing X-430: horn and idler have a diameter of 19.5 mm with 8 x M2 on a circle of 16 mm.
+    The e-Manual (emanual.robotis.com/docs/en/dxl/x/xm430-w350) lists 28.5 x 46.5 x 34 mm, 82 g, gear 353.5 : 1, and at 12 V a stall torque
+    of 4.1 N m and a no-load speed of 46 rpm. According to the drawing X-430, horn and idler have a diameter of 19.5 mm with 8 x M2 on a
+    circle of 16 mm.
 
-    The rotor inertia is 0.045 kg m^2 at the output. Haarnoja et al. identified it on this servo with a known load ("Learning agile soccer
-    skills for a bipedal robot with deep reinforcement learning", Science Robotics 9, 2024), and MuJoCo Menagerie's `robotis_op3` uses it.
-    They also identified kp = 21.1 N m/rad and a damping of 1.084 N m s/rad. The values here, computed from the data sheet at 12 V, are
-    18.9 and 0.85.
+    The rotor inertia is 0.045 kg m^2 at the output. Haarnoja et al. identified this inertia on an XM430 with a known load ("Learning agile
+    soccer skills for a bipedal robot with deep reinforcement learning", Science Robotics 9, 2024), and MuJoCo Menagerie's `robotis_op3`
+    uses it. Haarnoja et al. also identified kp = 21.1 N m/rad and a damping of 1.084 N m s/rad. This module computes kp = 18.9 N m/rad and
+    a damping of 0.85 N m s/rad from the data sheet at 12 V.
 
     Args:
         idler: whether the idler is mounted on the back
@@ -268,17 +270,17 @@ class XM430(XSeries):
         super().__init__(width=28.5, height=46.5, depth=34.0, horn_diameter=19.5, boss_diameter=8.0, idler=idler)
 
     def mass(self) -> tuple[float, str]:
-        """82 g, from the e-Manual."""
+        """Return the mass of 82 g from the e-Manual."""
         return (0.082, "vendor")
 
 
 class XL430(XSeries):
     """ROBOTIS Dynamixel XL430-W250-T with a plastic case, a horn and an idler.
 
-    Data from the e-Manual (emanual.robotis.com/docs/en/dxl/x/xl430-w250; read in github.com/ROBOTIS-GIT/emanual, _data/dxl_x_info.yml):
-    28.5 x 46.5 x 34 mm, 57.2 g, gear 258.5 : 1, at 12 V stall torque 1.5 N m and no-load speed 61 rpm. The e-Manual lists the same form as
-    for the XM430-W350, so holes and horns are copied from the XM430-W350, without the drawing of the XL430-W250. The rotor inertia is an
-    estimate: it is copied from the XM430-W350, which has the same width.
+    The e-Manual (emanual.robotis.com/docs/en/dxl/x/xl430-w250; read in github.com/ROBOTIS-GIT/emanual, _data/dxl_x_info.yml) lists 28.5 x
+    46.5 x 34 mm, 57.2 g, gear 258.5 : 1, and at 12 V a stall torque of 1.5 N m and a no-load speed of 61 rpm. The e-Manual lists the same
+    size as for the XM430-W350, so holes and horns are copied from the XM430-W350 instead of a drawing of the XL430-W250. The rotor inertia
+    is an estimate: it is copied from the XM430-W350, which has the same width.
 
     Args:
         idler: whether the idler is mounted on the back
@@ -294,17 +296,18 @@ class XL430(XSeries):
         super().__init__(width=28.5, height=46.5, depth=34.0, horn_diameter=19.5, boss_diameter=8.0, idler=idler)
 
     def mass(self) -> tuple[float, str]:
-        """57.2 g, from the e-Manual."""
+        """Return the mass of 57.2 g from the e-Manual."""
         return (0.0572, "vendor")
 
 
 class XM540(XSeries):
     """ROBOTIS Dynamixel XM540-W270 with horn HN13-N101 and idler HN13-I101.
 
-    Data from the e-Manual (emanual.robotis.com/docs/en/dxl/x/xm540-w270): 33.5 x 58.5 x 44 mm, 165 g, gear 272.5 : 1, at 12 V stall torque
-    10.6 N m and no-load speed 30 rpm. Drawing X-540: horn and idler have a diameter of 26 mm with 8 x M2.5 on a circle of 22 mm.
+    The e-Manual (emanual.robotis.com/docs/en/dxl/x/xm540-w270) lists 33.5 x 58.5 x 44 mm, 165 g, gear 272.5 : 1, and at 12 V a stall torque
+    of 10.6 N m and a no-load speed of 30 rpm. According to the drawing X-540, horn and idler have a diameter of 26 mm with 8 x M2.5 on a
+    circle of 22 mm.
 
-    The rotor inertia is an estimate. It is scaled from the XM430-W350 with the fifth power of the width of the case, as for similar motors.
+    The rotor inertia is an estimate, scaled from the XM430-W350 with the fifth power of the width of the case, as for similar motors.
 
     Args:
         idler: whether the idler is mounted on the back
@@ -329,10 +332,10 @@ class XM540(XSeries):
         super().__init__(width=33.5, height=58.5, depth=44.0, horn_diameter=26.0, boss_diameter=10.0, idler=idler)
 
     def mass(self) -> tuple[float, str]:
-        """165 g, from the e-Manual."""
+        """Return the mass of 165 g from the e-Manual."""
         return (0.165, "vendor")
 
 
 def _circle(diameter: float, count: int) -> list[Location]:
-    """Return `count` positions on a circle, the first at +x and the following ones towards +y."""
+    """Return `count` evenly spaced positions on a circle, starting at +x and continuing towards +y."""
     return [Location((0, 0, 0), (0, 0, 360.0 * k / count)) * Pos(diameter / 2, 0, 0) for k in range(count)]

@@ -1,8 +1,8 @@
-"""Screws with the dimensions of bd_warehouse, and with solids for the holes that they need.
+"""Screws with the dimensions of bd_warehouse, and the solids to subtract from parts for their holes.
 
-All dimensions are from the tables of bd_warehouse, which contain the values of the standards. This module creates the solids without
-threads: a revolved profile and one boolean operation take a tenth of the time of bd_warehouse's own screw. It reads only the tables,
-without importing the 30 kinds of fasteners.
+All dimensions are from the tables of bd_warehouse, which contain the values of the standards. This module creates screws without threads: a
+revolved profile and one boolean operation take a tenth of the time of bd_warehouse's own screw. The module reads only the tables of
+bd_warehouse, without importing its 30 classes of fasteners.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ HEAD_PLAY = 0.2
 class Screw(Thing):
     """A hexagon socket head cap screw, ISO 4762, steel, property class 8.8.
 
-    The origin is on the axis in the bearing plane (the underside of the head); z points towards the driver, so the head is at z > 0 and the
-    shank at z < 0. Head and socket are as in ISO 4762 (outer diameter of a knurled head), and clearance holes as in ISO 273 (`Close` fine,
-    `Normal` medium, `Loose` coarse). Tap drills are for soft materials. All values are from the tables in bd_warehouse.
+    The origin is on the screw axis in the bearing plane (the underside of the head); z points towards the driver, so the head is at z > 0.
+    Head and socket are as in ISO 4762 (outer diameter of a knurled head), and clearance holes as in ISO 273 (`Close` fine, `Normal` medium,
+    `Loose` coarse). The diameters of tap drills are for soft materials. All values are from the tables in bd_warehouse.
 
     Args:
         size: size of the thread, with coarse pitch
@@ -67,37 +67,37 @@ class Screw(Thing):
 
     @property
     def body_hull(self) -> Solid:
-        """The volume of the screw, with the outer cylinder of the thread and without the socket."""
+        """Return the volume of the screw, with the outer cylinder of the thread and without the socket."""
         return self._hull(self.diameter, self.head_diameter, self.head_height)
 
     @property
     def clearance_hull(self) -> Solid:
-        """The solid to subtract for the screw.
+        """Return the solid to subtract from the fastened part for the screw.
 
         The solid consists of the clearance hole and, above the bearing plane, a cylinder for the head with a clearance of `HEAD_PLAY`. The
-        cylinder is high enough to insert the screw along its axis.
+        cylinder of the head is high enough to insert the screw along its axis.
         """
         return deepcopy(self._clearance)  # the kernel adds curves to a shape that it uses as a tool, so each further call takes longer
 
     @property
     def tapped_hull(self) -> Solid:
-        """The hole to drill for the thread: a cylinder with the diameter of the tap drill over the whole length."""
+        """Return the hole to drill for the thread: a cylinder with the diameter of the tap drill over the whole length."""
         return Solid.make_cylinder(self.tap_diameter / 2, self.p.length, Plane((0, 0, -self.p.length)))
 
     @property
     def thread_hull(self) -> Solid:
-        """A threaded hole as in drawings: the outer cylinder of the thread over the whole length."""
+        """Return a threaded hole as in drawings: a cylinder with the outer diameter of the thread over the whole length."""
         return Solid.make_cylinder(self.diameter / 2, self.p.length, Plane((0, 0, -self.p.length)))
 
     def result(self) -> Solid:
-        """The head with its socket, and a cylinder with the pitch diameter (ISO 724), which has the volume of the thread."""
+        """Return the head with its socket, and a cylinder with the pitch diameter (ISO 724), which has the volume of the thread."""
         pitch_diameter = self.diameter - 3 * sqrt(3) / 8 * self.pitch
         top = Pos(0, 0, self.head_height)
         socket = extrude(top * RegularPolygon(self.socket_width / 2, 6, major_radius=False), -self.socket_depth)
         return self._hull(pitch_diameter, self.head_diameter, self.head_height).cut(socket).solid()
 
     def collision(self) -> list[Solid]:
-        """The head and the shank as two convex solids."""
+        """Return the collision shapes: the head and the shank as two convex solids."""
         return [
             Solid.make_cylinder(self.head_diameter / 2, self.head_height),
             Solid.make_cylinder(self.diameter / 2, self.p.length, Plane((0, 0, -self.p.length))),
@@ -108,22 +108,22 @@ class Screw(Thing):
         return self._hull(self.clearance_diameter, self.head_diameter + 2 * HEAD_PLAY, self.head_height + self.p.length)
 
     def _hull(self, shank: float, head: float, above: float) -> Solid:
-        """Return two coaxial cylinders on both sides of the bearing plane: both diameters, and the height of the upper one."""
+        """Return two coaxial cylinders on both sides of the bearing plane, with their diameters and the height of the upper cylinder."""
         below = -self.p.length
         outline = [(0, below), (shank / 2, below), (shank / 2, 0), (head / 2, 0), (head / 2, above), (0, above)]
         return Solid.revolve(Face(Wire.make_polygon([(x, 0, z) for x, z in outline])), 360, Axis.Z)
 
 
 Hole = Callable[[float], Screw]
-"""A threaded hole.
+"""A threaded hole, given as a function that returns a screw placed in the hole.
 
-Its argument is the thickness [mm] of the fastened part. It returns the screw in its place: the bearing plane is above the face by this
-thickness, and the tip is at the bottom of the hole.
+The argument of the function is the thickness [mm] of the fastened part. The bearing plane of the screw is above the face by this thickness,
+and the tip is at the bottom of the hole.
 """
 
 
 def threaded_hole(mouth: Location, size: Size, depth: float) -> Hole:
-    """Return the hole that starts at `mouth` (z out of the material) and has a depth of `depth` [mm]."""
+    """Return a hole that starts at `mouth`, whose z axis points out of the material, and has the depth `depth` [mm]."""
 
     def screw(thickness: float) -> Screw:
         return Screw(size, thickness + depth).move(mouth * Pos(0, 0, thickness))
@@ -133,7 +133,10 @@ def threaded_hole(mouth: Location, size: Size, depth: float) -> Hole:
 
 @cache
 def _table(name: str) -> dict[str, dict[str, str]]:
-    """Return the rows of a table of bd_warehouse by the first column. Each row maps headings to values."""
+    """Return a table of bd_warehouse as a mapping from the value in the first column to a row.
+
+    Each row is a mapping from column headings to values.
+    """
     with (TABLES / name).open(encoding="utf-8") as stream:
         rows = csv.reader(stream)
         _, *headings = (heading.strip() for heading in next(rows))

@@ -18,14 +18,15 @@ MU_0 = 4e-7 * pi
 
 
 class HoldingMagnet(Thing):
-    """A round permanent magnet with a coil: it holds without current, and a current through its coil releases it.
+    """A round permanent magnet with a coil: the magnet holds without current, and a current through the coil releases it.
 
-    It is a steel pot around a core, with the coil in the ring between them. The face with both poles is down. The origin is in the middle
-    of this face; z points up to the back. It is not based on a manufacturer's drawing; the proportions are typical of permanent
-    electro-holding magnets with this pull. The densities of magnet and winding are similar to the density of steel, so the mass is computed
-    as for a steel body of this shape.
+    The magnet is a steel pot around a core, with the coil in the ring between pot and core. The face with both poles points down. The
+    origin is in the middle of the face with the poles; z points up to the back. The shape is not based on a manufacturer's drawing; the
+    proportions are typical of permanent electro-holding magnets with this pull. The densities of magnet and winding are similar to the
+    density of steel, so the mass is computed as for a steel body of this shape.
 
-    Mounts: `sole` is the face with the poles, and `back` is opposite. `screws_back` are the threaded holes in the back, on the x axis.
+    Mounts: `sole` is on the face with the poles, and `back` is on the opposite face. `screws_back` lists the threaded holes in the back,
+    which are on the x axis.
 
     Args:
         diameter: diameter of the pot
@@ -55,20 +56,20 @@ class HoldingMagnet(Thing):
         ]
 
     def pull(self, flux_density: float = SATURATION) -> float:
-        """Return the maximum pull [N] on thick steel without a gap, with this flux density [T] in both poles.
+        """Return the maximum pull [N] on thick steel without an air gap, for the flux density [T] in both poles.
 
-        The pull of each pole is B^2 A / (2 mu_0). The nominal pull must be smaller than the maximum pull.
+        Each pole with area A has the pull B^2 A / (2 mu_0). The specified pull of the magnet must be smaller than the maximum pull.
         """
         inner, outer = self.groove
         area = min(inner**2, (self.p.diameter / 2) ** 2 - outer**2) * pi * 1e-6
         return 2 * flux_density**2 * area / (2 * MU_0)
 
     def hull(self) -> Solid:
-        """The pot without the groove and the holes."""
+        """Return the cylinder of the pot without the groove and the holes."""
         return Solid.make_cylinder(self.p.diameter / 2, self.p.height)
 
     def result(self) -> Solid:
-        """The pot with its threaded holes, and the ring of the coil, which is recessed by 0.5 mm."""
+        """Return the solid of the pot with its threaded holes, and the ring of the coil, which is recessed by 0.5 mm."""
         radius, height, (inner, outer) = self.p.diameter / 2, self.p.height, self.groove
         outline = [
             (0, 0), (inner, 0), (inner, 0.5), (outer, 0.5), (outer, 0), (radius, 0),
@@ -78,5 +79,5 @@ class HoldingMagnet(Thing):
         return pot.cut(*(hole(0.0).thread_hull for hole in self.screws_back)).solid()
 
     def collision(self) -> list[Solid]:
-        """The pot."""
+        """Return the collision shape: the cylinder of the pot."""
         return [self.hull()]

@@ -15,9 +15,9 @@ from thingc_stock.shapes import bevelled, block, disc, spots
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stepper:
-    """The published data of a motor.
+    """The published data of a stepper motor.
 
-    These are the length of the body [mm], the mass [kg], the holding torque [N m], and the rotor inertia [kg m^2] with its source.
+    The fields are the length of the body [mm], the mass [kg], the holding torque [N m], and the rotor inertia [kg m^2] with its source.
     """
 
     length: float
@@ -38,20 +38,20 @@ STEPPERS = {
     "17HS19": Stepper(length=48.0, mass=0.390, torque=0.59, inertia=(82e-7, "vendor")),
 }
 FLANGE, HOLES, PILOT, SHAFT = 42.3, 31.0, 22.0, 5.0
-"""Dimensions of size 17 [mm]: edge of the flange, distance of the holes, and diameters of pilot and shaft.
+"""Dimensions of a motor of size NEMA 17 [mm]: edge of the flange, distance of the holes, and diameters of pilot and shaft.
 
 Source: github.com/nophead/NopSCADlib, vitamins/stepper_motors.scad.
 """
 
 
 class _Nema17(Thing):
-    """A stepper motor of size 17.
+    """A stepper motor of size NEMA 17.
 
-    The origin is on the axis of the shaft in the face of the flange; z points along the shaft. `screws(thickness)` returns the screws that
-    hold the motor.
+    The origin is on the axis of the shaft in the face of the flange; z points along the shaft. The method `screws(thickness)` returns the
+    screws that hold the motor.
 
-    Mounts: `flange` is its face, with z along the shaft. `rotor` is on the shaft at the beginning of its flat, and `tip` at the end of the
-    shaft. `bottom` is the opposite face. `hole_0`, `hole_1` ... are the M3 holes in the flange.
+    Mounts: `flange` is on the face of the flange, with z along the shaft. `rotor` is on the shaft at the beginning of its flat, and `tip`
+    is at the end of the shaft. `bottom` is on the face opposite to the flange. `hole_0`, `hole_1` ... are at the M3 holes in the flange.
 
     Args:
         shaft: length of the shaft in front of the flange
@@ -70,11 +70,11 @@ class _Nema17(Thing):
         self.threads: list[Hole] = [threaded_hole(mount.location, "M3", 4.5) for mount in self.hole]
 
     def mass(self) -> tuple[float, str]:
-        """The mass [kg] in the table above, and its source."""
+        """Return the mass [kg] of this motor in the table above, and its source."""
         return (STEPPERS[self.model].mass, "vendor")
 
     def result(self) -> Solid:
-        """Two caps around the laminations, the pilot, and the shaft with its flat."""
+        """Return the solid of two caps around the laminations, the pilot, and the shaft with its flat."""
         caps = [block((FLANGE, FLANGE, h), (0, 0, z), corner=3.5) for h, z in ((9.0, -4.5), (9.0, 4.5 - self.length))]
         core = block((FLANGE - 1.2, FLANGE - 1.2, self.length - 2), (0, 0, -self.length / 2), corner=5.5)
         shaft = bevelled(SHAFT, self.p.shaft + 1, 0.4, -1).cut(block((SHAFT, 1, self.p.shaft), (0, SHAFT / 2, 4 + self.p.shaft / 2)))
@@ -82,14 +82,15 @@ class _Nema17(Thing):
         return body.cut(*(hole(0.0).thread_hull for hole in self.threads)).solid()
 
     def collision(self) -> list[Solid]:
-        """The body and the shaft."""
+        """Return the collision shapes: the body and the shaft."""
         return [block((FLANGE, FLANGE, self.length), (0, 0, -self.length / 2)), disc(SHAFT, self.p.shaft)]
 
 
 def _drive(model: str, speed: float) -> Actuator:
-    """Return a position drive with the holding torque. `speed` [rad/s] is an estimate of the no-load speed at 24 V.
+    """Return a position drive whose maximum torque is the holding torque of the motor.
 
-    Micro-stepping acts as a spring. Its torque is maximal at a displacement of a quarter of an electrical turn (1.8 deg).
+    `speed` [rad/s] is an estimate of the no-load speed at 24 V. With micro-stepping, a stepper motor acts as a spring. The torque of the
+    motor is maximal at a displacement of a quarter of an electrical turn (1.8 deg).
     """
     motor = STEPPERS[model]
     return Actuator(
@@ -100,7 +101,7 @@ def _drive(model: str, speed: float) -> Actuator:
 
 
 class Nema17Short(_Nema17):
-    """STEPPERONLINE 17HS13-0404S1: 34 mm long, 230 g, 0.26 N m."""
+    """The STEPPERONLINE motor 17HS13-0404S1 with 34 mm length, 230 g and 0.26 N m."""
 
     model = "17HS13"
     actuator = _drive("17HS13", 80.0)
@@ -108,7 +109,7 @@ class Nema17Short(_Nema17):
 
 
 class Nema17(_Nema17):
-    """STEPPERONLINE 17HS15-1504S1: 39 mm long, 280 g, 0.45 N m."""
+    """The STEPPERONLINE motor 17HS15-1504S1 with 39 mm length, 280 g and 0.45 N m."""
 
     model = "17HS15"
     actuator = _drive("17HS15", 80.0)
@@ -116,7 +117,7 @@ class Nema17(_Nema17):
 
 
 class Nema17Long(_Nema17):
-    """STEPPERONLINE 17HS19-2004S1: 48 mm long, 390 g, 0.59 N m."""
+    """The STEPPERONLINE motor 17HS19-2004S1 with 48 mm length, 390 g and 0.59 N m."""
 
     model = "17HS19"
     actuator = _drive("17HS19", 80.0)
@@ -126,11 +127,11 @@ class Nema17Long(_Nema17):
 class ShaftHub(Thing):
     """A clamping hub: a collar on a shaft, with a flange and four threaded holes for the driven part.
 
-    The origin is in the middle of the flange's back, on the axis of the shaft; z points out of the end of the shaft. It is not based on a
-    manufacturer's drawing; the proportions are estimates of common aluminium hubs for a shaft of 5 mm.
+    The origin is in the middle of the flange's back, on the axis of the shaft; z points out of the end of the shaft. The shape is not based
+    on a manufacturer's drawing; the proportions are estimates of common aluminium hubs for a shaft of 5 mm.
 
-    Mounts: `shaft` is in the back of the collar, to be attached to the `rotor` of a motor. `face` is the outer face of the flange, and
-    `hole_0`, `hole_1` ... are its holes.
+    Mounts: `shaft` is in the back of the collar, for attachment to the mount `rotor` of a motor. `face` is on the outer face of the flange,
+    and `hole_0`, `hole_1` ... are at the threaded holes.
 
     Args:
         bore: diameter of the shaft
@@ -160,11 +161,11 @@ class ShaftHub(Thing):
         self.screws: list[Hole] = [threaded_hole(mount.location, screw, thickness) for mount in self.hole]
 
     def result(self) -> Solid:
-        """The flange and the collar with their bore and the threaded holes."""
+        """Return the solid of the flange and the collar with their bore and the threaded holes."""
         p = self.p
         body = bevelled(p.diameter, p.thickness, 0.3).fuse(bevelled(p.circle - 3, p.collar + 1, 0.3, -p.collar))
         return body.cut(disc(p.bore, p.collar + p.thickness + 2, -p.collar - 1), *(hole(0.0).thread_hull for hole in self.screws)).solid()
 
     def collision(self) -> list[Solid]:
-        """The flange and the collar."""
+        """Return the collision shapes: the flange and the collar."""
         return [disc(self.p.diameter, self.p.thickness), disc(self.p.circle - 3, self.p.collar, -self.p.collar)]

@@ -13,14 +13,14 @@ from thingc_stock.shapes import disc, prism
 class Profile2020(Thing):
     """An aluminium profile 20 x 20 mm with a slot of 6 mm on each side, cut to length.
 
-    The bore of 4.3 mm, for M5, is as in series L5 (industrialprofile.com/profile-technical-data). The slot of 6 mm with a chamber about
-    12 mm wide is as in github.com/nophead/NopSCADlib, vitamins/extrusions.scad, E2020. The rest of the section is an estimate, which gives
-    a mass of 0.45 kg/m. The sections of manufacturers differ.
+    The bore of 4.3 mm, which is for an M5 thread, is as in series L5 (industrialprofile.com/profile-technical-data). The slot of 6 mm with
+    a chamber about 12 mm wide is as in github.com/nophead/NopSCADlib, vitamins/extrusions.scad, E2020. The rest of the cross section is an
+    estimate, which gives a mass of 0.45 kg/m. The cross sections of manufacturers differ.
 
-    The origin is in the middle of one end; z is along the profile.
+    The origin is in the middle of one end; z is along the length of the profile.
 
-    Mounts: `start` (z outwards, down) and `end` are the ends. `left` (+x), `right`, `top` (+y) and `bottom` are the sides at half the
-    length. `left_start`, `left_end` and so on are the sides at a distance of half a width from the ends.
+    Mounts: `start` (z outwards, down) and `end` are at the two ends. `left` (+x), `right`, `top` (+y) and `bottom` are on the sides at half
+    the length. `left_start`, `left_end` and so on are on the sides, at a distance of half a width from the ends.
 
     Args:
         length: length of the profile
@@ -44,7 +44,7 @@ class Profile2020(Thing):
         self.left_end, self.right_end, self.top_end, self.bottom_end = (side(name, length - 10.0) for name in sides)
 
     def result(self) -> Solid:
-        """The section along z: a square with four slots and a bore."""
+        """Return the solid of a square profile along z with four slots and a bore."""
         body = prism([(10, -9), (10, 9), (9, 10), (-9, 10), (-10, 9), (-10, -9), (-9, -10), (9, -10)], 0, self.p.length)
         # half of a slot: x from its middle, and y from the surface inwards
         half = [(3.0, 0.0), (3.0, 1.5), (5.9, 1.5), (5.9, 3.1), (2.9, 6.1)]
@@ -54,5 +54,5 @@ class Profile2020(Thing):
         return body.cut(*(prism(one, -1, self.p.length + 2) for one in turned_slots), disc(4.3, self.p.length + 2, -1)).solid()
 
     def collision(self) -> list[Solid]:
-        """The enclosing box."""
+        """Return the collision shape: the enclosing box."""
         return [prism([(10, -10), (10, 10), (-10, 10), (-10, -10)], 0, self.p.length)]

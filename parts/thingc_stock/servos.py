@@ -1,8 +1,8 @@
-"""Hobby servos with a splined shaft, from four manufacturers, and discs for their shafts.
+"""Hobby servos with a splined shaft from four manufacturers, and round horns for these servos.
 
-All models have the same base class. A model consists of a `Drawing`, an actuator and a mass, and cites its sources. A mass or torque
-without a published value has the source `estimated`. For all models, the gains, the rotor inertia, the gear ratio, and the heights of the
-case relative to the ears are estimates.
+All servo models have the same base class. A servo model consists of a `Drawing`, an actuator and a mass, and its docstring cites the
+sources. A mass or torque without a published value has `estimated` as its source. For all servo models, the gains, the rotor inertia, the
+gear ratio, and the heights of the case relative to the ears are estimates.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from thingc_stock.fasteners import Hole, Size, threaded_hole
 from thingc_stock.shapes import bevelled, block, disc, spots
 
 KGF_CM = 0.0980665
-"""One kgf cm [N m], the unit of torques in data sheets."""
+"""One kilogram-force centimetre in N m, the unit of torque in data sheets."""
 
 ROTOR = 0.045 / 353.5**2
 """Rotor inertia [kg m^2] of a servo with a width of 28.5 mm, as identified for the Dynamixel XM430 (see `thingc_stock.dynamixel`)."""
@@ -29,8 +29,9 @@ ROTOR = 0.045 / 353.5**2
 class Drawing:
     """The dimensions of a model [mm], relative to the axis of the shaft and the underside of the ears, which is on the frame.
 
-    z is along the shaft, and y along the case towards the short end. `below` and `above` are the extents of the case in z. `lid` is the
-    additional height of the round lid around the shaft. `spline` is the diameter of the shaft and its height above the lid.
+    z is along the shaft, and y along the case towards the short end. `below` and `above` are the heights of the case below and above the
+    underside of the ears. `lid` is the additional height of the round lid around the shaft. `spline` contains the diameter of the shaft and
+    its height above the lid.
     """
 
     width: float
@@ -48,11 +49,11 @@ class Drawing:
 
 
 def hobby_drive(torque: float, seconds: float, width: float, source: str = "vendor") -> Actuator:
-    """Return a position drive from the stall torque [kgf cm] and the time for 60 deg without load [s], both from `source`.
+    """Return a position drive for this stall torque [kgf cm] and this time for 60 deg without load [s], which are from `source`.
 
-    The other values are estimates: the gain gives full torque at an error of 6 deg; the damping is that of a DC motor whose torque falls
-    from stall to 0 at the no-load speed; the rotor inertia is scaled with the fifth power of the case's `width` [mm]; the gear ratio is 250
-    : 1.
+    All other values are estimates: the gain gives full torque at an error of 6 deg; the damping is that of a DC motor whose torque falls
+    from the stall torque to 0 at the no-load speed; the rotor inertia is scaled with the fifth power of the case's `width` [mm]; the gear
+    ratio is 250 : 1.
     """
     stall, speed = torque * KGF_CM, radians(60.0) / seconds
     return Actuator(
@@ -70,13 +71,13 @@ class HobbyServo(Thing):
     """A servo with two ears and a splined shaft.
 
     The origin is on the axis of the shaft at the underside of the ears; z is along the shaft, and y points to the short end of the case.
-    The servo is inserted into a frame from above. The frame has a cut-out (`pocket`) and the holes for `screws`.
+    The servo is inserted into a frame from above. The frame needs a cut-out (`pocket`) and holes for the screws (`screws`).
 
-    Mounts: `flange` is the underside of the ears in the middle of the case, with z down to the frame. `rotor` is the place for the back of
-    a horn. `bottom`, `left` (+x), `right`, `front` (+y) and `back` are the faces of the case. `ear_0`, `ear_1` ... are the places of the
-    screw heads.
+    Mounts: `flange` is on the underside of the ears in the middle of the case, with z down to the frame. `rotor` is on the shaft, for
+    attachment of a horn. `bottom`, `left` (+x), `right`, `front` (+y) and `back` are on the faces of the case. `ear_0`, `ear_1` ... are at
+    the positions of the screw heads.
 
-    The solid has no cavities. thingc scales its inertia to the mass of the model.
+    The solid has no cavities, so thingc scales its inertia to the mass of the model.
     """
 
     drawing: ClassVar[Drawing]
@@ -103,7 +104,7 @@ class HobbyServo(Thing):
 
     @abstractmethod
     def mass(self) -> tuple[float, str]:
-        """The mass [kg] of the model and its source."""
+        """Return the mass [kg] of the servo model and its source."""
 
     def case_hull(self, play: float = 0.0) -> Solid:
         """Return the case without ears, lid and shaft, `play` [mm] larger on all sides."""
@@ -112,16 +113,16 @@ class HobbyServo(Thing):
         return block(size, (0, self.middle, (d.above - d.below) / 2), corner=0.04 * d.width)
 
     def pocket(self, depth: float, play: float = 0.2) -> Solid:
-        """Return the solid to subtract for the case from a frame under the ears, which has the thickness `depth` [mm]."""
+        """Return the solid to subtract from a frame so that the case fits through it. `depth` [mm] is the thickness of the frame."""
         d = self.drawing
         return block((d.width + 2 * play, d.length + 2 * play, depth), (0, self.middle, -depth / 2))
 
     def screws(self, diameter: float, depth: float) -> list[Solid]:
-        """Return the holes for the screws in the frame below the ears, with this diameter and depth [mm]."""
+        """Return the solids to subtract for the screws in the frame below the ears, with this diameter and depth [mm]."""
         return [disc(diameter, depth, -depth, x, y) for x, y in self.places]
 
     def result(self) -> Solid:
-        """The case, the ears with their holes, the lid and the shaft."""
+        """Return the solid of the case, the ears with their holes, the lid and the shaft."""
         d = self.drawing
         ears = block((d.width, d.ears, d.ear), (0, self.middle, d.ear / 2), corner=0.08 * d.width)
         lid = bevelled(0.94 * d.width, d.lid + 0.5, 0.04 * d.width, d.above - 0.5)
@@ -131,7 +132,7 @@ class HobbyServo(Thing):
         return self.case_hull().fuse(ears, lid, gear, shaft).cut(*holes).solid()
 
     def collision(self) -> list[Solid]:
-        """The case, the ears and the lid."""
+        """Return the collision shapes: the case, the ears and the lid."""
         d = self.drawing
         ears = block((d.width, d.ears, d.ear), (0, self.middle, d.ear / 2))
         return [block((d.width, d.length, d.below + d.above), (0, self.middle, (d.above - d.below) / 2)), ears,
@@ -147,9 +148,9 @@ _MICRO = Drawing(
 class SG90(HobbyServo):
     """Tower Pro SG90, the blue micro servo with nylon gears.
 
-    Data sheet, as quoted by the National University of Singapore (nus.atlassian.net/wiki, page 27625578): about 22.2 x 11.8 x 31 mm, 9 g,
-    at 4.8 V 1.8 kgf cm and 0.1 s for 60 deg. Ears, holes and axis agree within 0.4 mm with measurements of copies in
-    github.com/kartchnb/openscad-servo-library (servos/sg90_clone.scad).
+    The data sheet, as quoted by the National University of Singapore (nus.atlassian.net/wiki, page 27625578), lists about 22.2 x 11.8 x 31
+    mm, 9 g, and at 4.8 V a torque of 1.8 kgf cm and a time of 0.1 s for 60 deg. Ears, holes and axis agree within 0.4 mm with measured
+    copies of this servo in github.com/kartchnb/openscad-servo-library (servos/sg90_clone.scad).
     """
 
     drawing = _MICRO
@@ -160,16 +161,17 @@ class SG90(HobbyServo):
         super().__init__(color=color)
 
     def mass(self) -> tuple[float, str]:
-        """9 g, from the data sheet."""
+        """Return the mass of 9 g from the data sheet."""
         return (0.009, "vendor")
 
 
 class MG90S(HobbyServo):
     """Tower Pro MG90S, the micro servo with metal gears.
 
-    Data sheet (github.com/TrDA-hab/Projects, Servo+ESP8266/MG90S-Datasheet.pdf): about 22.5 x 12 x 35.5 mm, 13.4 g, at 6 V 2.2 kgf cm
-    and 0.08 s for 60 deg. The case and the shaft are assumed to take 32 mm of the 35.5 mm. Copies measured in
-    github.com/kartchnb/openscad-servo-library (servos/mg90s_clone.scad) have 32.5 mm, and their ears, holes and axis agree within 0.4 mm.
+    The data sheet (github.com/TrDA-hab/Projects, Servo+ESP8266/MG90S-Datasheet.pdf) lists about 22.5 x 12 x 35.5 mm, 13.4 g, and at 6 V a
+    torque of 2.2 kgf cm and a time of 0.08 s for 60 deg. The case and the shaft are assumed to have a height of 32 mm of the 35.5 mm.
+    Measured copies in github.com/kartchnb/openscad-servo-library (servos/mg90s_clone.scad) have a height of 32.5 mm, and their ears, holes
+    and axis agree within 0.4 mm.
     """
 
     drawing = Drawing(
@@ -180,17 +182,17 @@ class MG90S(HobbyServo):
     bom = {"make": "buy", "number": "MG90S", "supplier": "Tower Pro"}
 
     def mass(self) -> tuple[float, str]:
-        """13.4 g, from the data sheet."""
+        """Return the mass of 13.4 g from the data sheet."""
         return (0.0134, "vendor")
 
 
 class S3003(HobbyServo):
     """Futaba S3003, the standard analogue servo.
 
-    Data from ServoCity's page, as quoted in github.com/rngadam/XinCheJian-GGHC (wiki, "Mechanical design"): 41 x 20 x 36 mm (rounded from
-    inches), 37.2 g, at 6 V 4.1 kgf cm and 0.19 s for 60 deg. Length and width with an accuracy of 0.1 mm are from the similar S3001, as
-    quoted from Futaba in github.com/pichim/PM2_PES_Board_Example (markdown/servo.md). Ears and holes are estimates, which agree within 1 mm
-    with a copy measured in github.com/kartchnb/openscad-servo-library (servos/s3003_clone.scad).
+    ServoCity's page, as quoted in github.com/rngadam/XinCheJian-GGHC (wiki, "Mechanical design"), lists 41 x 20 x 36 mm (rounded from
+    inches), 37.2 g, and at 6 V a torque of 4.1 kgf cm and a time of 0.19 s for 60 deg. The length and the width, with an accuracy of 0.1
+    mm, are from the similar S3001, as quoted from Futaba in github.com/pichim/PM2_PES_Board_Example (markdown/servo.md). Ears and holes are
+    estimates, which agree within 1 mm with a copy measured in github.com/kartchnb/openscad-servo-library (servos/s3003_clone.scad).
     """
 
     drawing = Drawing(
@@ -201,15 +203,15 @@ class S3003(HobbyServo):
     bom = {"make": "buy", "number": "S3003", "supplier": "Futaba"}
 
     def mass(self) -> tuple[float, str]:
-        """37.2 g, from the seller's page."""
+        """Return the mass of 37.2 g from the seller's page."""
         return (0.0372, "vendor")
 
 
 class HS422(HobbyServo):
     """Hitec HS-422, the standard deluxe servo.
 
-    No data sheet was found, so these values are estimates: 40.6 x 19.8 x 36.6 mm, 45.5 g, at 6 V 4.1 kgf cm and 0.16 s for 60 deg. Ears
-    and holes are as for the similar HS-311 in Hitec's "Announced specification of HS-311 standard servo".
+    No data sheet was found, so these values are estimates: 40.6 x 19.8 x 36.6 mm, 45.5 g, and at 6 V a torque of 4.1 kgf cm and a time of
+    0.16 s for 60 deg. Ears and holes are as for the similar HS-311 in Hitec's "Announced specification of HS-311 standard servo".
     """
 
     drawing = Drawing(
@@ -220,14 +222,15 @@ class HS422(HobbyServo):
     bom = {"make": "buy", "number": "HS-422", "supplier": "Hitec"}
 
     def mass(self) -> tuple[float, str]:
-        """45.5 g."""
+        """Return the estimated mass of 45.5 g."""
         return (0.0455, "estimated")
 
 
 class DS3218(HobbyServo):
     """DSServo DS3218, a digital servo with 20 kgf cm and metal gears.
 
-    No data sheet was found, so these values are estimates: 40 x 20 x 40.5 mm, 60 g, at 6.8 V 21.5 kgf cm and 0.14 s for 60 deg.
+    No data sheet was found, so these values are estimates: 40 x 20 x 40.5 mm, 60 g, and at 6.8 V a torque of 21.5 kgf cm and a time of 0.14
+    s for 60 deg.
     """
 
     drawing = Drawing(
@@ -238,18 +241,19 @@ class DS3218(HobbyServo):
     bom = {"make": "buy", "number": "DS3218", "supplier": "DSServo"}
 
     def mass(self) -> tuple[float, str]:
-        """60 g."""
+        """Return the estimated mass of 60 g."""
         return (0.060, "estimated")
 
 
 class Horn(Thing):
-    """A round horn on a splined shaft: a bevelled disc with a hub and a circle of threaded holes.
+    """A round horn for a splined shaft: a bevelled disc with a hub and a circle of threaded holes.
 
-    The origin is in the middle of its back; z points along the shaft. It is not based on a manufacturer's drawing; the defaults are
-    estimates of common aluminium discs for 25 teeth. `Horn(diameter=14, thickness=2, circle=10, screw="M2", hub=7)` is a horn for a micro
-    servo.
+    The origin is in the middle of the back of the horn; z points along the shaft. The shape is not based on a manufacturer's drawing; the
+    defaults are estimates of common aluminium horns for 25 teeth. For example, `Horn(diameter=14, thickness=2, circle=10, screw="M2",
+    hub=7)` is a horn for a micro servo.
 
-    Mounts: `spline` is its back, to be attached to the `rotor` of a servo. `face` is its front, and `hole_0`, `hole_1` ... are its holes.
+    Mounts: `spline` is on the back of the horn, for attachment to the mount `rotor` of a servo. `face` is on the front of the horn, and
+    `hole_0`, `hole_1` ... are at its holes.
 
     Args:
         diameter: diameter of the disc
@@ -280,11 +284,11 @@ class Horn(Thing):
         self.screws: list[Hole] = [threaded_hole(mount.location, screw, thickness) for mount in self.hole]
 
     def result(self) -> Solid:
-        """The disc and the hub, with the threaded holes and a bore for the shaft."""
+        """Return the solid of the disc and the hub, with the threaded holes and a bore for the shaft."""
         p = self.p
         body = bevelled(p.diameter, p.thickness, 0.15 * p.thickness).fuse(disc(p.hub, 0.5 * p.thickness, p.thickness))
         return body.cut(disc(0.7 * p.hub, 2 * p.thickness), *(hole(0.0).thread_hull for hole in self.screws)).solid()
 
     def collision(self) -> list[Solid]:
-        """The disc and its hub."""
+        """Return the collision shapes: the disc and its hub."""
         return [disc(self.p.diameter, self.p.thickness), disc(self.p.hub, 1.5 * self.p.thickness)]

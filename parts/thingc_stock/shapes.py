@@ -1,4 +1,4 @@
-"""Shapes that several stock parts use. Lengths are in mm."""
+"""Functions that create shapes for several stock parts. All lengths are in mm."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def block(size: tuple[float, float, float], centre: tuple[float, float, float] =
 
 
 def prism(outline: Sequence[Point], bottom: float, height: float) -> Solid:
-    """Return the extrusion of an outline in x and y, which starts at z = `bottom`."""
+    """Return the solid that is extruded from an outline in the x-y plane, starting at z = `bottom`."""
     return Solid.extrude(Face(Wire.make_polygon([(x, y, bottom) for x, y in outline])), (0, 0, height))
 
 
@@ -42,14 +42,14 @@ def bevelled(diameter: float, height: float, bevel: float, bottom: float = 0.0, 
 
 
 def spots(diameter: float, count: int, start: float = 0.0) -> list[Location]:
-    """Return `count` positions on a circle, the first at the angle `start` [deg] from x and the following ones towards +y."""
+    """Return `count` evenly spaced positions on a circle, starting at the angle `start` [deg] from x and continuing towards +y."""
     return [Location((0, 0, 0), (0, 0, start + 360.0 * k / count)) * Pos(diameter / 2, 0, 0) for k in range(count)]
 
 
 def bar(length: float, start: float, end: float, thickness: float, bottom: float = 0.0) -> Solid:
     """Return a flat link along y that starts at z = `bottom`.
 
-    It is the hull of two discs: radius `start` at the origin, and radius `end` at y = `length`.
+    The link is the hull of two discs: one with radius `start` at the origin, and one with radius `end` at y = `length`.
     """
     lean = acos((start - end) / length)
     corners = [(start * sin(lean), start * cos(lean)), (end * sin(lean), length + end * cos(lean))]
@@ -64,6 +64,6 @@ def bar(length: float, start: float, end: float, thickness: float, bottom: float
 
 
 def softened(solid: Solid, size: float, axis: Axis = Axis.Z) -> Solid:
-    """Return a solid after chamfering the edges of its two end faces along an axis by `size` at 45 deg."""
+    """Return a copy of a solid in which the edges of the two end faces along an axis are chamfered by `size` at 45 deg."""
     faces = solid.faces().filter_by(axis).sort_by(axis)
     return solid.chamfer(size, None, [*faces[0].outer_wire().edges(), *faces[-1].outer_wire().edges()])

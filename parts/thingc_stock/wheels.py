@@ -13,10 +13,10 @@ from thingc_stock.shapes import bevelled, block, disc, prism, spots, turned
 class Rim(Thing):
     """A rim with spokes, printed or turned, for a `Tyre` of the same diameter and width.
 
-    The origin is in the middle; z is along the axle, outwards.
+    The origin is in the middle of the rim; z is along the axle, outwards.
 
-    Mounts: `hub` is the inner face of its hub, to be attached to a shaft, a horn or a `ShaftHub`. `tyre` is in the middle, for the `seat`
-    of a tyre, and `face` is the outer face.
+    Mounts: `hub` is on the inner face of the hub, for attachment to a shaft, a horn or a `ShaftHub`. `tyre` is in the middle, for
+    attachment of the mount `seat` of a tyre, and `face` is on the outer face.
 
     Args:
         diameter: diameter of the seat of the tyre
@@ -38,7 +38,7 @@ class Rim(Thing):
         self.face = MountPoint(Location((0, 0, width / 2)))
 
     def result(self) -> Solid:
-        """The ring, the hub, and the spokes between them."""
+        """Return the solid of the ring, the hub, and the spokes between them."""
         p = self.p
         r, z = p.diameter / 2, p.width / 2
         wall = max(1.6, 0.07 * p.diameter)
@@ -54,16 +54,16 @@ class Rim(Thing):
         return ring.fuse(hub, *spokes).cut(disc(p.bore, p.width + 2, -z - 1)).solid()
 
     def collision(self) -> list[Solid]:
-        """The enclosing cylinder."""
+        """Return the collision shape: the enclosing cylinder."""
         return [disc(self.p.diameter, self.p.width, -self.p.width / 2)]
 
 
 class Tyre(Thing):
-    """A rubber tyre with a tread, for a `Rim`.
+    """A rubber tyre with a tread for a rim of the class `Rim`.
 
-    The origin is in the middle; z is along the axle. The collision shape is a cylinder, because a faceted wheel would vibrate.
+    The origin is in the middle of the tyre; z is along the axle. The collision shape is a cylinder, because a faceted wheel would vibrate.
 
-    Mounts: `seat` is in the middle, to be attached to the `tyre` of a rim.
+    Mounts: `seat` is in the middle, for attachment to the mount `tyre` of a rim.
 
     Args:
         diameter: diameter of the rim's seat
@@ -84,7 +84,7 @@ class Tyre(Thing):
         self.seat = MountPoint(MATE, f"tyre-{diameter:g}")
 
     def result(self) -> Solid:
-        """A ring with a bevelled outer surface and the notches of the tread."""
+        """Return the solid of a ring with a bevelled outer surface and the notches of the tread."""
         p = self.p
         body = bevelled(self.outer, p.width, 0.3 * p.thickness, -p.width / 2, bore=p.diameter)
         depth = 0.25 * p.thickness
@@ -95,18 +95,18 @@ class Tyre(Thing):
         return body.cut(*notches).solid() if notches else body
 
     def collision(self) -> list[Solid]:
-        """The enclosing cylinder."""
+        """Return the collision shape: the enclosing cylinder."""
         return [disc(self.outer, self.p.width, -self.p.width / 2)]
 
 
 class CasterSocket(Thing):
     """The housing of a ball caster: a cup for the ball, with a flange for two screws.
 
-    The origin is in the middle of the flange's top, which is attached to the robot; z points down to the floor. It is not based on a
-    manufacturer's drawing; the proportions are estimates of common plastic casters.
+    The origin is in the middle of the flange's top face; z points down to the floor. The shape is not based on a manufacturer's drawing;
+    the proportions are estimates of common plastic casters.
 
-    Mounts: `top` is the face that is attached to the robot. `ball` is the centre of the ball, with z down. `screw_0` and `screw_1` are on
-    the y axis.
+    Mounts: `top` is on the face that is attached to the robot. `ball` is at the centre of the ball, with z down. `screw_0` and `screw_1`
+    are at the screw holes on the y axis.
 
     Args:
         ball: diameter of the ball
@@ -124,7 +124,7 @@ class CasterSocket(Thing):
         self.screw = [MountPoint(Location((0, y, 2.5)), "m3-head") for y in (0.85 * ball, -0.85 * ball)]
 
     def result(self) -> Solid:
-        """The flange and the cup, with space for the ball and with two holes."""
+        """Return the solid of the flange and the cup, with space for the ball and with two holes."""
         p = self.p
         flange = block((0.7 * p.ball, 2.2 * p.ball, 2.5), (0, 0, 1.25), corner=0.1 * p.ball)
         cup = bevelled(1.3 * p.ball, self.centre_z + 0.1 * p.ball, 0.8)
@@ -133,14 +133,14 @@ class CasterSocket(Thing):
         return flange.fuse(cup).cut(room, *holes).solid()
 
     def collision(self) -> list[Solid]:
-        """The cup down to the middle of the ball, above the floor."""
+        """Return the collision shape: the cup down to the middle of the ball, above the floor."""
         return [disc(1.3 * self.p.ball, self.centre_z)]
 
 
 class CasterBall(Thing):
     """The ball of a ball caster.
 
-    Mounts: `middle` is the centre, to be attached to the `ball` of a socket.
+    Mounts: `middle` is at the centre of the ball, for attachment to the mount `ball` of a socket.
 
     Args:
         diameter: diameter of the ball
@@ -153,9 +153,9 @@ class CasterBall(Thing):
         self.middle = MountPoint(MATE)
 
     def result(self) -> Solid:
-        """The ball."""
+        """Return the solid of the ball."""
         return Solid.make_sphere(self.p.diameter / 2)
 
     def collision(self) -> list[Solid]:
-        """The ball, as a sphere."""
+        """Return the collision shape: a sphere."""
         return [Solid.make_sphere(self.p.diameter / 2)]

@@ -6,13 +6,13 @@
     robot.switch(("bench", bench_data), ("adrift", adrift_data))      # fills the second `mujoco.MjData` from the first
     mujoco.mj_forward(adrift_model, adrift_data)
 
-The coordinates q and velocities v of the joints do not change, because they have the same meaning in every mode. The pose and the twist of
-the new base are computed by forward kinematics. The conversion is exact for a free base, and for a held base whose root link is at rest. If
-the base is held while its link moves, the argument `on_motion` of `switch` selects the behaviour. The package requires numpy, but it does
-not import MuJoCo.
+The coordinates q and velocities v of the joints do not change, because they have the same meaning in every mode. Forward kinematics gives
+the pose and the twist of the new root link. The converted state is exact if the new base is free, or if the new root link is held and at
+rest. If the new mode holds a link that is moving, the argument `on_motion` of `switch` selects the behaviour. The package requires numpy,
+but it does not import MuJoCo.
 
-The package uses MuJoCo's conventions. Quaternions are (w, x, y, z). The twist of a link is a vector of six numbers, as for a free
-joint: the linear velocity of the origin of its frame in world axes, followed by its angular velocity in its own axes.
+Poses and velocities follow MuJoCo's conventions. Quaternions have the order (w, x, y, z). The twist of a link is a vector of six numbers:
+the linear velocity of the link frame's origin in world axes, then the angular velocity in link axes.
 """
 
 from __future__ import annotations

@@ -20,8 +20,8 @@ STEPS = 50
 def coordinates(cut: Cut, X_AB: Array, usual: Array, xp: Any = np, steps: int = STEPS) -> Array:
     """Compute the coordinates (n,) of a loop-closing joint from the pose `X_AB` (4, 4) of its end B relative to its end A.
 
-    An angle is only determined up to full turns. Each returned angle differs from the corresponding value in `usual` by at most half a
-    turn. With numpy, the iteration stops when it has converged. With JAX, it always makes `steps` iterations.
+    A pose determines an angle only up to full turns. Each returned angle differs from the corresponding value in `usual` by at most half a
+    turn. With numpy, the function iterates until Newton's method has converged. With JAX, the function always makes `steps` iterations.
     """
     if cut.kind == "ball":
         return rotation_vector(X_AB[:3, :3], xp)
@@ -49,7 +49,7 @@ def usual(mode: Mode, cut: Cut) -> Array:
 def velocities(cut: Cut, q: Array, X_WB: Array, relative: Array, xp: Any = np) -> Array:
     """Compute the joint velocities (n,) of a loop-closing joint from the velocity `relative` (6,) of its end B relative to its end A.
 
-    The function `freedoms` defines the axes and the order of the components of `relative`.
+    The components of `relative` have the same axes and order as the rows of the Jacobian that `freedoms` returns.
     """
     return _nearest(freedoms(cut, q, X_WB, xp), relative, xp)
 
@@ -58,7 +58,7 @@ def freedoms(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
     """Return the Jacobian (6, n) of a loop-closing joint: the velocity of end B relative to end A per unit of each joint velocity.
 
     The first three rows are the velocity of the origin of B, and the last three rows are the angular velocity, all in world axes. `q` (n,)
-    are the coordinates of the joint, and `X_WB` (4, 4) is the pose of B in the world.
+    contains the coordinates of the joint, and `X_WB` (4, 4) is the pose of frame B in the world.
     """
     R = X_WB[:3, :3]
     if cut.kind == "ball":  # v is the angular velocity of the child in its own axes
@@ -70,9 +70,10 @@ def freedoms(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
 
 
 def constrained(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
-    """Return the matrix (6, 6) that projects a relative velocity of the two ends of a joint onto the directions that the joint constrains.
+    """Return the matrix (6, 6) that projects the relative velocity of a joint's two ends onto the directions that the joint constrains.
 
-    The projection is orthogonal. The components of a relative velocity are ordered as in `freedoms`.
+    The matrix is an orthogonal projection. The components of the relative velocity have the same order as the rows of the Jacobian that
+    `freedoms` returns.
     """
     if not cut.coordinates:
         return np.eye(6)

@@ -1,7 +1,7 @@
-"""Compute with poses as homogeneous 4 x 4 matrices, and with quaternions (w, x, y, z) as in MuJoCo.
+"""Functions for poses as homogeneous 4 x 4 matrices, and for quaternions (w, x, y, z) as in MuJoCo.
 
-`X_AB` is the pose of frame B in frame A [m]. Functions with the argument `xp` use this module for their computations: `numpy`, or
-`jax.numpy` for `thingc.modes.jax`.
+`X_AB` is the pose of frame B in frame A [m]. The argument `xp` of a function is the module that computes with arrays: `numpy`, or
+`jax.numpy` in `thingc.modes.jax`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 BOTTOM = np.array([[0.0, 0.0, 0.0, 1.0]])
-"""The last row of a pose."""
+"""The last row of the homogeneous matrix of any pose."""
 CROSS = np.zeros((3, 9))
-"""The matrices `[v]x` of the three axes, each as one row."""
+"""The cross product matrices of the unit vectors along x, y and z, each flattened to one row."""
 CROSS[[0, 1, 2], [7, 2, 3]], CROSS[[0, 1, 2], [5, 6, 1]] = 1.0, -1.0
 
 
@@ -79,8 +79,8 @@ def rotation(vector: Array, xp: Any = np) -> Array:
 def generators(twist: Array) -> Array:
     """Return the constant matrices (3, 4, 4) from which `exponential` computes the pose of a motion with the given twist.
 
-    `twist` (6,) is the motion per unit of q, with the angular part first. The angular part must be a unit vector or 0. If it is a unit
-    vector, the linear part must be parallel to it.
+    `twist` (6,) is the motion per unit of q, with the angular part first. The angular part of `twist` must be a unit vector or 0. If the
+    angular part is a unit vector, the linear part must be parallel to the angular part.
     """
     turn, slide = np.zeros((4, 4)), np.zeros((4, 4))
     turn[:3, :3], slide[:3, 3] = cross_matrix(twist[:3]), twist[3:]
@@ -113,7 +113,7 @@ def logarithm(X: Array, xp: Any = np) -> Array:
 
 
 def moved_twist(X: Array, twist: Array, xp: Any = np) -> Array:
-    """Transform a twist from frame B to frame A. `X` (4, 4) is the pose of B in A. The angular part of a twist comes first."""
+    """Transform a twist from frame B to frame A. `X` (4, 4) is the pose of frame B in frame A. The angular part of a twist comes first."""
     angular = X[:3, :3] @ twist[:3]
     both: Array = xp.concatenate([angular, X[:3, :3] @ twist[3:] + cross(X[:3, 3], angular)])
     return both
@@ -134,7 +134,7 @@ def cross(v: Array, w: Array) -> Array:
 def difference(X: Array, other: Array, xp: Any = np) -> tuple[Any, Any]:
     """Return the distance [m] between the origins of two poses, and the angle [rad] of the rotation between them.
 
-    The angle is accurate if it is small.
+    The computed angle is also accurate for small rotations.
     """
     moved, D = X[:3, 3] - other[:3, 3], X[:3, :3].T @ other[:3, :3]
     axis = xp.asarray([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])

@@ -16,7 +16,7 @@ from thingc.modes.state import RobotState, State
 from thingc.modes.tree import Cut, Hold, Inertias, Mode
 
 RANK = 1e-10
-"""Singular values below this fraction of the largest are treated as 0."""
+"""Singular values that are smaller than this fraction of the largest singular value are treated as 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -24,8 +24,8 @@ class Impact(OneLineRepr):
     """The effect of a mode switch on a link that the new mode holds.
 
     Attributes:
-        removed: The velocity (6,) [m/s, rad/s] that the link loses: its twist. If the hold allows rotation about the mount, the array
-            contains the velocity of the mount's origin, followed by zeros.
+        removed: The twist (6,) [m/s, rad/s] that the link loses. If the hold allows rotation about the mount, the array contains the
+            velocity of the mount's origin, followed by zeros.
         impulse: The impulse (6,) that acts on the link, or 0 without an impact: the linear impulse [N s] in world axes, followed by the
             angular impulse [N m s] about the origin of the link frame in the axes of the link.
     """
@@ -37,7 +37,7 @@ class Impact(OneLineRepr):
 def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> tuple[RobotState, Array, Mapping[str, Array]]:
     """Compute the state of a robot after a perfectly inelastic impact, in which all links that `mode` holds stop.
 
-    Also return the impulse (6,) on the root link, and the impulses (6,) on the other held links by the path of the held mount.
+    Also return the impulse (6,) on the root link, and a mapping from the path of each other held mount to the impulse (6,) on its link.
     """
     after, impulse, holds = stop(mode, mode.arrays(state), mode.inertias if inertias is None else inertias, np)
     return mode.robot_state(after), impulse, dict(zip((hold.path for hold in mode.holds), holds, strict=True))
@@ -46,13 +46,14 @@ def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> t
 def stop(mode: Mode, state: State, inertias: Inertias, xp: Any, **newton: int) -> tuple[State, Array, list[Array]]:
     """Compute the state after a perfectly inelastic impact, and the impulses (6,) on the root link and on the other held links.
 
-    The velocity of the robot is u = (twist of the base, joint velocities v), and C u = 0 are the constraints of the mode. A root link that
-    is not free and all held links are at rest. The velocity of a mimic joint is determined by its leader, and loops stay closed.
+    The velocity of the robot is u = (twist of the base, joint velocities v), and the mode imposes the constraints C u = 0. These
+    constraints stop all held links, and the root link unless the base is free. They also couple each mimic joint to its leading joint, and
+    keep kinematic loops closed.
 
-    The impulses p of the constraints change the velocity from u to u'. The equations are `M (u' - u) = C^T p` and `C u' = 0`. With a basis
-    N of the allowed velocities, they become `u' = N w` and `N^T M N w = N^T M u`. This is the orthogonal projection of u in the metric M,
-    so u' is the nearest allowed velocity. The kinetic energy of the difference is lost (Carnot's theorem). If constraints are redundant, p
-    is the solution of least norm.
+    The impulses p of the constraints change the velocity from u to u'. With the mass matrix M, the equations are `M (u' - u) = C^T p` and
+    `C u' = 0`. With a basis N of the allowed velocities, these equations become `u' = N w` and `N^T M N w = N^T M u`. The velocity u' is
+    the orthogonal projection of u in the metric M, and therefore the nearest allowed velocity. The impact removes the kinetic energy of the
+    velocity difference u - u' (Carnot's theorem). If constraints are redundant, p is the solution with the smallest norm.
     """
     kin = kinematics(mode)
     q = state.q[kin.rows]
@@ -110,14 +111,14 @@ def _at_hold(hold: Hold, X: Array, own: Array, xp: Any) -> Array:
 def _held(hold: Hold, X: Array, J: Array) -> Array:
     """Return the Jacobian of the velocity that a hold constrains to zero, for a held link with the pose X (4, 4).
 
-    `J` is the Jacobian (6, n) of the link. If the hold allows rotation, the result is the Jacobian (3, n) of the mount's origin. Otherwise,
-    it is `J`.
+    `J` is the Jacobian (6, n) of the link. If the hold allows rotation, return the Jacobian (3, n) of the mount's origin, otherwise return
+    `J`.
     """
     return J[:3] - cross_matrix(X[:3, :3] @ hold.X_LM[:3, 3]) @ J[3:] if hold.turns else J
 
 
 def at_point(hold: Hold, X: Array, twist: Array) -> Array:
-    """Return the velocity [m/s] of the origin of a held mount in world axes, followed by three zeros. The result has the shape (6,).
+    """Return the velocity [m/s] of the origin of a held mount in world axes, followed by three zeros, as an array (6,).
 
     `X` (4, 4) is the pose of the link. `twist` (6,) is the velocity of the origin of the link frame in world axes, followed by the angular
     velocity of the link in its own axes.
@@ -129,7 +130,7 @@ def at_point(hold: Hold, X: Array, twist: Array) -> Array:
 def _mimics(mode: Mode, q: Array, xp: Any) -> Array:
     """Return the matrix (r, n) of the constraints of all r mimic joints, whose product with the joint velocities is zero.
 
-    Each row is the velocity of a mimic joint minus the corresponding multiple of the velocity of its leader.
+    Each row of this matrix computes the velocity of a mimic joint minus the velocity that its leading joint prescribes.
     """
     column = {joint.name: number for number, joint in enumerate(mode.joints)}
     unit = np.eye(6 + len(column))[6:]

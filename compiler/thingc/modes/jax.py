@@ -1,4 +1,4 @@
-"""Switch between modes of a robot in JAX. The functions can be used with `jit`, `vmap` and `grad` (`pip install thingc[jax]`).
+"""Switch between modes of a robot in JAX. All functions of this module support `jit`, `vmap` and `grad` (`pip install thingc[jax]`).
 
     from thingc.modes.jax import State, switch
 
@@ -27,7 +27,7 @@ from thingc.modes.tree import Inertias, Mode
 __all__ = ["State", "switch"]
 
 STEPS = 8
-"""Number of iterations for the coordinates of a joint that the old mode cuts."""
+"""Number of iterations of Newton's method that compute the coordinates of a joint that closes a loop in the old mode."""
 
 
 def switch(
@@ -37,9 +37,9 @@ def switch(
     """Convert the state of a robot in the mode `old` to its state in the mode `new`, as `Modes.switch` does.
 
     Returns the new state, the removed part (6,) of the twist of the new root link, and the impulse (6,) on this link. The new state is NaN
-    if the robot is not where the new mode holds it. This applies to fixed, planar and ball bases, and to other holds of a fixed base. The
-    maximum deviation is `tolerance` [m and rad]. `inertias` are in the order of the tree of `new`; by default, they are the inertias at the
-    time of the build. The numbers have the same precision as `state`.
+    if a held link is farther than `tolerance` [m and rad] from the pose that the new mode requires. The tolerance applies to fixed, planar
+    and ball bases, and to the other held mounts of a mode with a fixed base. `inertias` must list the links in the order of `new`, and
+    defaults to the inertias at the time of the build. All returned numbers have the same floating-point type as `state`.
     """
     if on_motion not in ("drop", "impact"):
         raise ModesError(f"expected on_motion \"drop\" or \"impact\", found `{on_motion}`")

@@ -22,8 +22,8 @@ class Kinematics:
 
     Attributes:
         rows: The index of each coordinate of the tree in `Mode.coordinates` (m,).
-        gathered: The index from which each element of `Mode.coordinates` is taken in the values of the tree's coordinates, followed by
-            previous values of all coordinates.
+        gathered: For each element of `Mode.coordinates`, its index in an array of the tree's coordinates, followed by the previous values
+            of all coordinates.
         of_link: The index of the frame of each link (n,).
         number: The index of each link by name.
     """
@@ -60,7 +60,7 @@ class Kinematics:
         self._leaders(mode, column)
 
     def _leaders(self, mode: Mode, column: dict[str, int]) -> None:
-        """Find the coordinate that each mimic joint follows, directly or through other mimic joints, for the method `coupling`."""
+        """For the method `coupling`, find the coordinate that each mimic joint follows, directly or through other mimic joints."""
         chains: list[list[Any]] = []
         last = []
         for joint in mode.joints:
@@ -96,7 +96,7 @@ class Kinematics:
     def axes(self, frames: Array) -> tuple[Array, Array]:
         """Return the angular velocity (m, 3) and the linear velocity (m, 3) that each coordinate causes per unit of its velocity.
 
-        The linear velocity is at the origin of the root link. Both are in world axes.
+        The linear velocity is the velocity of the point at the origin of the root link. Both velocities are in world axes.
         """
         carrier = frames[self._carrier]
         both = self._axes @ carrier[:, :3, :3].swapaxes(1, 2)

@@ -1,6 +1,7 @@
-"""Read the state of a robot from a `mujoco.MjData`, and write it back. Elements are found by name.
+"""Read the state of a robot from a `mujoco.MjData`, and write states to a `mujoco.MjData`.
 
-The MuJoCo model can also contain other robots and objects. This module does not import MuJoCo, because a `MjData` provides its own model.
+Bodies, joints and actuators of the robot are found by name. The MuJoCo model can also contain other robots and objects. This module does
+not import MuJoCo, because a `MjData` provides its own model.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from thingc.modes.state import State
 from thingc.modes.tree import Inertias, Mode
 
 FREE = 0
-"""MuJoCo's type number of free joints."""
+"""The number of the type `free` in MuJoCo's `mjtJoint`."""
 STRUCTURE = (
     "names", "body_parentid", "body_mocapid", "body_pos", "body_quat", "jnt_type", "jnt_bodyid", "jnt_pos", "jnt_axis", "site_pos",
     "site_quat", "actuator_actadr", "actuator_actnum",
 )
-"""Fields of a model that determine its `ModelMap`."""
+"""Fields of a MuJoCo model on which its `ModelMap` depends."""
 RESULTS = 8
-"""Number of models of a mode to cache maps of."""
+"""Maximum number of MuJoCo models per mode for which results are cached."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,8 +37,8 @@ class ModelMap:
 
     Attributes:
         addresses: The addresses of the joint coordinates in `qpos` and `qvel`.
-        joints: The first addresses in `qpos` and `qvel` of each joint of the model that has a name.
-        base: The addresses of the base in `qpos` and in `qvel`. They are empty for a fixed or held base.
+        joints: The first addresses in `qpos` and `qvel` of each joint with a name.
+        base: The addresses of the base in `qpos` and in `qvel`, which are empty for a fixed or held base.
         mocap: The number of the mocap body to which a held base is attached, or -1.
         anchors: The numbers of the mocap bodies to which other held mounts are attached.
         actuators: For each actuator with a name, its number, and the address and size of its activation.
@@ -61,7 +62,10 @@ def map_model(mode: Mode, model: Any) -> ModelMap:
 
 
 def _cached(make: Callable[[Mode, Any], Any], mode: Mode, model: Any) -> Any:
-    """Return `make(mode, model)`. The result is cached, and used again for every model with the same structure."""
+    """Return the result of `make(mode, model)`, from the cache if possible.
+
+    All MuJoCo models with the same structure share a cached result.
+    """
     key = tuple([model.names if name == "names" else getattr(model, name).tobytes() for name in STRUCTURE])
     results = _results(make, mode)
     if key not in results:
@@ -74,7 +78,7 @@ def _cached(make: Callable[[Mode, Any], Any], mode: Mode, model: Any) -> Any:
 
 @lru_cache(maxsize=128)
 def _results(make: Callable[[Mode, Any], Any], mode: Mode) -> dict[tuple[bytes, ...], Any]:
-    """Return the cache of `_cached` for a function and a mode: its results by the structure of the MuJoCo model."""
+    """Return the cached results of the function `make` for a mode, keyed by the structure of the MuJoCo model."""
     return {}
 
 
@@ -174,7 +178,10 @@ def read_state(mode: Mode, found: ModelMap, data: Any) -> State:
 
 
 def write_state(mode: Mode, state: State, found: ModelMap, data: Any) -> None:
-    """Write a state of a robot in the given mode to a `mujoco.MjData`. Only `qpos`, `qvel` and the mocap pose of the robot are changed."""
+    """Write a state of a robot in the given mode to a `mujoco.MjData`.
+
+    The function changes only `qpos`, `qvel` and the mocap pose of the robot.
+    """
     position, quaternion = state.base[:3, 3], quaternion_of(state.base[:3, :3])
     qpos, qvel = data.qpos, data.qvel
     if mode.base == "free":
@@ -189,8 +196,8 @@ def write_state(mode: Mode, state: State, found: ModelMap, data: Any) -> None:
 def carry(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any, target: Any) -> tuple[str, ...]:
     """Copy the time, the controls and the actuator activations from the `MjData` of one mode to the `MjData` of another mode.
 
-    Return the names of the actuators that only the new mode has; their controls do not change. Joint accelerations are also copied, for the
-    warm start of MuJoCo's solver.
+    Return the names of the actuators that only the new mode has. The controls of these actuators do not change. Joint accelerations are
+    also copied, for the warm start of MuJoCo's solver.
     """
     target.time = source.time
     old, new = maps
@@ -219,10 +226,10 @@ def _warm_start(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], sourc
 
 
 def hold_here(mode: Mode, poses: Array, found: ModelMap, data: Any) -> None:
-    """Move the mocap bodies of held mounts, so that the mode holds these mounts at their current poses. The root mount is not included.
+    """Move the mocap bodies of held mounts, so that the mode holds these mounts at their current poses.
 
-    `poses` are the poses (n, 4, 4) of all links in the world. If a hold allows rotation, its mocap body moves to the origin of the mount.
-    If the base is fixed, the mocap bodies do not move.
+    The mocap body of the root mount does not move. `poses` contains the poses (n, 4, 4) of all links in the world. If a hold allows
+    rotation, its mocap body moves to the origin of the mount. If the base is fixed, the mocap bodies do not move.
     """
     if mode.base == "fixed":
         return
@@ -261,9 +268,9 @@ def inertias_in(arrays: Any, rows: tuple[Any, Any, Any], xp: Any) -> Inertias:
 def inertia_rows(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
     """Return three arrays of indices and flags, from which `inertias_in` reads the inertias of all links.
 
-    The first array contains the number of the body of each link. The second array contains flags that are true if this body has the name of
-    the link. A massless intermediate link does not have its own body. The third array contains the number of the degree of freedom of each
-    joint.
+    The first array contains the number of the body of each link. The second array contains flags, which are False for massless intermediate
+    links. A massless intermediate link does not have a body of its own, so the array contains the number of the next body. The third array
+    contains the number of the degree of freedom of each joint.
     """
     found: tuple[Any, Any, Any] = _cached(_weights, mode, model)
     return found
@@ -278,7 +285,10 @@ def _weights(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
 
 
 def _bodies(mode: Mode, model: Any) -> dict[str, int]:
-    """Return the number of the body of each link by name. For a massless intermediate link, this is the body that follows the link."""
+    """Return the number of the body of each link by name.
+
+    For a massless intermediate link, return the number of the body that follows this link in the tree.
+    """
     body_of = {model.body(number).name: number for number in range(model.nbody)}
     for joint in reversed(mode.joints):
         parent, child = mode.links[joint.parent], mode.links[joint.child]

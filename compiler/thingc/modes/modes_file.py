@@ -161,4 +161,4 @@ def _kept(array: Any) -> Any:
 
 
 NOWHERE: Array = _kept(np.eye(4))
-"""The identity pose."""
+"""The identity pose (4, 4)."""

@@ -1,8 +1,8 @@
 """Bases whose root link can move in some directions: in the x-y plane of a frame A (`planar`), or about the origin of A (`ball`).
 
-Frame A is fixed in the world. Let X_WR be the current pose of the root link, X0_WR its initial pose in the mode, and M the motion in A.
-Then X_WR = X_WA M inv(X_WA) X0_WR. MuJoCo represents M by two slide joints and a hinge about z (`planar`), or by a quaternion in the axes
-of the root link (`ball`).
+Frame A is fixed in the world. Let X_WR be the current pose of the root link, X0_WR its initial pose in the mode, and M the motion,
+expressed in A. Then X_WR = X_WA M inv(X_WA) X0_WR. MuJoCo represents M by two slide joints and a hinge about z (`planar`), or by a
+quaternion in the axes of the root link (`ball`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from thingc.modes.frames import Array, cross, inverse, pose, quaternion_of, rota
 class PartBase(OneLineRepr):
     """A planar or ball base of a mode (see `kind`).
 
-    The pose `X_WA` (4, 4) of frame A and the pose `X0_WR` (4, 4) are defined in the module docstring.
+    The module docstring defines frame A, its pose `X_WA` (4, 4), and the initial pose `X0_WR` (4, 4) of the root link.
     """
 
     kind: Literal["planar", "ball"]

@@ -1,4 +1,7 @@
-"""Check that the poses of links, joints and mounts in a `mujoco.MjModel` match a mode. They differ for another variant of the robot."""
+"""Check that the poses of links, joints and mounts in a `mujoco.MjModel` match a mode.
+
+The poses differ if the model belongs to another variant of the robot.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +14,10 @@ from thingc.modes.frames import Array, difference, pose, rotation_of
 from thingc.modes.tree import Mode
 
 CLOSE = 1e-6
-"""Tolerance of placements [m, rad]."""
+"""Tolerance for differences between poses [m, rad]."""
 
 SLIDE = 2
-"""Type number of slides in MuJoCo's `mjtJoint`."""
+"""The number of the type `slide` in MuJoCo's `mjtJoint`."""
 
 
 def _motions(mode: Mode) -> Array:
@@ -25,8 +28,8 @@ def _motions(mode: Mode) -> Array:
 def find_displaced(mode: Mode, model: Any, body_of: Mapping[str, int]) -> tuple[str, float] | None:
     """Compare the poses of all links, joints and mounts in a MuJoCo model with a mode.
 
-    Return the name and the deviation [m or rad] of the first element that differs, or None if all match. `body_of` contains the number of
-    the body of each link of `mode`.
+    Return the name and the deviation [m or rad] of the first element that differs, or None if all match. `body_of` maps the name of each
+    link of `mode` to the number of its body in the model.
     """
     return next(((name, far) for name, far in _distances(mode, model, body_of) if far > CLOSE), None)
 
@@ -56,9 +59,10 @@ def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[t
 
 
 def _frames(mode: Mode) -> Iterator[tuple[int, str, Array, bool]]:
-    """Yield the mounts that must be sites of the MuJoCo model. For each, yield the index of its link, its name, and its pose in the link.
+    """Yield the mounts that must be sites of the MuJoCo model.
 
-    The last value is true if only the position of the site must be compared.
+    For each mount, yield the index of its link, its name, its pose in the link, and a flag. The flag is True if only the position of the
+    site must be compared.
     """
     for hold in mode.holds:
         yield hold.link, hold.anchor.removesuffix(":held"), hold.X_LM, hold.turns

@@ -32,10 +32,10 @@ class SwitchResult(OneLineRepr):
     Attributes:
         state: The state of the robot in the new mode.
         removed: The part (6,) [m/s, rad/s] of the twist of the new root link that was removed, or 0.
-        impulse: The impulse (6,) on the root link: linear [N s] in world axes, then angular [N m s] about the origin of its frame in its
-            own axes. The impulse is 0 unless `on_motion="impact"` removed a motion.
-        holds: The same values `removed` and `impulse` for each other held mount, by the path of the mount.
-        uncommanded: The names of the actuators that only the new mode has. Their controls do not change.
+        impulse: The impulse (6,) on the root link: the linear impulse [N s] in world axes, then the angular impulse [N m s] about the
+            origin of the link frame in link axes. The impulse is 0 unless `on_motion="impact"` stopped a moving link.
+        holds: For each other held mount, by its path, the values `removed` and `impulse` of its link.
+        uncommanded: The names of the actuators that only the new mode has, and whose controls do not change.
     """
 
     state: RobotState
@@ -46,7 +46,10 @@ class SwitchResult(OneLineRepr):
 
 
 class Modes(Mapping[str, Mode]):
-    """The modes of a robot, in the order of the document. `robot["bench"]` returns a mode. An unknown name raises `UnknownMode`."""
+    """The modes of a robot, in the order of the document.
+
+    For example, `robot["bench"]` returns the mode `bench`. An unknown name raises the exception `UnknownMode`.
+    """
 
     def __init__(self, modes: Mapping[str, Mode]) -> None:
         self._modes = dict(modes)
@@ -79,7 +82,7 @@ class Modes(Mapping[str, Mode]):
         return f"Modes({', '.join(self._modes)})"
 
     def read(self, mode: str, data: Any) -> RobotState:
-        """Return the state of the robot in a `mujoco.MjData`. `mode` is the name of the mode to which the MuJoCo model belongs.
+        """Return the state of the robot that a `mujoco.MjData` contains. `mode` is the name of the mode to which the MuJoCo model belongs.
 
         Raises `UnknownMode` for an unknown mode, and `WrongData` if `data` belongs to another model.
         """
@@ -89,8 +92,8 @@ class Modes(Mapping[str, Mode]):
     def write(self, state: RobotState, data: Any) -> None:
         """Write a state of the robot to a `mujoco.MjData` of the same mode.
 
-        Only `qpos`, `qvel` and the mocap pose of the robot are changed. If the base is fixed, only the joints are written, because the
-        model defines the pose of the base. Raises `WrongData` if `data` belongs to another model.
+        The method changes only `qpos`, `qvel` and the mocap pose of the robot. If the base is fixed, the method writes only the joints,
+        because the model defines the pose of the base. Raises `WrongData` if `data` belongs to another model.
         """
         mode = self[state.mode]
         mjdata.write_state(mode, mode.arrays(state), mjdata.map_model(mode, data.model), data)
@@ -111,19 +114,21 @@ class Modes(Mapping[str, Mode]):
         `source` is a `RobotState`, or a tuple of the name of a mode and its `mujoco.MjData`. `target` is the name of the new mode, or a
         tuple of its name and the `mujoco.MjData` to fill. If `target` includes an `MjData`, this method writes `qpos`, `qvel` and the mocap
         pose of the robot to it. If `source` also includes an `MjData`, the method also copies the time, and the controls and activations of
-        actuators by name. Other elements of the scene do not change. Call `mj_forward` on the `MjData` of `target` afterwards.
+        actuators by name. Other robots and objects in the `MjData` do not change. After the switch, call `mj_forward` on the `MjData` of
+        `target`.
 
-        The coordinates q and velocities v of the joints do not change. The pose and twist of the new root link are computed by forward
-        kinematics. If the new mode holds or fixes the root link while the link moves faster than `at_rest` [m/s and rad/s], `on_motion`
-        selects the behaviour. `"raise"` raises `BaseMoves`. `"drop"` stops the link and preserves the joint velocities. `"impact"` computes
-        the joint velocities after a perfectly inelastic impact (see `caught`). The impact uses `inertias`. By default, these are the
-        inertias of the target's model, else of the source's model, else of the build. A fixed base must be at its pose within `tolerance`
-        [m and rad], else `BaseElsewhere` is raised.
+        The coordinates q and velocities v of the joints do not change. Forward kinematics gives the pose and the twist of the new root
+        link. If the new mode holds or fixes the root link while the link moves faster than `at_rest` [m/s and rad/s], `on_motion` selects
+        the behaviour. The value `"raise"` raises `BaseMoves`. The value `"drop"` stops the link and preserves the joint velocities.
+        The value `"impact"` computes the joint velocities after a perfectly inelastic impact (see `caught`). The impact is computed with
+        `inertias`. By default, `inertias` is read from the MuJoCo model of `target` or else of `source`, or else contains the values at the
+        time of the build. If a fixed base is farther than `tolerance` [m and rad] from its pose in the new mode, the method raises
+        `BaseElsewhere`.
 
-        `on_motion` also applies to other links that the new mode holds. If a hold allows rotation, it applies to the held point. The mode
-        holds these links at their current poses, so their mocap bodies move to these poses. If the base is fixed, these links must be at
-        the poses that the document specifies. This method does not modify models. If it raises an exception (`ModesError`), it does not
-        modify any data.
+        `on_motion` also applies to all other links that the new mode holds. If a hold allows rotation, `on_motion` applies to the velocity
+        of the held point. The new mode holds these links at their current poses, so their mocap bodies move to these poses. If the base is
+        fixed, the held links must be at the poses that the document specifies. This method does not modify any MuJoCo model. If this method
+        raises `ModesError` or a subclass, it does not modify any `MjData`.
         """
         if on_motion not in CHOICES:
             raise ModesError(f"expected on_motion \"raise\", \"drop\" or \"impact\", found `{on_motion}`")
@@ -150,10 +155,10 @@ class Modes(Mapping[str, Mode]):
 
 
 def _placed(state: State, mode: Mode, data: Any, tolerance: float) -> State:
-    """Return the state with the root link at a pose that the mode allows.
+    """Return a copy of the state in which the root link is at a pose that the mode allows.
 
-    The pose of a fixed base is taken from the MuJoCo model of `data` if given, else from the build. Raises `BaseElsewhere` if the root
-    link, or another link that a mode with a fixed base holds, is too far from a pose that the mode allows.
+    The MuJoCo model of `data`, if given, defines the pose of a fixed base; otherwise, the pose at the time of the build is used. Raises
+    `BaseElsewhere` if the root link, or another link that a mode with a fixed base holds, is too far from a pose that the mode allows.
     """
     place = mjdata.bolted(mode, data) if mode.base == "fixed" and data is not None else None
     state, placed = put_base(state, mode, place, np)
@@ -167,9 +172,10 @@ def _placed(state: State, mode: Mode, data: Any, tolerance: float) -> State:
 def _stopped(
     state: State, mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias],
 ) -> tuple[State, Array, SwitchResult]:
-    """Stop all links that `mode` holds. Return the new state, the poses of all links, and the result of the switch.
+    """Stop all links that the mode `mode` holds. Return the new state, the poses of all links, and the result of the switch.
 
-    The poses are empty if the mode holds only its root link. Raises `BaseMoves` if a held link moves and `on_motion` is `"raise"`.
+    The poses are omitted (an empty array) if the mode holds only its root link. Raises `BaseMoves` if a held link moves and `on_motion` is
+    `"raise"`.
     """
     removed, poses = [state.twist - kept(mode, state.base, state.twist, np)], np.zeros((0, 4, 4))
     if mode.holds:
@@ -195,7 +201,7 @@ def _stopped(
 
 
 def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inertias:
-    """Return the inertias `given` by the caller, else the inertias in the first `MjData` that is not None, else those of the build."""
+    """Return the inertias `given` by the caller, else the inertias in the first `MjData` that is not None, else those in `modes.json`."""
     if given is not None:
         return given
     data = next((data for data in sources if data is not None), None)

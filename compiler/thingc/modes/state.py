@@ -1,4 +1,4 @@
-"""The state of a robot in a mode, independent of a simulator. `RobotState` contains values by joint path, and `State` contains arrays."""
+"""The state of a robot in a mode, independent of a simulator. `RobotState` maps joint paths to values, and `State` contains arrays."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from thingc.modes.frames import Array
 
 
 class State(NamedTuple):
-    """The state of a robot in arrays of numpy or JAX, which have the same shapes in every mode.
+    """The state of a robot as arrays of numpy or JAX. The arrays have the same shapes in every mode.
 
     Attributes:
         base: The pose (4, 4) of the root link in the world.
-        twist: The twist (6,) of the root link: the velocity [m/s] of the origin of its frame in world axes, then its angular velocity
-            [rad/s] in its own axes.
+        twist: The twist (6,) of the root link: the velocity [m/s] of the link frame's origin in world axes, then the angular velocity
+            [rad/s] in link axes.
         q: The joint coordinates [rad or m] in the order of `Mode.coordinates`. Coordinates of joints that the mode cuts are ignored.
         v: The joint velocities [rad/s or m/s] in the same order.
     """
@@ -36,12 +36,12 @@ class State(NamedTuple):
 class RobotState(OneLineRepr):
     """The state of a robot in the mode `mode`: the pose and twist of its root link, and the coordinate and velocity of every joint.
 
-    The arrays are copied and cannot be modified. Raises `ModesError` for arrays of a wrong shape, and for NaN or infinite numbers.
+    The arrays are copies and cannot be modified. Raises `ModesError` for arrays with a wrong shape, and for NaN or infinite numbers.
 
     Attributes:
         base_pose: The pose (4, 4) of the root link in the world.
-        base_twist: The twist (6,) of the root link: the velocity [m/s] of the origin of its frame in world axes, then its angular velocity
-            [rad/s] in its own axes.
+        base_twist: The twist (6,) of the root link: the velocity [m/s] of the link frame's origin in world axes, then the angular velocity
+            [rad/s] in link axes.
         q: The joint coordinates [rad or m] by joint path.
         v: The joint velocities [rad/s or m/s] by joint path.
     """

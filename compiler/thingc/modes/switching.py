@@ -1,4 +1,4 @@
-"""Convert the state of a robot from one mode to another. The arrays can be arrays of numpy or of JAX (argument `xp`)."""
+"""Convert the state of a robot from one mode to another. The argument `xp` selects the array module, `numpy` or `jax.numpy`."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from thingc.modes.tree import Cut, Mode
 def change_root(state: State, old: Mode, new: Mode, xp: Any, **newton: int) -> State:
     """Convert a state from the mode `old` to the mode `new` without changing the motion of any link.
 
-    The result contains the pose and the twist of the root link of `new`. The coordinates of joints that are cut in `old` are computed from
-    the motion of the links that they connect. `newton` contains further arguments of the function `coordinates`.
+    The returned state contains the pose and the twist of the root link of `new`. For joints that `old` cuts, the coordinates are computed
+    from the motion of the two links that the joint connects. `newton` contains further keyword arguments for the function `coordinates`.
     """
     kin = kinematics(old)
     frames = kin.frames(state.base, state.q[kin.rows], xp)
@@ -35,7 +35,7 @@ def change_root(state: State, old: Mode, new: Mode, xp: Any, **newton: int) -> S
 
 @lru_cache(maxsize=256)
 def _gathered(mode: Mode) -> Array:
-    """Return the index from which each joint coordinate is taken in an array of all coordinates, followed by those of the cut joints."""
+    """Return an index for each joint coordinate, into an array of all coordinates that is followed by the coordinates of the cut joints."""
     names = [*mode.coordinates, *(name for cut in mode.cuts for name in cut.coordinates)]
     last = {name: row for row, name in enumerate(names)}
     return np.array([last[name] for name in mode.coordinates], dtype=int)
@@ -56,10 +56,10 @@ def _across(mode: Mode, cut: Cut, poses: Array, twists: Array, xp: Any, newton: 
 
 
 def put_base(state: State, mode: Mode, place: Array | None, xp: Any) -> tuple[State, list[tuple[int, Array, Array]]]:
-    """Return the state with the root link moved to a pose that the mode allows.
+    """Return a copy of the state in which the root link is at a pose that the mode allows.
 
-    `place` is the pose of a fixed base (None: as in the build). Also return a list of links that should already have been near an allowed
-    pose. Each entry contains the index of the link, its pose, and the pose that the mode requires.
+    `place` is the pose of a fixed base, or None for its pose at the time of the build. Also return a list of links that must already be
+    near a required pose. Each list item contains the index of the link, its pose, and the pose that the mode requires.
     """
     if mode.base in ("free", "held"):
         return state, []
@@ -76,7 +76,7 @@ def put_base(state: State, mode: Mode, place: Array | None, xp: Any) -> tuple[St
 
 
 def kept(mode: Mode, base: Array, twist: Array, xp: Any) -> Array:
-    """Return the part (6,) of the twist of the root link that the base of the mode allows. The constrained part is removed."""
+    """Return the twist (6,) of the root link without the components that the base of the mode constrains."""
     if mode.base == "free":
         return twist
     if mode.part is None:

@@ -23,9 +23,9 @@ from thingc.modes.state import RobotState, State
 class Ball(OneLineRepr):
     """A ball joint in the kinematic tree of a mode.
 
-    `name` is the name of the joint in the MuJoCo model, and `coordinates` contains the names of its three coordinates in the order of the
-    document. If `reversed` is true, the tree traverses the joint from child to parent. The matrix `R` (3, 3) rotates the coordinates to the
-    axes of the MuJoCo joint.
+    `name` is the name of the joint in the MuJoCo model, and `coordinates` lists the names of the three coordinates in document order. If
+    `reversed` is true, the tree traverses the joint from child to parent. The matrix `R` (3, 3) rotates the coordinates to the axes of the
+    MuJoCo joint.
     """
 
     name: str
@@ -34,18 +34,18 @@ class Ball(OneLineRepr):
     R: Array
 
     def qpos(self, q: Array) -> Array:
-        """Convert the coordinates q (3,) of this joint to a quaternion (4,) for MuJoCo's `qpos`."""
+        """Convert the coordinates q (3,) of this ball joint to a quaternion (4,) for MuJoCo's `qpos`."""
         return quaternion_of(rotation(self.R @ q))
 
     def qvel(self, q: Array, v: Array) -> Array:
-        """Convert the coordinates q (3,) and velocities v (3,) of this joint to the angular velocity (3,) for MuJoCo's `qvel`."""
+        """Convert the coordinates q (3,) and velocities v (3,) of this ball joint to the angular velocity (3,) for MuJoCo's `qvel`."""
         qvel: Array = self.R @ (rotation(q) @ v if self.reversed else v)
         return qvel
 
     def read(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-        """Convert the values of this joint in MuJoCo's `qpos` (4,) and `qvel` (3,) to coordinates q (3,) and velocities v (3,).
+        """Convert the values of this ball joint in MuJoCo's `qpos` (4,) and `qvel` (3,) to coordinates q (3,) and velocities v (3,).
 
-        The norm of q is at most pi.
+        The norm of the returned q is at most pi.
         """
         q = self.R.T @ rotation_vector(rotation_of(qpos))
         v = self.R.T @ qvel
@@ -56,9 +56,9 @@ class Ball(OneLineRepr):
 class Inertias(OneLineRepr):
     """The mass properties of the n links of a robot, and the armatures of its m joint coordinates.
 
-    `mass` (n,) [kg], `centre` (n, 3) [m] and `inertia` (n, 3, 3) [kg m^2] have an entry for each link. The centre of mass is in the frame
-    of the link, and the inertia is about the centre of mass, in the axes of the link. `armature` (m,) [kg m^2; kg for slides] is the
-    reflected inertia of the rotor of each coordinate.
+    `mass` (n,) [kg], `centre` (n, 3) [m] and `inertia` (n, 3, 3) [kg m^2] have one row for each link. The centre of mass is in the link
+    frame, and the inertia is about the centre of mass, in link axes. `armature` (m,) [kg m^2, or kg for slides] is the reflected rotor
+    inertia of the actuator at each joint coordinate.
     """
 
     mass: Array
@@ -101,15 +101,15 @@ class Mimic(OneLineRepr):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Joint(OneLineRepr):
-    """A coordinate of a joint between two links. `parent` and `child` are indices into `Mode.links`.
+    """A single coordinate of a joint between two links. `parent` and `child` are indices into `Mode.links`.
 
-    `first` marks the first coordinate of a joint. `X_PJ` (4, 4) is the pose of the coordinate's frame in the parent link, or in the frame
-    that the previous coordinate moves. `twist` (6,) is the motion in this frame per unit of q, with the angular part first. The coordinate
-    moves a second frame, which belongs to the child link or to the next coordinate. `X_JL` (4, 4) is its pose in the coordinate's frame
-    when q is -`offset`.
+    `first` is True for the first coordinate of a joint. `X_PJ` (4, 4) is the pose of the coordinate's frame in the frame before it, which
+    is the parent link or belongs to the previous coordinate. `twist` (6,) is the motion in the coordinate's frame per unit of q, with the
+    angular part first. The coordinate moves a second frame, which is the frame of the child link or of the next coordinate. `X_JL` (4, 4)
+    is the pose of the second frame in the coordinate's frame when q is -`offset`.
 
-    `in_model` contains the joints of the mode's MuJoCo model that move with this coordinate, and their motion per unit of q. `qpos` and
-    `dof` are the addresses of these joints. If `reversed` is true, parent and child are exchanged in the document. `kind` is the joint kind
+    `in_model` lists the joints of the mode's MuJoCo model that move with this coordinate, with their motion per unit of q. `qpos` and `dof`
+    are the addresses of the MuJoCo joints. If `reversed` is true, the document exchanges parent and child. `kind` is the kind of the joint
     in the document. The coordinates of a `ball` are exponential coordinates, and each of them has the addresses `qpos` and `dof` of the
     whole ball.
     """
@@ -133,7 +133,7 @@ class Joint(OneLineRepr):
 
     @property
     def in_data(self) -> str:
-        """The name of the joint of the MuJoCo model from which the value of this coordinate is read."""
+        """The name of the MuJoCo joint from which the value of this coordinate is read."""
         return next(iter(self.in_model))
 
 
@@ -141,9 +141,9 @@ class Joint(OneLineRepr):
 class Hold(OneLineRepr):
     """A mount that a mode holds in the world, in addition to its root mount.
 
-    `path` is the path of the mount, and `link` the index of its link. `X_LM` (4, 4) is the pose of the mount in the link. `X_WM` (4, 4) is
-    the pose of the mount in the world that the document specifies. `anchor` is the mocap body of the MuJoCo model that holds the mount. If
-    `turns` is true, the hold transmits only force: it holds the origin of the mount, and the link can rotate about this point.
+    `path` is the path of the mount, and `link` is the index of the link to which the mount belongs. `X_LM` (4, 4) is the pose of the mount
+    in the link. `X_WM` (4, 4) is the pose in the world at which the document holds the mount. `anchor` is the mocap body of the MuJoCo
+    model that holds the mount. If `turns` is true, the hold fixes only the origin of the mount, and the link can rotate about this point.
     """
 
     path: str
@@ -158,9 +158,9 @@ class Hold(OneLineRepr):
 class Cut(OneLineRepr):
     """A joint that closes a loop, and is therefore not part of the kinematic tree of the mode.
 
-    The joint connects a frame A on the link `parent` to a frame B on the link `child`. `parent` and `child` are indices, and `X_PA` and
-    `X_CB` are the poses of A and B in these links. The joint moves A by its `coordinates` (names) in sequence, with their `twists` (n, 6;
-    angular part first). After this motion, A coincides with B.
+    The joint connects a frame A on the link `parent` to a frame B on the link `child`. `parent` and `child` are indices of links, and
+    `X_PA` and `X_CB` are the poses of frames A and B in these links. The joint moves frame A by its `coordinates` (names) in sequence, with
+    their `twists` (n, 6; angular part first). After the motion of the joint, frame A coincides with frame B.
     """
 
     name: str
@@ -179,14 +179,15 @@ class Mode(OneLineRepr):
 
     Attributes:
         root: The path of the root mount, which is a site of the MuJoCo model.
-        base: The type of the base: `fixed`, `held`, `free`, `planar` or `ball`. `part` describes how a `planar` or `ball` base can move.
+        base: The type of the base: `fixed`, `held`, `free`, `planar` or `ball`. `part` describes the allowed motion of a `planar` or `ball`
+            base.
         gravity: The gravitational acceleration (3,) in the world [m/s^2].
         X_world_root: The initial pose (4, 4) of the root link.
-        links: The links of the tree. The root link is first, and parents are before their children.
+        links: The links of the tree. The list starts with the root link, and parents precede their children.
         joints: The joint coordinates of the tree in the order of the MuJoCo model.
-        coordinates: The names of all joint coordinates of the robot, including those of joints that the mode cuts. The order is the same in
-            every mode.
-        named: The poses of the mode by name, starting with the initial pose. Each pose contains q by joint path.
+        coordinates: The names of all joint coordinates of the robot, including those of joints that the mode cuts. All modes of the robot
+            have the same order of coordinates.
+        named: The poses of the mode by name, starting with the initial pose. Each pose maps joint paths to coordinates q.
         holds: The mounts that are held in the world in addition to the root mount.
         cuts: The joints that close loops.
         bases: The pose (4, 4) of a free root link in each named pose, if it differs from `X_world_root`.
@@ -215,7 +216,10 @@ class Mode(OneLineRepr):
 
     @property
     def inertias(self) -> Inertias:
-        """The mass properties of all links at the time of the build. `Modes.inertias` returns the current ones of a MuJoCo model."""
+        """The mass properties of all links at the time of the build.
+
+        The method `Modes.inertias` instead returns the current mass properties in a MuJoCo model.
+        """
         return Inertias(
             mass=np.array([link.mass for link in self.links]),
             centre=np.array([link.centre for link in self.links]),
@@ -232,11 +236,10 @@ class Mode(OneLineRepr):
         base_pose: ArrayLike | None = None,
         base_twist: ArrayLike | None = None,
     ) -> RobotState:
-        """Return a state of the robot in this mode, which is in the pose `named`, or at q = 0 if `named` is None.
+        """Return a state of the robot in this mode, in the pose `named`, or with all joint coordinates 0 if `named` is None.
 
-        `q` contains the coordinates of joints, by joint path, that differ from the pose. The robot is at rest except for the joint
-        velocities `v` and the `base_twist`. The base is at its initial pose unless `base_pose` is given. Raises `ModesError` for an unknown
-        pose or joint.
+        `q` maps joint paths to coordinates that differ from the pose. The robot is at rest except for the joint velocities `v` and the base
+        twist `base_twist`. The base is at its initial pose unless `base_pose` is given. Raises `ModesError` for an unknown pose or joint.
         """
         if named is not None and named not in self.named:
             raise ModesError(f"mode `{self.name}` has no pose `{named}`: {did_you_mean(named, self.named, what='poses')}")
@@ -252,19 +255,19 @@ class Mode(OneLineRepr):
         )
 
     def poses(self, state: RobotState) -> dict[str, Array]:
-        """Return the pose (4, 4) of the frame of every link in the world, by the name of the link. The root link is first."""
+        """Return a mapping from the name of each link to the pose (4, 4) of its frame in the world. The root link is the first key."""
         kin, frames, _ = self._moving(state)
         return dict(zip(kin.number, frames[kin.of_link], strict=True))
 
     def twists(self, state: RobotState) -> dict[str, Array]:
-        """Return the twist (6,) of every link, by the name of the link."""
+        """Return a mapping from the name of each link to its twist (6,)."""
         kin, frames, u = self._moving(state)
         return dict(zip(kin.number, kin.twists(frames, u, np), strict=True))
 
     def velocity(self, state: RobotState) -> Array:
         """Return the generalized velocity (6 + m,) of the robot, as if its base were free.
 
-        It consists of `base_twist`, followed by the joint velocities in the order of `joints`.
+        The generalized velocity consists of `base_twist`, followed by the joint velocities in the order of `joints`.
         """
         return self._moving(state)[2]
 
@@ -272,7 +275,7 @@ class Mode(OneLineRepr):
         """Return the Jacobian (6, 6 + m) of every link, in the order of `links`.
 
         The Jacobian of a link maps the generalized velocity of the robot (see `velocity`) to the velocity of the link. The first three rows
-        are the velocity of the origin of the link's frame, and the last three rows are the angular velocity, both in world axes.
+        of a Jacobian are the velocity of the link frame's origin, and the last three rows are the angular velocity, both in world axes.
         """
         kin, frames, _ = self._moving(state)
         return tuple(kin.jacobians(frames, np))
@@ -280,28 +283,28 @@ class Mode(OneLineRepr):
     def mass_matrix(self, state: RobotState, inertias: Inertias | None = None) -> Array:
         """Return the mass matrix (6 + m, 6 + m) of the robot, as if its base were free.
 
-        It corresponds to the generalized velocity of `velocity`. `inertias` must be in the order of this mode's tree. By default, these are
-        the inertias at the time of the build.
+        Rows and columns of the matrix have the same order as the vector that `velocity` returns. `inertias` must list the links in the
+        order of this mode's tree. By default, `inertias` contains the values at the time of the build.
         """
         kin, frames, _ = self._moving(state)
         return kin.mass_matrix(frames, kin.jacobians(frames, np), self.inertias if inertias is None else inertias, np)
 
     def qpos(self, state: RobotState) -> Array:
-        """Return a state as `MjData.qpos` of this mode's MuJoCo model.
+        """Convert a state to an array for `MjData.qpos` of this mode's MuJoCo model.
 
-        It consists of the coordinates of a free, planar or ball base, followed by the joint coordinates.
+        The array consists of the coordinates of a free, planar or ball base, followed by the joint coordinates.
         """
         return self._values(state)[0]
 
     def qvel(self, state: RobotState) -> Array:
-        """Return a state as `MjData.qvel` of this mode's MuJoCo model.
+        """Convert a state to an array for `MjData.qvel` of this mode's MuJoCo model.
 
-        It consists of the velocity of a free, planar or ball base, followed by the joint velocities.
+        The array consists of the velocity of a free, planar or ball base, followed by the joint velocities.
         """
         return self._values(state)[1]
 
     def arrays(self, state: RobotState) -> State:
-        """Convert a state of this mode to arrays. The coordinates of joints that the mode cuts are 0."""
+        """Convert a `RobotState` of this mode to a `State`, which contains arrays. Joints that this mode cuts have the coordinate 0."""
         if state.mode != self.name:
             raise ModesError(f"expected a state of mode `{self.name}`, found one of mode `{state.mode}`: `switch` it first")
         for what, values in (("q", state.q), ("v", state.v)):
@@ -312,7 +315,7 @@ class Mode(OneLineRepr):
         return State(state.base_pose, state.base_twist, q, v)
 
     def robot_state(self, state: State) -> RobotState:
-        """Convert a state in arrays to a `RobotState` of this mode, which contains values by joint path."""
+        """Convert a `State`, which contains arrays, to a `RobotState` of this mode, which maps joint paths to values."""
         q, v = (dict(zip(self.coordinates, np.asarray(values).tolist(), strict=True)) for values in (state.q, state.v))
         return RobotState(
             mode=self.name, base_pose=np.asarray(state.base), base_twist=np.asarray(state.twist),
