@@ -1,6 +1,6 @@
 """Find the files that have changed in a git repository, and the documents that depend on these files.
 
-Dependencies are found in the text of documents and in the syntax trees of Python files of parts.
+This module finds dependencies in the text of the documents, and in the syntax trees of the Python files that define parts.
 """
 
 from __future__ import annotations
@@ -25,10 +25,9 @@ KINDS = ("assembly", "materials", "variants")
 
 
 class AffectedDocuments(FrozenStruct):
-    """The documents that depend on a changed file, as the function `touched` returns them.
+    """The documents that depend on a changed file. The function `touched` returns this object. All paths are absolute and sorted.
 
-    All paths are absolute and sorted. `roots` are the documents to build: assemblies that have modes or are not nested in another of these
-    documents.
+    `roots` are the documents to build: assemblies that have modes or are not nested in another of these documents.
     """
 
     documents: tuple[str, ...]
@@ -36,15 +35,15 @@ class AffectedDocuments(FrozenStruct):
 
 
 class _Needs(FrozenStruct, kw_only=False):
-    """The files and parts on which a document depends. All paths are resolved, and the files do not have to exist.
+    """The files and parts on which a document depends. Symbolic links in the paths are resolved. The files do not have to exist.
 
     Attributes:
         files: The files that the document depends on.
-        folders: The folders whose non-Python files are all dependencies.
+        folders: The folders in which every non-Python file is a dependency.
         assembly: Whether the document is an assembly.
         modes: Whether the document has modes.
-        nested: The other documents that this document uses.
-        varies: The assemblies that a variants document varies.
+        nested: The documents that this document nests.
+        varies: The assemblies that a variants document lists.
     """
 
     files: frozenset[str]
@@ -56,19 +55,19 @@ class _Needs(FrozenStruct, kw_only=False):
 
 
 def touched(changed: Collection[str] | None, folder: str, store: Store | None) -> AffectedDocuments:
-    """Return the documents below a folder that depend on one of the paths in `changed`. If `changed` is None, return all documents.
+    """Return the documents below `folder` that depend on at least one path in `changed`. If `changed` is None, return all documents.
 
-    Changed paths do not have to exist. A document depends on the documents that it refers to, on the code of its parts (including modules
-    imported from the workspace), on part files, and on the settings and the lock of the workspace. A part may read any file while it is
-    built, so a document depends on every non-Python file in its part folders. If `store` is None, the workspace is untrusted, and this
-    function reads no file outside the workspace.
+    The paths in `changed` do not have to exist. A document depends on the documents that it refers to, on the code of its parts (including
+    modules imported from the workspace), on part files, and on the settings and the lock of the workspace. A part may read any file while
+    it is built, so a document depends on every non-Python file in its part folders. If `store` is None, the workspace is untrusted, and
+    this function reads no file outside the workspace.
     """
     real = None if changed is None else frozenset(os.path.realpath(path) for path in changed)
     if real is not None and not real:
         return AffectedDocuments(documents=(), roots=())
     needs = {path: _needs(path, store) for path in documents_in(folder)}
     met = sorted(path for path, need in needs.items() if real is None or _meets(path, need, real))
-    # a variants document does not read the assemblies that it varies, so they are added here
+    # compiling a variants document does not read the assemblies that the document lists, so the assemblies are added here
     varied = {os.path.realpath(path) for path in met}
     met = sorted({*met, *(path for path, need in needs.items() if need.varies & varied)})
     inside = {inner for path in met for inner in needs[path].nested}
@@ -105,11 +104,11 @@ def _needs(path: str, store: Store | None) -> _Needs:
 
 
 def part_inputs(references: Iterable[str], workspace: Workspace, store: Store | None) -> tuple[frozenset[str], tuple[str, ...]]:
-    """Return the files on which the part classes `module:Class` depend, and the folders whose files they may read when they are built.
+    """Return the files on which the part classes `module:Class` depend, and the folders from which a part can read files while it is built.
 
-    The paths are absolute, and the files do not have to exist. The files are the code of the parts and of the workspace modules that it
-    imports, the places where Python would search for these modules first, and the lock file. Without a store, the workspace is untrusted:
-    files outside of the workspace are not read.
+    The paths are absolute, and the files do not have to exist. The files are the Python files of the parts, the workspace modules that they
+    import, the paths at which Python would search for these modules first, and the lock file. Without a store, the workspace is untrusted,
+    and files outside the workspace are not read.
     """
     code = PartCode(workspace, store)
     files = {os.path.join(workspace.root, LOCK_FILE)}
@@ -135,9 +134,9 @@ def _files(documents: Documents) -> Iterator[str]:
 
 
 def _texts(document: Document, key: str) -> Iterator[str]:
-    """Yield each string that is the value of a given key, or an item of a list under this key, at any depth of a document.
+    """Yield each string in a document that is the value of the given key, or an item of a list under this key, at any nesting depth.
 
-    References to parts can also occur in variants.
+    In variants, keys are dotted paths that end with the given key.
     """
     waiting: list[Node] = [document.tree]
     while waiting:
@@ -154,13 +153,13 @@ def _texts(document: Document, key: str) -> Iterator[str]:
 
 
 class NotARepository(Exception):
-    """Raised if git is missing or fails, for example without a repository or for an unknown revision. The message is one line."""
+    """Raised if git is not installed, or if a git command fails, for example because a revision is unknown. The message is one line."""
 
 
 def changed_since(revision: str, folder: str) -> list[str]:
     """Return the sorted absolute paths of the files below a folder that differ from the merge base of `revision` and HEAD.
 
-    The result includes committed, uncommitted, untracked and deleted files, but no ignored files. Raises `NotARepository`.
+    The result includes committed, uncommitted, untracked and deleted files, but not files that git ignores. Raises `NotARepository`.
     """
     base = git(folder, "merge-base", "--end-of-options", revision, "HEAD").strip()
     top = git(folder, "rev-parse", "--show-toplevel").rstrip("\n")
@@ -170,8 +169,9 @@ def changed_since(revision: str, folder: str) -> list[str]:
 def changed_paths(folder: str, *commits: str, trusted: bool = False) -> list[str]:
     """Return the sorted paths of the files below a folder that differ between two git commits, or between a commit and the checkout.
 
-    Paths are relative to the repository. Uncommitted and untracked files in the checkout are included. Changes inside a submodule are not
-    included, because git would run commands from the configuration of the submodule to find them. Raises `NotARepository`.
+    The paths are relative to the root folder of the repository. A comparison with the checkout includes uncommitted and untracked files.
+    Changes inside a submodule are not included, because git would run commands from the configuration of the submodule to find them. Raises
+    `NotARepository`.
     """
     options = ("--name-only", "--no-renames", "--ignore-submodules=dirty", "-z")
     names = git(folder, "diff", *options, *commits, "--", ".", trusted=trusted).split("\0")
@@ -181,15 +181,15 @@ def changed_paths(folder: str, *commits: str, trusted: bool = False) -> list[str
 
 
 def git(folder: str, *words: str, trusted: bool = False) -> str:
-    """Run a git command, and return its output as a string. The arguments and exceptions are those of `run_git`."""
+    """Run a git command, and return its output as a string. See `run_git` for the arguments and exceptions."""
     return os.fsdecode(run_git(folder, *words, trusted=trusted))  # without newline translation: a name can contain a carriage return
 
 
 def run_git(folder: str, *words: str, given: bytes = b"", trusted: bool = False) -> bytes:
     """Run a git command in a folder, and return its output as bytes. `given` is the standard input of the command.
 
-    Git does not run commands that the configuration of the repository specifies (file system monitors, hooks, filters and transports). If
-    `trusted` is true, git may run filters and transports. The configuration of the user and of the system always applies. Raises
+    Git does not run commands from the configuration of the repository: file system monitors, hooks, filters and transports. If `trusted` is
+    true, git can run filters and transports. Git always reads the configuration files of the user and of the system. Raises
     `NotARepository`.
     """
     if any("\0" in word for word in words):

@@ -1,4 +1,4 @@
-"""Parse the command line of `thingc diff`: the old and the new side of the comparison, and the documents to compare."""
+"""Parse the command line of `thingc diff`, which specifies an old and a new state of a robot, and the documents to compare."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ CHECKOUT = "working tree"
 
 
 class UnknownComparison(Exception):
-    """Raised if an argument of `thingc diff` does not specify anything that can be compared. `hint` is an instruction for the user."""
+    """Raised if an argument of `thingc diff` is neither a git revision nor a path that can be compared.
+
+    `hint` is an instruction for the user.
+    """
 
     def __init__(self, message: str, hint: Hint) -> None:
         super().__init__(message)
@@ -26,9 +29,9 @@ class UnknownComparison(Exception):
 
 
 class Side(FrozenStruct):
-    """One side of a comparison, which is the old or the new state of a robot.
+    """One side of a comparison: the old or the new state of a robot.
 
-    `name` is the name of the side in reports. `place` is the path of a document, build folder or lock, or the hash of a commit.
+    `name` is the name of the side in reports. `place` is the path of a document, build folder or lock file, or the hash of a git commit.
     """
 
     kind: SideKind
@@ -37,9 +40,9 @@ class Side(FrozenStruct):
 
 
 class ComparisonRequest(FrozenStruct):
-    """The two sides of a comparison, and the documents to compare if both sides are states of a repository.
+    """The two sides of a comparison, and the documents to compare if both sides are states of a git repository.
 
-    `documents` are paths as on the command line. If there are none, `thingc diff` compares all documents that the change affects.
+    `documents` are the paths on the command line. If `documents` is empty, `thingc diff` compares all documents that the change affects.
     """
 
     old: Side
@@ -50,7 +53,7 @@ class ComparisonRequest(FrozenStruct):
 def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
     """Parse the arguments of `thingc diff`, and return the two sides and the documents to compare.
 
-    `documents` are the arguments after `--`. Raises `UnknownComparison` and `NotARepository`.
+    `documents` are the command-line arguments after `--`. Raises `UnknownComparison` and `NotARepository`.
     """
     words = list(words)
     if len(words) > 2:
@@ -88,10 +91,10 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
 
 
 def _sides(word: str) -> list[Side]:
-    """Parse one argument of `thingc diff` to the sides that it specifies.
+    """Parse one argument of `thingc diff`, and return the one or two sides of the comparison that the argument specifies.
 
-    The arguments `main..HEAD` and `main...HEAD` specify two sides. Three dots select the merge base and HEAD. Every other argument
-    specifies one side.
+    The arguments `main..HEAD` and `main...HEAD` specify two sides. Three dots select the merge base of `main` and HEAD as the old side.
+    Every other argument specifies one side.
     """
     if os.path.isfile(word):
         if os.path.basename(word).endswith(LOCK_FILE):

@@ -16,7 +16,7 @@ from thingc.tools.diff.snapshot import Edge, Fact, LinkOf, Named, OccurrenceSnap
 
 
 def edges_of(assembly: Assembly) -> Iterator[Edge]:
-    """Yield each mate of an assembly as an edge of a graph. The edge connects the paths of two components."""
+    """Yield each mate of an assembly as an edge of a graph, which connects the paths of two components."""
     paths = [occurrence.path for occurrence in assembly.occurrences]
     for mate in assembly.mates:
         kind = mate.joints[0].kind.name if mate.joints else "fixed" if mate.name is not None else ""
@@ -73,13 +73,13 @@ def shape_of(record: PartRecord | None) -> PartShape | None:
 
 
 def _mounts(occurrence: Occurrence) -> dict[str, Pose]:
-    """Return the mounts that the class of a part defines. The mount `origin` and mounts added by the document are omitted."""
+    """Return the mounts that the class of a part defines. The mount `origin` and mounts that the document adds are omitted."""
     added = occurrence.component.mounts
     return {name: mount.pose for name, mount in occurrence.mounts.items() if name not in added and name != "origin"}
 
 
 def links_of(assembly: Assembly) -> Iterator[LinkOf]:
-    """Yield the links of an assembly. Each link contains the paths of the occurrences that belong to the link."""
+    """Yield the links of an assembly. Each link contains the paths of its parts and frames."""
     paths = [occurrence.path for occurrence in assembly.occurrences]
     for link in assembly.links:
         yield LinkOf(
@@ -88,7 +88,7 @@ def links_of(assembly: Assembly) -> Iterator[LinkOf]:
 
 
 def rows_of(assembly: Assembly) -> Iterator[Row]:
-    """Yield the rows of the bill of materials. Each row contains the paths of the parts that it counts."""
+    """Yield the rows of the bill of materials. Each row contains the paths of the parts that the row counts."""
     for row, pieces in with_pieces(assembly):
         stem = None
         for occurrence in pieces:
@@ -122,7 +122,7 @@ def sensor_values(assembly: Assembly, sensor: LinkedSensor) -> Iterator[tuple[tu
 def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
     """Return the properties of all tendons by key (`tendons.grip.dynamics.stiffness`): joints, path, limit, dynamics and drive.
 
-    The result omits properties that are not set.
+    Properties that are not set are omitted.
     """
     facts: dict[str, Fact] = {}
     for one in assembly.tendons:
@@ -135,7 +135,7 @@ def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
 
 
 def _step_value(step: TendonStep) -> Value:
-    """Convert one step of the path of a tendon to a value that can be compared with the value of another step."""
+    """Convert one step of a tendon path to a value that can be compared with `==`."""
     if step.divisor is not None:
         return step.divisor
     mounts = tuple(mount.path.replace("/", ".") for mount in (step.mount, step.side) if mount is not None)

@@ -1,4 +1,4 @@
-"""Create snapshots from build folders and lock files. These snapshots lack information that only documents contain."""
+"""Create snapshots from build folders and lock files. Such a snapshot does not contain information that only documents contain."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OF_LOCKS = "content of documents, which is not in a lock file"
 class UnreadableSide(Exception):
     """Raised if a build folder or a file cannot be compared.
 
-    The message contains the reason. For a lock file, `diagnostics` contains the errors.
+    The message explains the reason. For a lock file, `diagnostics` contains the errors in the file.
     """
 
     def __init__(self, message: str, diagnostics: tuple[Diagnostic, ...] = ()) -> None:
@@ -78,7 +78,7 @@ def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[
 
 
 def outline(snapshot: Snapshot) -> Snapshot:
-    """Remove from the snapshot of a document all information that a build folder does not contain, so that both can be compared."""
+    """Return a copy of the snapshot of a document without the information that build folders do not contain."""
     things = [_component(path, one.definition) for path, one in snapshot.occurrences.items()]
     for (what, _), thing in snapshot.things.items():
         if what == "joint" and "type" in thing.facts:
@@ -131,7 +131,7 @@ def _stated(text: str, facts: Mapping[str, Value], file: str) -> SnapshotElement
 
 
 def _said(record: PartRecord) -> dict[str, Value]:
-    """Return the properties that a part declares in a lock file, such as its material. The shape is not included."""
+    """Return the properties of a part in a lock file, such as the material. The result does not include the shape."""
     said: dict[str, Value] = {"material": record.material, "color": record.color}
     for key, stated in (("mass", record.mass), ("com", record.com), ("density", record.density)):
         if stated is not None:

@@ -21,7 +21,7 @@ from thingc.tools.diff.snapshot import Snapshot, TestOutcome
 from thingc.tools.diff.take_snapshot import take_snapshot
 
 ASSETS = "mjcf/assets/"
-"""Folder of the meshes in the MuJoCo output."""
+"""Folder of the MuJoCo meshes, relative to the build folder."""
 
 
 class BrokenDocument(Exception):
@@ -33,7 +33,7 @@ class BrokenDocument(Exception):
 
 
 class Subject:
-    """A context manager that compiles a document for a comparison, and runs the tests in the document on demand.
+    """A context manager that compiles a document for a comparison. The method `tested` runs the tests in the document.
 
     The context manager stops the worker processes on exit. Raises `BrokenDocument` if the document has errors.
     """
@@ -59,7 +59,7 @@ class Subject:
         return self._environment.store
 
     def tested(self) -> Snapshot:
-        """Run the tests in the document, and return the snapshot of the robot with the test results. The results are cached."""
+        """Run the tests in the document, and return the snapshot of the robot with the test results. The test results are cached."""
         key = self._key()
         earlier = self.store.get_json("diff-tests", key)
         if earlier is not None:

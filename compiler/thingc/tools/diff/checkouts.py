@@ -1,4 +1,4 @@
-"""Write the documents of the old and the new revision to folders in which they can be compiled, and compare them."""
+"""Write the documents of an old and a new git revision to temporary folders, compile the documents there, and compare the results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from thingc.tools.diff.surface_distance import SurfaceDistances
 class Checkout(OneLineRepr, FrozenStruct):
     """The absolute path of a document, build folder or lock file on one side of a comparison.
 
-    If the files were written from a git revision, `revision` is the name of the revision. If the files already existed, `revision` is None.
+    If the files are from a git revision, `revision` is the name of the revision, else None.
     """
 
     path: str
@@ -45,7 +45,7 @@ class Checkout(OneLineRepr, FrozenStruct):
 class DocumentPair(OneLineRepr, FrozenStruct):
     """The old and the new version of a document. `name` is the path of the document on the command line.
 
-    If the document does not exist on one side of the comparison, the version of this side is None.
+    `old` or `new` is None if the document does not exist on this side of the comparison.
     """
 
     name: str
@@ -54,9 +54,10 @@ class DocumentPair(OneLineRepr, FrozenStruct):
 
 
 class BrokenSide(OneLineRepr, FrozenStruct):
-    """One side of a comparison that cannot be compiled. It contains the diagnostics and the contents of the files that they refer to.
+    """One side of a comparison that cannot be compiled.
 
-    The file names in the diagnostics contain the name of the side.
+    This object contains the diagnostics, and the contents of the files in which the errors are. The file names in the diagnostics contain
+    the name of the side.
     """
 
     name: str
@@ -65,9 +66,9 @@ class BrokenSide(OneLineRepr, FrozenStruct):
 
 
 def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[DocumentPair]:
-    """Return pairs of document versions to compare. The files are in folders that exist until the exit stack `stack` closes.
+    """Return the pairs of old and new documents to compare. The files are in folders that are deleted when the exit stack `stack` closes.
 
-    `code` specifies whether the comparison may run part code. Raises `UnknownComparison` and `NotARepository`.
+    If `code` is false, the comparison does not run part code. Raises `UnknownComparison` and `NotARepository`.
     """
     if asked.old.kind in ("document", "build", "lock"):
         old, new = (Checkout(path=side.place, kind=side.kind) for side in (asked.old, asked.new))
@@ -110,7 +111,7 @@ def _laid(repository: Repository, state: Revision | None, path: str) -> Checkout
 
 
 def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequence[Revision | None], here: str) -> list[str]:
-    """Return the documents below the working folder that depend on a file that changed. Nested documents without modes are omitted."""
+    """Return the documents below the working folder that depend on a changed file. Nested documents without modes are omitted."""
     changed = changed_paths(here, asked.old.place, *filter(None, [asked.new.place]), trusted=repository.trusted)
     if not changed:
         return []
@@ -129,10 +130,11 @@ def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequenc
 
 
 def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False) -> Comparison | BrokenSide:
-    """Compare the old and the new version of a document. Return the comparison, or the side that cannot be compiled.
+    """Compare the old and the new version of a document. If one side cannot be compiled, return the errors of this side.
 
     If `tests` is true, compare test results. If `draw` is true, render pictures of the changes. Source locations refer to files in the
-    checkout. If a side cannot be compiled, the file names start with the name of the side. Raises `UnknownComparison`.
+    user's checkout. In the errors of a side that cannot be compiled, file names start with the name of the side. Raises
+    `UnknownComparison`.
     """
     assert both.old is not None and both.new is not None, "there is nothing to compare it with"
     with ExitStack() as stack:
@@ -152,7 +154,7 @@ def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[
 
 
 def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options, *, tests: bool) -> Comparison:
-    """Compare two versions of a document.
+    """Compare two versions of a robot.
 
     If one version is a build folder or a lock file, compare only the information that both versions contain.
     """
@@ -182,8 +184,8 @@ def _snapshot(laid: Checkout) -> Snapshot:
 def _subject(laid: Checkout, options: Options) -> Subject:
     """Compile a document of one side of the comparison. Raises `BrokenDocument`.
 
-    If the compilation fails, and only some files of a git revision were written, the function writes all files of the revision and tries
-    again.
+    At first, only some files of a git revision are written. If the compilation fails, the function writes all files of the revision and
+    compiles the document again.
     """
     try:
         return Subject(laid.path, options)
@@ -204,7 +206,7 @@ def _at_home(change: Change, both: DocumentPair) -> Change:
 
 
 def _broken(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide:
-    """Prepare the errors of one side of a comparison for printing.
+    """Add the name of the side to the file names in the errors of one side of a comparison.
 
     The name of a file in a revision has the syntax of git, such as `main:arm.yaml`.
     """

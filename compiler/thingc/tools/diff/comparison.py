@@ -1,4 +1,4 @@
-"""Compare two snapshots of a robot. Find all changes, and find the changes in documents that caused each of them."""
+"""Compare two snapshots of a robot, and find the changes in documents that caused each difference."""
 
 from __future__ import annotations
 
@@ -15,21 +15,22 @@ from thingc.tools.diff.name_mapping import NameMapping, equal, largest
 from thingc.tools.diff.snapshot import Change, DisplayValue, How, OccurrenceSnapshot, Row, Snapshot, What
 
 Farthest = Callable[[str, str], float | None]
-"""Function that returns the largest distance [m] between two surfaces, given the SHA-256 of their meshes, or None if unknown."""
+"""Function that returns the largest distance [m] between the surfaces of two meshes, or None if unknown.
+
+The arguments are the SHA-256 hashes of the meshes.
+"""
 
 Difference = tuple[str, DisplayValue, DisplayValue]
-"""A field, its old value and its new value."""
+"""The name of a field, the old value of the field, and the new value."""
 
 MADE = ("part", "file", "assembly", "link", "frame", "mirror", "faces", "unit")
 WEIGHED = ("mass.", "com.", "inertia.", "process.", "material")
 SHAPES = 1e-7
-"""Relative tolerance of integrals over a shape. The kernel adds up faces in varying order."""
+"""Relative tolerance of integrals over a shape. Integrals vary because the geometry kernel adds up the faces in varying order."""
 
 
 class _Following:
-    """Finds the changes of computed results, such as masses, that follow from changes in the documents, and adds these changes to the
-    comparison.
-    """
+    """Finds changes of computed results, such as masses, that changes in the documents caused, and adds them to the comparison."""
 
     def __init__(self, pairing: NameMapping, changes: DocumentChanges, farthest: Farthest) -> None:
         self.pairing, self.changes, self.farthest = pairing, changes, farthest
@@ -42,7 +43,7 @@ class _Following:
         self._moved: dict[str, tuple[str, ...]] = {}
 
     def all(self) -> None:
-        """Add all changes that follow from changes in the documents. Each cause is added before the changes that it causes."""
+        """Add all changes that changes in the documents caused. Each cause is added before its consequences."""
         for old, new in self.occurrences:
             self._geometry(old, new)
             self._mounts(old, new)
@@ -162,7 +163,7 @@ class _Following:
     def _mover(self, path: str) -> tuple[str, ...]:
         """Return the changes that caused the new pose of a part.
 
-        They are changes on the path from the part to the base in the new robot.
+        These changes affect the attachments between the part and the base in the new robot.
         """
         if path not in self._moved:
             self._moved[path] = ()
@@ -202,7 +203,7 @@ class _Following:
     # --- links and the whole robot -----------------------------------------------------------------------------------
 
     def _links(self) -> None:
-        """Compare the names and frames of the links. If a link consists of several parts, compare its mass, too."""
+        """Compare the names and frames of the links. If a link consists of several parts, also compare the total mass of the link."""
         olds, news = ({link.frame: link for link in side.links} for side in (self.old, self.new))
         for old, new in self.occurrences:
             one, other = olds.get(old.path), news.get(new.path)
@@ -255,7 +256,7 @@ class _Following:
     # --- outputs -----------------------------------------------------------------------------------------------------
 
     def _rows(self) -> None:
-        """Compare the rows of the bill of materials that have the same definition, and compare the print files."""
+        """Compare the rows of the old and new bill of materials that have the same part definition, and compare the print files."""
         olds, news = _by_definition(self.old.rows), _by_definition(self.new.rows)
         renumbered: list[tuple[str, Row, Row]] = []
         causes: dict[str, None] = {}
@@ -359,10 +360,7 @@ class _Following:
 
 
 def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Difference]:
-    """Return the differences between the mass properties of the old and the new body.
-
-    If one of the bodies is massless, ignore centre and inertia.
-    """
+    """Return the differences between the mass properties of the old and the new body. If one body is massless, compare only the masses."""
     told: list[tuple[str, DisplayValue, DisplayValue]] = []
     if not _near(old.mass, new.mass):
         told.append((f"{prefix}mass", old.mass, new.mass))
@@ -375,7 +373,7 @@ def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Diffe
 
 
 def _reach(robot: Snapshot) -> float:
-    """Return the largest distance [m] between the origin of the base and the frames and mounts of the robot at q = 0."""
+    """Return the distance [m] from the origin of the base to the farthest frame or mount of the robot at q = 0."""
     base = next(occurrence.place for occurrence in robot.occurrences.values() if occurrence.parent is None)
     assert base is not None
     back = base.inverse()
@@ -420,9 +418,9 @@ def _by_definition(rows: Iterable[Row]) -> dict[str, list[Row]]:
 
 
 def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None]) -> list[tuple[Row | None, Row | None]]:
-    """Match rows of the old and the new bill of materials that have the same definition.
+    """Match rows of the old and the new bill of materials that have the same part definition.
 
-    Match rows with a common piece first, then the rest in order.
+    Rows that count a common part are matched first, and the remaining rows in order.
     """
     left, pairs = list(news), []
     rest: list[Row] = []
@@ -440,10 +438,10 @@ def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None])
 
 
 class Comparison(OneLineRepr, FrozenStruct):
-    """The result of comparing two states of one robot: the changes in documents, followed by the changes that they cause.
+    """The result of comparing two states of one robot: the changes in documents, followed by the consequences of these changes.
 
-    `unknown` lists the kinds of information that were not compared. If pictures were requested, `pictures` maps `before`, `after` and
-    `overlay` to PNG data.
+    `unknown` lists the kinds of information that were not compared. If pictures were requested, `pictures` maps the names `before`, `after`
+    and `overlay` to PNG data.
     """
 
     name: str
@@ -455,7 +453,7 @@ class Comparison(OneLineRepr, FrozenStruct):
 def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: None) -> Comparison:
     """Compare the snapshots of the old and the new robot, and return the changes.
 
-    The function `farthest` returns the distance between two surfaces. If it is not given, surfaces are not compared.
+    The function `farthest` returns the distance between two surfaces. Without this function, surfaces are not compared.
     """
     pairing = NameMapping(old, new)
     changes = StatedChanges(pairing).changes

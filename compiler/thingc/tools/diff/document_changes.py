@@ -1,4 +1,4 @@
-"""Find the values that the user changed in documents, and distinguish them from values that changed as a consequence."""
+"""Find the values that the user changed in documents, and the values that changed as a consequence."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from thingc.tools.diff.source_locations import names_in
 
 POSITIONS = frozenset({"limit.lower", "limit.upper", "limit.cone", "offset"})
 LONGEST = 40
-"""Maximum length of a value that is displayed as in the document."""
+"""Maximum number of characters of a value that is displayed as in the document."""
 
 
 def worded(pair: Pair, key: str, old: Fact | None, new: Fact | None, robots: tuple[Snapshot, Snapshot]) -> tuple[str, str] | None:
@@ -53,7 +53,7 @@ def _dimension(thing: SnapshotElement, key: str, robot: Snapshot) -> Dimension |
 def _coordinate(joint: SnapshotElement) -> Dimension | None:
     """Return the physical dimension of the coordinate q of a joint, or None if it is unknown.
 
-    The path can also refer to one coordinate of a joint. Such a path ends with a number, such as `wrist_1`.
+    A path that ends with a number, such as `wrist_1`, refers to one coordinate of a joint.
     """
     kind = KINDS.get(joint.label or "")
     if kind is None or kind.coordinate is not None:
@@ -67,10 +67,10 @@ def _number(value: Value, dimension: Dimension) -> str:
 
 
 _MADE_OF = frozenset({"part", "file", "assembly", "link", "frame", "mirror"})
-"""Facts of a component that define its kind and content."""
+"""Keys that define the kind and the content of a component."""
 _MEANT: tuple[What, ...] = ("mount", "joint", "pose", "mode")
 _INNER: frozenset[What] = frozenset({"parameter", "mate", "mount"})
-"""Kinds of elements that are part of a component. They are not reported if the component was added or removed."""
+"""Kinds of elements that are part of a component. Their changes are not reported if the component itself was added or removed."""
 
 
 class DocumentChanges:
@@ -90,13 +90,13 @@ class DocumentChanges:
                 self._on.setdefault(path.rpartition("/")[0], []).append(change)
 
     def roots(self, change: Change) -> tuple[str, ...]:
-        """Return the paths of the changes by the user that led to a change. If the change has no cause, return its own path."""
+        """Return the paths of the user's changes that caused a change. If the change has no cause, return the path of the change itself."""
         return tuple(word for word in change.because if word != PERHAPS) if change.caused else (change.path,)
 
     def causes(self, what: What, paths: Iterable[str], fields: Iterable[str] | None = None) -> dict[str, None]:
-        """Return the changes by the user that led to changes of the elements with the given kind and `paths`.
+        """Return the user's changes that caused changes of the elements of this kind at the given `paths`.
 
-        If `fields` is given, the result includes only changes of these fields. A name that ends with a dot (`process.`) is a prefix.
+        If `fields` is given, only changes of these fields count. A field name that ends with a dot, such as `process.`, is a prefix.
         """
         wanted = None if fields is None else tuple(fields)
         causes: dict[str, None] = {}
@@ -107,13 +107,13 @@ class DocumentChanges:
         return causes
 
     def causes_of_mounts(self, paths: Iterable[str]) -> dict[str, None]:
-        """Return the changes by the user that led to changes of the mounts of the given components."""
+        """Return the user's changes that changed mounts of the given components."""
         return {root: None for path in paths for change in self._on.get(path, ()) for root in self.roots(change)}
 
     def structure(self) -> dict[str, None]:
-        """Return the changes by the user that led to structural changes of the robot.
+        """Return the user's changes that caused structural changes of the robot.
 
-        Structural changes are changes of components, of mates, and of the links that joints connect.
+        Structural changes affect components, mates, or the links that a joint connects.
         """
         causes: dict[str, None] = {}
         for change in self.found:
@@ -126,7 +126,7 @@ class DocumentChanges:
 
 
 def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
-    """Return whether a change affects a field in `fields` or the whole element. Return False for a renamed element."""
+    """Return whether a change affects a field in `fields` or the whole element. Renaming does not change the whole element."""
     field = change.field
     if field is None:
         return change.change != "renamed"
@@ -170,7 +170,10 @@ class StatedChanges:
         ))
 
     def _renamed(self, pair: Pair) -> None:
-        """Add a change for an element that was renamed. If an assembly was renamed, the new paths of its elements are consequences."""
+        """Add a change for an element that was renamed.
+
+        If an assembly was renamed, the new paths of its elements are consequences of this change.
+        """
         old, new = pair.old, pair.new
         if old.what == "mate":
             return
@@ -196,7 +199,7 @@ class StatedChanges:
         changed.sort(key=lambda one: _written(old.facts.get(pairing.old_fact(old, one[0]))) == _written(new.facts.get(one[0])))
         for key, before, after in changed:
             if made and key.startswith("params."):
-                continue  # these are parameters of another part
+                continue  # the parameters are now parameters of another part class
             earlier, later = old.facts.get(pairing.old_fact(old, key)), new.facts.get(key)
             if old.what == "pose" and self._unknown(key):
                 because: tuple[str, ...] = tuple(self.changes.causes("joint", [key]))
@@ -212,10 +215,10 @@ class StatedChanges:
         return any(thing.what == "joint" and thing.path == joint for thing in (*self.pairing.gone, *self.pairing.come))
 
     def _because(self, pair: Pair, key: str, old: Fact | None, new: Fact | None, made: set[str]) -> tuple[str, ...]:
-        """Return the changes that caused the change of a property.
+        """Return the changes that changed the value of a property.
 
         If the value is an expression whose text did not change, the causes are the changed parameters in the expression. If the document
-        does not contain the value, the causes are changes of the component or of the drive.
+        does not contain the property, the causes are changes of the component or of the drive.
         """
         before, after = (fact.value if fact is not None else None for fact in (old, new))
         if new is not None and new.written is not None and _written(old) == new.written:
@@ -231,7 +234,7 @@ class StatedChanges:
         return ()
 
     def _meant(self, fact: Fact) -> tuple[str, ...]:
-        """Return the changes that affect the names in an expression: parameters, mounts, joints, poses and modes of the same document."""
+        """Return the changes of elements to which an expression refers: parameters, mounts, joints, poses and modes of a document."""
         causes: dict[str, None] = {}
         for name in names_in(fact.written or ""):
             path = f"{fact.scope}/{name}" if fact.scope else name
@@ -250,9 +253,9 @@ class StatedChanges:
         return tuple(own or self.changes.causes("component", drives, _MADE_OF) | self.changes.causes("parameter", drives, ("params.",)))
 
     def _alive(self, old: Value, new: Value) -> tuple[str, ...]:
-        """Return the changes that caused names to be added to a list or removed from it.
+        """Return the changes that added names to a list or removed names from the list.
 
-        If one of the names has no cause, the result is empty.
+        If no cause is known for one of the names, the result is empty.
         """
         before, after = set(_names_in(self.pairing.now(old))), set(_names_in(new))
         causes: dict[str, None] = {}
@@ -264,9 +267,9 @@ class StatedChanges:
         return tuple(sorted(causes))
 
     def _parameter(self, path: str) -> tuple[str, ...]:
-        """Return the changes by the user that led to the new value of a parameter. The result is empty if the value is unchanged.
+        """Return the user's changes that led to the new value of a parameter. The result is empty if the value is unchanged.
 
-        The argument is the path of the parameter in the new robot.
+        `path` is the path of the parameter in the new robot.
         """
         if path not in self._known:
             self._known[path] = ()  # stop at cycles of parameters, which are errors in the document
@@ -281,7 +284,7 @@ class StatedChanges:
 def _what(thing: SnapshotElement, key: str) -> What:
     """Return the kind of element that a property belongs to.
 
-    Parameters of parts are the kind `parameter`, and rows of the bill of materials `bom`.
+    Keys that start with `params.` have the kind `parameter`, and keys that start with `bom.` the kind `bom`.
     """
     return "parameter" if key.startswith("params.") else "bom" if key.startswith("bom.") else thing.what
 

@@ -1,11 +1,9 @@
 """Match the components of the old robot with the components of the new robot.
 
-Components with the same name match. Then the algorithm matches components whose definition and mates to matched components are unique. It
-repeats this step until it finds no more matches. Then it assigns colours to the remaining components, and refines each colour by the
-colours of the neighbours until the partition is stable (B. Weisfeiler and A. Leman, 1968). Components of the same colour are matched by an
-isomorphism of the remaining graphs if these are small, else by their poses. Uncertain matches are marked `perhaps`.
-
-The algorithm first sorts the two robots. Therefore, exchanging the robots does not change the matches.
+First, the algorithm matches components with the same name. Then it repeatedly matches components whose definition and mates to matched
+components are unique. Finally, the algorithm refines colours of the remaining components until the partition is stable (Weisfeiler and
+Leman, 1968). Components of the same colour are matched by a graph isomorphism if the remaining graphs are small, else by their poses.
+Uncertain matches have the attribute `perhaps`. Exchanging the old and the new robot does not change the matches.
 """
 
 from __future__ import annotations
@@ -20,17 +18,17 @@ from thingc.base.numeric import dist
 from thingc.tools.diff.snapshot import ComponentNode, Snapshot
 
 RESIDUE = 30
-"""Maximum number of remaining components when searching for an isomorphism."""
+"""Maximum number of unmatched components for which a graph isomorphism is searched."""
 ROUNDS = 64
 """Maximum number of rounds of colour refinement."""
 SAME_PLACE = 1e-3
-"""Distance [m] below which two components are at the same place."""
+"""Two components whose distance [m] is below this value are at the same place."""
 
 
 class Match(FrozenStruct):
     """A component of the old robot that was matched with a component of the new robot.
 
-    It contains the two paths and the reason for the match. `perhaps` is true if the match is uncertain.
+    The match contains the two paths and a reason. `perhaps` is true if the match is uncertain.
     """
 
     old: str
@@ -40,7 +38,7 @@ class Match(FrozenStruct):
 
 
 def match(old: Snapshot, new: Snapshot) -> dict[str, Match]:
-    """Match the components of the old robot with those of the new robot.
+    """Match the components of the old robot with the components of the new robot.
 
     Return the matches, keyed by the path of the component in the old robot.
     """
@@ -57,7 +55,7 @@ def _order(snapshot: Snapshot) -> list[str]:
 
 
 class _Side:
-    """The old or the new robot as a graph. It maps each component to its neighbours and to the kind of each connection."""
+    """The old or the new robot as a graph, which maps each component to its neighbours and to the kind of each connection."""
 
     def __init__(self, snapshot: Snapshot) -> None:
         self.nodes = {node.path: node for node in snapshot.nodes}
@@ -77,7 +75,7 @@ class _Side:
 class _Matching:
     """Collects the matches between components of the old and the new robot.
 
-    Each method adds matches. `match` calls the methods with the most certain matches first.
+    Each method adds matches. The function `match` first calls the methods that find the most certain matches.
     """
 
     def __init__(self, old: Snapshot, new: Snapshot) -> None:
@@ -121,8 +119,7 @@ class _Matching:
     # --- neighbours --------------------------------------------------------------------------------------------------
 
     def _known_neighbours(self, what: Callable[[ComponentNode], Hashable], words: str, exact: bool) -> bool:
-        """Match two components if they are the only ones in their robots with the same value `what` and the same mates to matched
-        components.
+        """Match two components if no other component of their robots has the same value `what` and the same mates to matched components.
 
         If `exact` is true, the names of the mounts must also be equal. Return whether the method found a match.
         """
@@ -139,7 +136,7 @@ class _Matching:
     def _signed(
         self, side: _Side, what: Callable[[ComponentNode], Hashable], known: Callable[[str], str | None], exact: bool,
     ) -> dict[tuple[Hashable, tuple[tuple[tuple[str, ...], str], ...]], list[str]]:
-        """Group the components that are not yet matched by the value `what` and by their mates to matched components.
+        """Group the unmatched components by the value of the function `what` and by their mates to matched components.
 
         Components without a mate to a matched component are omitted.
         """
@@ -157,7 +154,7 @@ class _Matching:
         return path if path in self.found else None
 
     def _in_one_place(self, old: str, new: str) -> bool:
-        """Return whether two components are inside assemblies that were matched with each other."""
+        """Return whether the assemblies that contain two components were matched with each other."""
         above, there = self.old.nodes[old].parent, self.new.nodes[new].parent
         known = self.found.get(above)
         return (above == "" and there == "") or known is not None and known.new == there
@@ -167,7 +164,8 @@ class _Matching:
     def _colours(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
         """Match each component whose colour occurs once in each robot.
 
-        If no colour is unique, match one group of equal colour by isomorphism or position. Return whether the method found a match.
+        If no colour is unique, match the components of one colour by an isomorphism or by position. Return whether the method found a
+        match.
         """
         if not self.old.left or not self.new.left:
             return False
@@ -175,7 +173,7 @@ class _Matching:
         shared = self._shared(lambda number, path: colours[number, path])
         alone = [(ones[0], others[0]) for ones, others in shared if len(ones) == len(others) == 1]
         if alone:
-            # without matched neighbours, one component may have been removed and the other one added
+            # without matched neighbours, the old component may have been removed and the new component added
             for one, other in alone:
                 self._take(one, other, f"{words} and mates", perhaps=not self._met(one))
             return True
@@ -188,7 +186,7 @@ class _Matching:
         return self._by_definition(what, words)
 
     def _shared(self, key: Callable[[int, str], Hashable]) -> list[tuple[list[str], list[str]]]:
-        """Group the components of each robot that are not yet matched by `key`. Return the groups whose key occurs in both robots."""
+        """Group the unmatched components of each robot by the function `key`. Return the groups whose key occurs in both robots."""
         groups: dict[Hashable, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
         for number, side in enumerate((self.old, self.new)):
             for path in side.left:
@@ -196,7 +194,7 @@ class _Matching:
         return [(ones, others) for ones, others in groups.values() if ones and others]
 
     def _by_definition(self, what: Callable[[ComponentNode], Hashable], words: str) -> bool:
-        """Match components by their definition alone, ignoring their neighbours. Return whether the method found a match.
+        """Match components with equal definitions, and ignore their neighbours. Return whether the method found a match.
 
         Use this method if no colour occurs in both robots.
         """
@@ -214,7 +212,7 @@ class _Matching:
         return any(other in self.found for how, other in self.old.beside[path] if how[1] == "mate")
 
     def _refined(self, what: Callable[[ComponentNode], Hashable]) -> dict[tuple[int, str], int]:
-        """Refine the colours of components that are not yet matched. Return the colours, keyed by robot (0: old, 1: new) and path."""
+        """Refine the colours of the unmatched components. Return a mapping from robot (0: old, 1: new) and component path to colour."""
         numbers: dict[Hashable, int] = {}
 
         def colour(of: Hashable) -> int:
@@ -239,7 +237,7 @@ class _Matching:
     def _isomorphic(self, colours: Mapping[tuple[int, str], int]) -> bool:
         """Match all remaining components by a graph isomorphism if the graphs are small. Return whether an isomorphism exists.
 
-        If there are several isomorphisms, they differ only by an automorphism of the new robot, so each of them is correct.
+        Several isomorphisms would differ only by an automorphism of the new robot, so any isomorphism is correct.
         """
         if not len(self.old.left) == len(self.new.left) <= RESIDUE:
             return False
@@ -277,9 +275,9 @@ class _Matching:
         return False
 
     def _by_place(self, ones: Sequence[str], others: Sequence[str], reason: str, within: float = math.inf) -> None:
-        """Match the remaining components by their positions, nearest pairs first. Mark these matches as uncertain (`perhaps`).
+        """Match the remaining components by their positions, the nearest pairs first. These matches are uncertain (`perhaps`).
 
-        If a component has no pose, its distance from other components is infinite.
+        A component without a pose has an infinite distance from every other component.
         """
         for distance, one, other in sorted((self._distance(one, other), one, other) for one in ones for other in others):
             if distance <= within and one in self.old.left and other in self.new.left:

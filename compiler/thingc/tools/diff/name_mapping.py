@@ -1,4 +1,4 @@
-"""Match the named elements of the old robot with those of the new robot, translate old names to new names, and compare values."""
+"""Match the named elements of the old and the new robot, translate old names to new names, and compare values."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from thingc.tools.diff.matching import match
 from thingc.tools.diff.snapshot import Named, Snapshot, SnapshotElement, Value, What
 
 RELATIVE = 1e-9
-"""Relative tolerance of equal numbers (`0.1 m` and `100 mm`)."""
+"""Relative tolerance for comparing numbers, such as `0.1 m` and `100 mm`."""
 NOTHING = 1e-12
-"""Absolute tolerance of lengths [m], angles [rad] and other numbers near 0."""
+"""Absolute tolerance for comparing lengths [m], angles [rad] and other numbers near 0."""
 
 _ORDER: tuple[What, ...] = ("parameter", "material", "mount", "joint", "pose", "mode", "sensor", "test")
 _OWNED: tuple[What, ...] = ("component", "mate")
@@ -22,7 +22,7 @@ _OWNED: tuple[What, ...] = ("component", "mate")
 class Pair(FrozenStruct):
     """An element that exists in both the old and the new robot.
 
-    If it was renamed, `reason` explains the match, and `perhaps` marks an uncertain match.
+    For a renamed element, `reason` explains the match. `perhaps` is true if the match is uncertain.
     """
 
     old: SnapshotElement
@@ -39,8 +39,8 @@ class Pair(FrozenStruct):
 class NameMapping:
     """Maps the names of elements in the old robot to their names in the new robot.
 
-    `pairs` are the elements of both robots. `gone` are the elements that only the old robot has. `come` are the elements that only the new
-    robot has.
+    `pairs` are the elements that exist in both robots. `gone` are the elements that only the old robot has. `come` are the elements that
+    only the new robot has.
     """
 
     def __init__(self, old: Snapshot, new: Snapshot) -> None:
@@ -58,15 +58,15 @@ class NameMapping:
     # --- names and values --------------------------------------------------------------------------------------------
 
     def path(self, what: What, path: str) -> str | None:
-        """Return the path in the new robot of an element of the old robot. Return None if the element was removed."""
+        """Convert the path of an element in the old robot to its path in the new robot. Return None if the element was removed."""
         return self._paths[what].get(path)
 
     def old_component(self, path: str) -> str | None:
-        """Return the path in the old robot of a component of the new robot. Return None if the component was added."""
+        """Convert the path of a component in the new robot to its path in the old robot. Return None if the component was added."""
         return self._back.get(path)
 
     def now(self, value: Value) -> Value:
-        """Replace the names of the old robot in a value by the names of the new robot. Names of removed elements do not change."""
+        """Replace names of elements in a value by the names in the new robot. Names of removed elements do not change."""
         if isinstance(value, tuple):
             return tuple(self.now(one) for one in value)
         if not isinstance(value, Named):
@@ -77,7 +77,7 @@ class NameMapping:
         return Named(what=value.what, path=self._paths[value.what].get(value.path, value.path), mount=mount)
 
     def same(self, old: Value, new: Value) -> bool:
-        """Return whether a value of the old robot equals a value of the new robot after translating names.
+        """Return whether a value of the old robot, with names translated, equals a value of the new robot.
 
         The order of names in a list is ignored.
         """
@@ -103,7 +103,7 @@ class NameMapping:
         self.come += news.values()
 
     def _called(self, thing: SnapshotElement) -> str | None:
-        """Return the path that an element of the old robot is expected to have in the new robot, or None if its component was removed."""
+        """Return the expected path in the new robot of an element of the old robot, or None if the component of the element was removed."""
         if thing.what in _OWNED:
             return self._paths["component"].get(thing.path)
         if not thing.of:
@@ -116,10 +116,7 @@ class NameMapping:
         self._paths[old.what].setdefault(old.path, new.path)
 
     def _renamed(self, what: What, olds: dict[str, SnapshotElement], news: dict[str, SnapshotElement]) -> None:
-        """Match an element that was removed with an element that was added if the two have equal content.
-
-        Match joints that connect the same components.
-        """
+        """Match a removed element with an added element if both have equal content. Also match joints that connect the same components."""
         tests = [(self._says_the_same, "equal definition", False)]
         if what == "joint":
             tests.insert(0, (self._connects_the_same, "same connections", False))
@@ -157,7 +154,7 @@ class NameMapping:
         )
 
     def _shared(self, old: SnapshotElement, new: SnapshotElement) -> int:
-        """Return the number of properties that have equal values in an old and a new element."""
+        """Return the number of properties that have the same value in the old and the new element."""
         return sum(1 for _, before, after in self.facts(old, new) if self.same(before, after))
 
     def facts(self, old: SnapshotElement, new: SnapshotElement) -> Iterator[tuple[str, Value, Value]]:
@@ -178,7 +175,7 @@ class NameMapping:
         return key
 
     def old_fact(self, thing: SnapshotElement, key: str) -> str:
-        """Return the key that a property has in the old robot, given its key in the new robot."""
+        """Convert the key of a property in the new robot to the key of the same property in the old robot."""
         return next((one for one in thing.facts if self._key(thing.what, one) == key), key)
 
 
@@ -200,7 +197,7 @@ def equal(old: Value, new: Value, scale: float = 0.0) -> bool:
 
 
 def largest(value: Value) -> float:
-    """Return the largest absolute value of the numbers in a nested value. Return 0 if the value contains no number."""
+    """Return the largest absolute value of the numbers in a nested tuple. Return 0 if the tuple contains no number."""
     if isinstance(value, tuple):
         return max((largest(one) for one in value), default=0.0)
     return abs(value) if _is_number(value) else 0.0

@@ -10,9 +10,9 @@ from thingc.tools.diff.document_changes import above_of
 from thingc.tools.diff.snapshot import Change
 
 SIZE = (960, 720)
-"""Width and height [px]."""
+"""Width and height of a picture [px]."""
 NEW, OTHER, MOVED, SAME, GONE = "0.2 0.65 0.3 1", "0.9 0.45 0.1 1", "0.25 0.45 0.9 1", "0.86 0.86 0.88 1", "0.85 0.1 0.15 0.45"
-"""Colours of added, changed, moved, unchanged and removed parts."""
+"""RGBA colours of added, changed, moved, unchanged and removed parts."""
 Model = tuple[str, dict[str, bytes]]
 
 
@@ -34,7 +34,7 @@ def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, 
 def colours(changes: Iterable[Change]) -> dict[str, str]:
     """Return the colour of each changed part of the new robot, keyed by path.
 
-    Each component of an added assembly counts as a separate change.
+    If an assembly was added, the result contains each of its components.
     """
     by_path: dict[str, str] = {}
     for change in changes:
@@ -59,7 +59,7 @@ def coloured(xml: str, colours: Mapping[str, str]) -> str:
 
 
 def with_removed(new: Model, old: Model, changes: Iterable[Change]) -> Model:
-    """Return the new MuJoCo model with the addition of the removed parts at their poses in the old model."""
+    """Return the new MuJoCo model with the removed parts added at their poses in the old model."""
     gone = {change.path for change in changes if change.what == "component" and change.change == "removed"}
     before, root = ElementTree.fromstring(old[0]), ElementTree.fromstring(new[0])
     meshes = {mesh.get("name"): mesh for mesh in before.iter("mesh")}

@@ -18,9 +18,9 @@ from thingc.tools.diff.snapshot import Change
 
 
 class DiffResult(OneLineRepr, FrozenStruct):
-    """The result of comparing the documents of two sides, such as two commits. The sides have the names `old` and `new`.
+    """The result of comparing the documents of two sides, such as two git commits. The sides have the names `old` and `new`.
 
-    `documents` maps the names of documents that exist on both sides to their comparisons. `come` are the documents that exist only on the
+    `documents` maps the name of each document that exists on both sides to its comparison. `come` are the documents that exist only on the
     new side. `gone` are the documents that exist only on the old side.
     """
 
@@ -32,7 +32,7 @@ class DiffResult(OneLineRepr, FrozenStruct):
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """All changes in the compared documents. If a document was added or removed, the change has the kind `file`."""
+        """All changes in the compared documents. An added or removed document is a change of kind `file`."""
         alone = [Change(what="file", change="added", path=name) for name in self.come]
         alone += [Change(what="file", change="removed", path=name) for name in self.gone]
         return (*alone, *(change for _, comparison in self.documents for change in comparison.changes))
@@ -41,7 +41,7 @@ class DiffResult(OneLineRepr, FrozenStruct):
 def answered(
     old: str, new: str, pairs: Sequence[DocumentPair], compare: Callable[[DocumentPair], Comparison | BrokenSide],
 ) -> DiffResult | BrokenSide:
-    """Compare all documents of two sides, and return the result. If one side cannot be compiled, return this side instead."""
+    """Compare all documents of two sides, and return the result. If one side cannot be compiled, return the errors of this side instead."""
     documents: list[tuple[str, Comparison]] = []
     for both in pairs:
         if both.old is not None and both.new is not None:
@@ -58,7 +58,7 @@ def answered(
 def as_json(answer: DiffResult) -> dict[str, object]:
     """Convert the result to a JSON object with the keys `old`, `new` and `changes`. Values are in SI units.
 
-    If several documents were compared, each change has a key `document`.
+    If several documents were compared, each change has the key `document`.
     """
     several = len(answer.documents) > 1
     alone = len(answer.come) + len(answer.gone)
@@ -85,7 +85,7 @@ def pack(answer: Comparison | BrokenSide) -> list[Any]:
 
 
 def unpack(values: list[Any]) -> Comparison | BrokenSide:
-    """Convert the plain JSON values that `pack` returned back to the result of a comparison."""
+    """Convert the JSON values that `pack` returns to the result of comparing one document."""
     kind, name, inner, more = values
     if kind == "broken":
         return BrokenSide(name=name, diagnostics=tuple(unpacked(one) for one in inner), texts=more)

@@ -1,7 +1,7 @@
 """Write the files of a git revision to a temporary folder. The checkout and the index of the repository do not change.
 
 Only the files that a document needs are written: the settings of its workspace, the folders of parts, and recursively the documents and
-files that it refers to. If a part reads other files, call `everything`, which writes all files.
+files that it refers to. If a part reads other files, call the method `everything`, which writes all files of the revision.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from thingc.tools.affected.dependents import NotARepository, git, run_git
 LOCK_FILE = "parts.lock.json"
 DOCUMENTS = (".yaml", ".yml", ".toml")
 _NAMED = re.compile(rb"[^\s\"'\[\]{},:]+\.(?:ya?ml|toml|step|stp|brep|brp|stl|3mf|obj)\b", re.IGNORECASE)
-"""Regular expression of possible file names in a document. It may match other text, but it finds all file names."""
+"""Regular expression that finds all file names in a document. The expression can also match other text."""
 _LINK = "120000"
 
 
@@ -46,11 +46,11 @@ class Repository(OneLineRepr, FrozenStruct):
 
     @staticmethod
     def of(folder: str, *, trusted: bool = False) -> Repository:
-        """Return the git repository that contains a folder. Raises `NotARepository`."""
+        """Return the git repository that contains `folder`. Raises `NotARepository`."""
         return Repository(top=os.path.realpath(git(folder, "rev-parse", "--show-toplevel").rstrip("\n")), trusted=trusted)
 
     def commit(self, name: str) -> str:
-        """Return the hash of the commit that a revision, such as a branch or tag, refers to. Raises `UnknownRevision`."""
+        """Return the hash of the commit to which a git revision, such as a branch or tag, refers. Raises `UnknownRevision`."""
         try:
             return git(self.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}").strip()
         except NotARepository:
@@ -67,14 +67,14 @@ class Repository(OneLineRepr, FrozenStruct):
     def path(self, file: str) -> str:
         """Convert the path of a file in the checkout to a path relative to the repository, with `/` as separator.
 
-        The file may have been deleted.
+        The file does not have to exist.
         """
         folder, name = os.path.split(os.path.abspath(file))
         return os.path.relpath(os.path.join(os.path.realpath(folder), name), self.top).replace(os.sep, "/")
 
 
 class Revision:
-    """A git commit whose files are written to a temporary folder on demand. This context manager removes the folder on exit."""
+    """A context manager that writes files of a git commit to a temporary folder on demand. It removes the folder on exit."""
 
     def __init__(self, repository: Repository, name: str, commit: str) -> None:
         self.repository, self.name, self.commit = repository, name, commit
@@ -90,16 +90,19 @@ class Revision:
         self._folder.cleanup()
 
     def has(self, path: str) -> bool:
-        """Return whether a file exists in the revision. The path is relative to the repository."""
+        """Return whether the revision contains a file. The path is relative to the root folder of the repository."""
         return path in self._files
 
     def documents(self, folder: str) -> list[str]:
-        """Return the paths of the files below a folder that may be documents. All paths are relative to the repository."""
+        """Return the paths of the files below a folder that may be documents.
+
+        The paths are relative to the root folder of the repository.
+        """
         above = "" if folder == "." else f"{folder}/"
         return [path for path in self._files if path.startswith(above) and path.lower().endswith(DOCUMENTS)]
 
     def file(self, path: str) -> str:
-        """Return the absolute path, in the temporary folder, of a file given by its path in the repository."""
+        """Convert the path of a file in the repository to its absolute path in the temporary folder."""
         return os.path.join(self.root, *path.split("/"))
 
     def lay_out(self, documents: Collection[str]) -> None:
@@ -124,11 +127,13 @@ class Revision:
             ]
 
     def everything(self) -> bool:
-        """Write all files of the revision to the temporary folder. Return False if an earlier call wrote them all."""
+        """Write all files of the revision to the temporary folder. Return False if an earlier call already wrote all files."""
         return bool(self._bring(self._files))
 
     def _bring(self, paths: Iterable[str]) -> dict[str, bytes]:
-        """Write those of the given files that are not yet in the temporary folder, and return the contents of the files that were written.
+        """Write the given files to the temporary folder, except files that already exist.
+
+        Return the contents of the files that were written.
         """
         wanted = [path for path in dict.fromkeys(paths) if path in self._files and path not in self._there]
         self._there.update(wanted)
@@ -139,8 +144,9 @@ class Revision:
         return contents
 
     def _contents(self, paths: list[str]) -> Iterator[tuple[str, bytes]]:
-        """Yield the path and the content of each given file, as in a checkout. git converts line endings and runs filters, for example to
-        fetch large files.
+        """Yield the path and the content of each given file.
+
+        As in a checkout, git converts line endings and runs filters, for example to fetch large files.
         """
         if not paths:
             return
@@ -176,7 +182,10 @@ def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
 
 
 def _above(path: str) -> Iterator[str]:
-    """Yield the folders that contain a file, the nearest first. The last folder is the repository, whose path is empty."""
+    """Yield the folder of a file and all parent folders, the nearest first.
+
+    The last folder is the root folder of the repository, whose path is empty.
+    """
     folder = posixpath.dirname(path)
     while folder:
         yield folder
@@ -199,18 +208,16 @@ def _parts(path: str, data: bytes) -> Iterator[str]:
 
 
 def _reads(path: str, data: bytes) -> Iterator[str]:
-    """Yield the files that the code of the parts in a lock file has read. thingc checks these files to decide whether the lock file is up
-    to date.
-    """
+    """Yield the files that part code had read when the lock file was written. These files determine whether the lock file is up to date."""
     try:
         for thing in json.loads(data)["things"].values():
             for read in thing["reads"]:
                 yield posixpath.normpath(posixpath.join(posixpath.dirname(path), read))
     except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
-        return  # the reader of the lock reports errors
+        return  # errors in the lock file are reported when the lock file is read
 
 
 def _names(path: str, data: bytes) -> Iterator[str]:
-    """Yield the paths of the files that a document may refer to. The paths are relative to the repository."""
+    """Yield the paths of the files to which a document may refer. The paths are relative to the root folder of the repository."""
     for match in _NAMED.finditer(data):
         yield posixpath.normpath(posixpath.join(posixpath.dirname(path), os.fsdecode(match[0])))

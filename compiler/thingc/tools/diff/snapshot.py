@@ -23,24 +23,24 @@ WHATS: tuple[What, ...] = get_args(What)
 How = Literal["added", "removed", "renamed", "moved", "changed"]
 
 DisplayValue = Union[None, bool, int, float, str, tuple["DisplayValue", ...]]
-"""A value in reports, in SI units and with names as in documents."""
+"""A value in a report, in SI units. References to elements are strings, as in documents."""
 
 PERHAPS = "perhaps"
-"""Text in `because` that marks an uncertain match."""
+"""Item of `Change.because` that marks an uncertain match."""
 
 
 class Change(OneLineRepr, FrozenStruct):
-    """A difference between two snapshots of a robot: of the whole robot, of one of its elements, or of one value.
+    """A difference between two snapshots of a robot, which concerns the whole robot, one element, or one value.
 
     Attributes:
         path: The path of the element in the old robot, or in the new robot if it was added.
         new_path: The path in the new robot, if it differs from `path`.
         field: The key whose value changed from `old` to `new` (SI units).
-        words: Both values in display units, if their physical dimension is known.
-        because: The paths of the changes that caused this change. Empty if the user made the change in a document. Contains `perhaps` for
-            an uncertain match.
-        reason: Why a renamed element was matched.
-        span: The location in the new robot, or in the old robot if the element was removed.
+        words: The old and the new value in display units, if their physical dimension is known.
+        because: The paths of the changes that caused this change, or an empty tuple for a change by the user. The item `perhaps` marks an
+            uncertain match.
+        reason: The reason why a renamed element was matched.
+        span: The source location in the new document, or in the old document if the element was removed.
     """
 
     what: What
@@ -57,14 +57,14 @@ class Change(OneLineRepr, FrozenStruct):
 
     @property
     def caused(self) -> bool:
-        """Whether this change is a consequence of other changes. If it is false, the user made the change in a document."""
+        """Whether this change is a consequence of other changes, and not a change by the user in a document."""
         return any(word != PERHAPS for word in self.because)
 
 
 PLACES = frozenset({"origin", "origins", "span", "spans"})
 """Fields of structs that contain source locations."""
 NOT_COMPARED = PLACES | {"name", "sources", "wrong"}
-"""Fields that are not compared: source locations, names, sources of numbers, and invalid values."""
+"""Fields that are not compared: source locations, names, the sources of values, and invalid values."""
 
 
 class Named(OneLineRepr, FrozenStruct):
@@ -81,14 +81,14 @@ class Named(OneLineRepr, FrozenStruct):
 
 
 Value = Union[None, bool, int, float, str, Named, tuple["Value", ...]]
-"""The value of a fact, in SI units."""
+"""The value of a property, in SI units."""
 
 
 class Fact(OneLineRepr, FrozenStruct):
-    """A value of a property in a document, which is compared between the old and the new robot.
+    """The value of a property, which is compared between the old and the new robot.
 
-    `written` is the text of the value, or None if the document does not contain the value. `scope` is the path of the assembly that
-    resolves names in an expression. `words` is the value in display units, if its physical dimension is known.
+    `written` is the text of the value in the document, or None if the document does not contain the value. `scope` is the path of the
+    assembly in which the names of an expression are resolved. `words` is the value in display units, if the physical dimension is known.
     """
 
     value: Value
@@ -101,8 +101,8 @@ class Fact(OneLineRepr, FrozenStruct):
 class SnapshotElement(OneLineRepr, FrozenStruct):
     """An element of a document, such as a joint or a mount.
 
-    It contains the values of its properties, keyed by dotted names such as `limit.upper`. `label` is the description of the element in
-    reports. `of` is the path of its component, or an empty string for elements of the whole document.
+    `facts` are the properties of the element, keyed by dotted names such as `limit.upper`. `label` is the description of the element in
+    reports. `of` is the path of the component to which the element belongs, or an empty string for an element of the whole document.
     """
 
     what: What
@@ -114,10 +114,10 @@ class SnapshotElement(OneLineRepr, FrozenStruct):
 
 
 class ComponentNode(OneLineRepr, FrozenStruct):
-    """A component with the properties that are used to match components of two robots.
+    """A component with the properties that `match` uses to match components of two robots.
 
-    `kind` is `part`, `file`, `assembly`, `link` or `frame`. `reference` is the class, file or document of the component, and `text` is its
-    definition. `place` is the pose of the component in the frame of the base at q = 0, or None for an assembly.
+    `kind` is `part`, `file`, `assembly`, `link` or `frame`. `reference` is the class, file or document of the component, and `text` is the
+    definition of the component. `place` is the pose of the component in the frame of the base at q = 0, or None for an assembly.
     """
 
     path: str
@@ -133,7 +133,7 @@ class ComponentNode(OneLineRepr, FrozenStruct):
 
 
 class Edge(OneLineRepr, FrozenStruct):
-    """A mate between mounts of two components, which are given by their paths.
+    """A mate between the mounts of two components. The components are given by their paths.
 
     `joint` is the kind of the joint, `fixed`, or an empty string if the mate is not a joint.
     """
@@ -145,10 +145,10 @@ class Edge(OneLineRepr, FrozenStruct):
 
 
 class PartShape(OneLineRepr, FrozenStruct):
-    """The geometry of a part. It is used to detect changes of shape.
+    """The geometry of a part, which is compared to detect changes of shape.
 
-    It has the volume [m^3], area [m^2], centre [m], inertia at density 1 [m^5], and the corners of the bounding box [m]. `mesh` is the
-    SHA-256 of the visual mesh, or None if unknown. `made` is the source location of the part's code.
+    The geometry has a volume [m^3], an area [m^2], a centre [m], an inertia at density 1 [m^5], and the corners of the bounding box [m].
+    `mesh` is the SHA-256 hash of the visual mesh, or None if unknown. `made` is the source location of the part's code.
     """
 
     volume: float
@@ -165,11 +165,11 @@ class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
 
     Attributes:
         properties: The mass properties in the frame of the occurrence, such as `mass` [kg].
-        source: The source of the mass.
+        source: The source of the mass, such as `estimated`.
         shape: The geometry, or None if the part has none.
         mounts: The mounts of the occurrence's part.
         place: The pose of the occurrence in the frame of the base at q = 0.
-        parent: The path of the occurrence that this occurrence is attached to, or None for the base.
+        parent: The path of the occurrence to which this occurrence is attached, or None for the base.
         joint: The joint that attaches the occurrence, or None for a rigid mate.
     """
 
@@ -187,9 +187,9 @@ class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
 
 
 class LinkOf(OneLineRepr, FrozenStruct):
-    """A link of the robot in a snapshot.
+    """A link of a robot in a snapshot.
 
-    It has a name, the occurrence that defines its frame, the occurrences that belong to it, and mass properties.
+    The link has a name, the occurrence that defines the frame of the link, all occurrences of the link, and mass properties.
     """
 
     name: str
@@ -199,9 +199,9 @@ class LinkOf(OneLineRepr, FrozenStruct):
 
 
 class Row(OneLineRepr, FrozenStruct):
-    """A row of the bill of materials: a definition of a part, the number of pieces, and the paths of the pieces.
+    """A row of the bill of materials: a part definition, the number of equal parts, and the paths of these parts.
 
-    `stem` is the base name of the print file, or None if the row has no print file.
+    `stem` is the name of the print file without a suffix, or None if the row has no print file.
     """
 
     definition: str
@@ -216,7 +216,7 @@ class Row(OneLineRepr, FrozenStruct):
 class TestOutcome(OneLineRepr, FrozenStruct):
     """The result of a document test in one mode and pose, which `where` specifies.
 
-    It maps the names of measured values to numbers in SI units.
+    `measured` maps the names of measured values to numbers in SI units.
     """
 
     test: str
@@ -229,8 +229,8 @@ class Snapshot(OneLineRepr, FrozenStruct):
     """A snapshot of a robot, which can be compared with another snapshot of the same robot.
 
     `things` maps the kind and path of each element to the element, in document order. `lacks` lists the kinds of information that the
-    snapshot does not contain. `coordinates` are the joints of each mode in model order. `prints` are the SHA-256 hashes of print files by
-    path; only snapshots of build folders have them. `outcomes` is None if no tests were run.
+    snapshot does not contain. `coordinates` lists the joint coordinates of each mode in the order of the model. `prints` maps the paths of
+    print files to SHA-256 hashes, only in snapshots of build folders. `outcomes` is None if no tests were run.
     """
 
     name: str
@@ -248,7 +248,7 @@ class Snapshot(OneLineRepr, FrozenStruct):
 
 
 def told(value: Value) -> DisplayValue:
-    """Convert a value in a snapshot to the form in which reports contain it."""
+    """Convert a value in a snapshot to the form that reports contain."""
     if isinstance(value, Named):
         return value.text
     return tuple(map(told, value)) if isinstance(value, tuple) else value
@@ -257,6 +257,6 @@ def told(value: Value) -> DisplayValue:
 def field_values(key: str, kind: type[FrozenStruct], of: FrozenStruct | None) -> dict[str, Any]:
     """Return the values of the fields of a struct, except the fields in `NOT_COMPARED`.
 
-    The keys start with `key`, such as `limit.upper` for `limit`. If `of` is None, all values are None.
+    Each key starts with `key` and a dot: the fields of `limit` have keys such as `limit.upper`. If `of` is None, all values are None.
     """
     return {f"{key}.{name}": getattr(of, name, None) for name in kind.__struct_fields__ if name not in NOT_COMPARED}

@@ -1,5 +1,4 @@
-"""Find the source location and the text of each value in a document, to distinguish changes by the user from changes that follow from them.
-"""
+"""Find the source location and the text of each value in a document, to distinguish changes by the user from their consequences."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 
 
 Section = tuple[Node | None, ...]
-"""The nodes of one element: its own node, and the nodes that it inherits from (defaults, or the mode that it extends)."""
+"""The syntax nodes of one element: its own node, followed by the nodes of the defaults, or of the mode that the element extends."""
 
 
 class DocumentTrees:
@@ -29,9 +28,9 @@ class DocumentTrees:
         self._by_key: dict[str, dict[Span, str]] = {}
 
     def note_component(self, path: str, document: str, component: Component) -> Section:
-        """Find the syntax tree of a component in a document, and store it under the path of the component.
+        """Find the syntax tree of a component in a document, and store the tree under the path of the component.
 
-        Return the nodes of the component. The document is given by its path in the workspace.
+        Return the syntax nodes of the component. The document is given by its path in the workspace.
         """
         tree = self._trees.get(document)
         components = tree.entries.get("components") if tree is not None else None
@@ -45,10 +44,7 @@ class DocumentTrees:
         return section
 
     def component(self, prefix: str) -> Section:
-        """Return the syntax tree of the nested assembly with the path `prefix` (for example `hand/`).
-
-        Return an empty result if the assembly is unknown.
-        """
+        """Return the syntax nodes of the nested assembly with the path `prefix`, such as `hand/`, or an empty tuple for an unknown path."""
         return self._components.get(prefix.rstrip("/"), ())
 
     def section(self, document: str, *keys: str) -> Section:
@@ -78,9 +74,10 @@ class DocumentTrees:
         return {} if node is None else {"value": _node_text(node)}
 
     def fact(self, value: Value, section: Section, keys: Sequence[str], *, scope: str = "", otherwise: Span | None = None) -> Fact:
-        """Create a fact for the value at the given keys of a section. If the keys do not exist, the location of the fact is `otherwise`.
+        """Create a fact for the value at the given keys of a section.
 
-        The key `rpy` also finds an orientation that is given as `quat`. In this case, `words` is the text of the quaternion.
+        If the section does not contain the keys, the location of the fact is `otherwise`. The key `rpy` also finds an orientation under the
+        key `quat`. In this case, `Fact.words` is the text of the quaternion.
         """
         for node in section:
             place = _at(node, keys)
@@ -102,14 +99,14 @@ class DocumentTrees:
 
 
 def names_in(written: str) -> list[str]:
-    """Return the sorted names in an expression or other text. Replace dots in names by `/`, as in paths."""
+    """Return the sorted names in an expression or other text. Dots in names are replaced by `/`, as in paths."""
     return sorted({name.replace(".", "/") for name in _NAME.findall(written)})
 
 
 def _at(node: Node | None, keys: Sequence[str]) -> Node | None:
-    """Return the syntax node at the given keys. If a scalar is found before the last key, return the scalar.
+    """Return the syntax node at a path of keys. If the path reaches a scalar before the last key, return the scalar.
 
-    For example, the keys of `mass.value` find the value of `mass: 12 g`.
+    For example, the path `mass.value` finds the value `12 g` of `mass: 12 g`.
     """
     for key in keys:
         if isinstance(node, ScalarNode):

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 AT_ONCE = 400_000
-"""Maximum number of pairs of point and triangle that are processed together."""
+"""Maximum number of pairs of a point and a triangle that are processed in one NumPy operation."""
 MOST = 60_000_000
-"""Maximum total number of pairs. Above it, the distance is unknown."""
+"""Maximum total number of pairs of a point and a triangle. For more pairs, the distance is not computed."""
 
 
 class SurfaceDistances:
-    """Computes distances between the surfaces of meshes in a content-addressed store. The distances are cached in the store."""
+    """Computes distances between the surfaces of meshes in a content-addressed store. The store also caches the distances."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -30,8 +30,8 @@ class SurfaceDistances:
     def farthest(self, old: str, new: str) -> float | None:
         """Return the largest distance [m] between a vertex of either mesh and the surface of the other mesh.
 
-        The arguments are SHA-256 hashes of OBJ files. The result is the Hausdorff distance if a vertex attains it, else a lower bound.
-        Return None if a mesh is missing or both meshes are too fine.
+        The arguments are SHA-256 hashes of OBJ files. The result is a lower bound of the Hausdorff distance. Return None if a mesh is
+        missing, or if the meshes have too many triangles.
         """
         pair = (min(old, new), max(old, new))
         if pair not in self._known:
@@ -54,7 +54,7 @@ class SurfaceDistances:
 
 
 def _from_surface(points: Array, triangles: Array) -> float:
-    """Return the largest distance [m] between one of the points `(n, 3)` and the triangle `(m, 3, 3)` that is nearest to this point."""
+    """Return the largest distance [m] of a point in `points (n, 3)` from the surface `triangles (m, 3, 3)`."""
     import numpy as np
 
     step = max(1, AT_ONCE // len(triangles))
@@ -64,8 +64,7 @@ def _from_surface(points: Array, triangles: Array) -> float:
 def _squared(points: Array, triangles: Array) -> Array:
     """Return the squared distance [m^2] of each point `(n, 3)` from the nearest triangle `(m, 3, 3)`.
 
-    If the projection of the point on the plane of a triangle is inside the triangle, the distance is the distance to the plane, else the
-    distance to the nearest edge.
+    If a point projects into a triangle, its distance is the distance to the plane of the triangle, else the distance to the nearest edge.
     """
     import numpy as np
 

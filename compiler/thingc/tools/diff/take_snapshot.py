@@ -1,4 +1,4 @@
-"""Create the snapshot of a compiled document, which contains the values in the documents, their source locations, and the results."""
+"""Create the snapshot of a compiled document: the values in the documents, their source locations, and the results of the compilation."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from thingc.tools.diff.snapshot import PLACES, ComponentNode, Fact, Named, Snaps
 from thingc.tools.diff.source_locations import DocumentTrees
 
 KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
-"""Keys of tests in documents that differ from the names of fields."""
+"""Keys of document tests that differ from the names of the corresponding fields, by field name."""
 
 
 def take_snapshot(compilation: Compilation) -> Snapshot:
-    """Create the snapshot of a compilation that has no errors. The snapshot does not contain test results."""
+    """Create the snapshot of a document that was compiled without errors. The snapshot does not contain test results."""
     assembly, documents = compilation.assembly, compilation.documents
     assert assembly is not None and documents is not None, "the compilation failed"
     reader = _Reader(assembly, DocumentTrees(documents))
@@ -140,7 +140,7 @@ class _Reader:
             }, of=path, span=mount.origin[0])
 
     def _placement(self, prefix: str, definition: AssemblyDefinition, component: Component, path: str, fact: Any) -> None:
-        """Collect the mate by which a component is placed. If a joint places the component, it has no such mate."""
+        """Collect the mate by which a component is placed. A component that is placed by a joint has no such mate."""
         placement = component.placement
         if isinstance(placement, Attach):
             self._add("mate", path, {
@@ -180,7 +180,7 @@ class _Reader:
             self._add("joint", prefix + joint.path.replace(".", "/"), own, label=joint.kind.name, of=scope, span=joint.origin[0])
 
     def _moving(self, prefix: str, definition: AssemblyDefinition, joint: Joint) -> Iterator[tuple[str, Value]]:
-        """Yield the properties of one coordinate of a joint, including default values that it inherits from its drive."""
+        """Yield the properties of one coordinate of a joint, including values that the joint inherits from its drive."""
         edge: JointEdge | None = self._edges.get(prefix + joint.path.replace(".", "/"))
         limit, dynamics = (edge.limit, edge.dynamics) if edge is not None else (joint.limit, joint.dynamics)
         yield "offset", joint.offset
@@ -232,12 +232,12 @@ class _Reader:
         self._materials(definition)
 
     def _placed(self, value: Value, origin: Origin) -> Fact:
-        """Create a fact for a value in the top-level document, with the first source location of the value."""
+        """Create a fact for a value in the top-level document, with the first source location in `origin`."""
         span = origin[0] if origin else None
         return Fact(value=value, written=self.written.words_at(span), span=span)
 
     def _check(self, definition: AssemblyDefinition, check: object, within: str = "") -> Iterator[tuple[str, Value]]:
-        """Yield the key and the value of each setting of a document test. Settings in nested structs have dotted keys."""
+        """Yield the key and the value of each setting of a document test. The settings of nested structs have dotted keys."""
         assert isinstance(check, FrozenStruct)
         for name in check.__struct_fields__:
             value, key = getattr(check, name), within + KEYS.get(name, name)
@@ -300,7 +300,7 @@ class _Reader:
     def _materials(self, top: AssemblyDefinition) -> None:
         """Collect the materials of all documents, keyed by name.
 
-        If two documents define a name differently, the key also contains the document.
+        If two documents define different materials of the same name, the key also contains the path of the document.
         """
         known: dict[str, Mapping[str, Fact]] = {}
         for definition in assemblies_of(top):
@@ -321,7 +321,7 @@ class _Reader:
 
 
 def _occurrence(definition: AssemblyDefinition, prefix: str, reference: Reference) -> Named:
-    """Return the part or frame that a reference in the document at `prefix` refers to, and its own mount."""
+    """Resolve a reference in the document at `prefix` to a part or frame, and to a mount of this part or frame."""
     current, at, mount = definition, prefix.rstrip("/"), reference.mount
     names = list(reference.path)
     while names:
@@ -356,7 +356,7 @@ def _process(process: Process | None) -> Iterator[tuple[str, Fact]]:
 
 def _pose(pose: Pose) -> Iterator[tuple[str, Value]]:
     yield "xyz", tuple(pose.translation)
-    # round first: at half turns (and quarter turns of pitch), different notations of the same rotation give different angles
+    # round first, because rounding errors change the angles of a rotation by 180 degrees, or with a pitch of 90 degrees
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (tuple(round(part, 14) + 0.0 for part in row) for row in pose.rotation)
     yield "rpy", tuple(rpy_of(((xx, xy, xz), (yx, yy, yz), (zx, zy, zz))))
 

@@ -24,9 +24,9 @@ from thingc.tools.diff.snapshot import PERHAPS, Change, DisplayValue, How, What
 MOVED = ": moved"
 NOTHING = "no changes in meaning"
 SHOWN = 3
-"""Maximum number of paths in a line. Further paths are counted."""
+"""Maximum number of paths in a line of a report. The line also contains the number of further paths."""
 FOLLOWING = 30
-"""Maximum number of lines of consequences on a terminal."""
+"""Maximum number of lines about consequences in a text report."""
 LARGEST = 60_000
 """Maximum size [bytes] of a Markdown comment."""
 
@@ -34,7 +34,7 @@ _RANK: dict[What, int] = {
     "mass": 1, "bom": 2, "file": 3, "test": 4, "joint": 5, "mode": 6, "pose": 7, "component": 8, "geometry": 9, "mate": 10, "parameter": 11,
     "mount": 12, "material": 13, "sensor": 14,
 }
-"""Order of consequences, the most important first."""
+"""Sort key of consequences, by kind of element. The most important kind has the lowest number."""
 _SIGNS: dict[How, str] = {"added": "+", "removed": "-", "renamed": "~", "moved": "~", "changed": " "}
 TITLES: dict[What, str] = {
     "test": "tests", "mass": "masses", "bom": "bill of materials", "file": "files to print again", "joint": "joints", "mode": "modes",
@@ -48,8 +48,8 @@ _ANGLES = ("rpy", "turn", "fovy", "cone")
 class ReportLine(FrozenStruct):
     """A line of a report that describes equal changes of several elements.
 
-    `paths` are the paths of the elements, and `words` describes the change. If `decides` is true, the change is a test that newly passes or
-    newly fails.
+    `paths` are the paths of the elements, and `words` describes the change. If `decides` is true, a test that failed before passes now, or
+    vice versa.
     """
 
     what: What
@@ -61,7 +61,7 @@ class ReportLine(FrozenStruct):
 
     @property
     def named(self) -> str:
-        """The paths of the changed elements as text. A long list of paths is abbreviated."""
+        """The paths of the changed elements as text, abbreviated if the list is long."""
         return _listed(self.paths)
 
 
@@ -91,8 +91,8 @@ def as_text(answer: DiffResult) -> Iterator[str]:
 def as_markdown(answer: DiffResult, pictures: Callable[[str, str], str] | None = None) -> str:
     """Format the result of a comparison as Markdown of at most `LARGEST` bytes.
 
-    The text contains changes in documents, changed test results, and other consequences, folded by kind. The function `pictures` returns
-    the URL of a picture, given the name of a document and `before`, `after` or `overlay`.
+    The text contains the changes in documents, the changed test results, and a collapsible section for each kind of other consequences. The
+    function `pictures` returns the URL of a picture, given the name of a document and `before`, `after` or `overlay`.
     """
     for most in (10_000, 200, 50, 20, 5, 1):
         text = "\n".join(_markdown(answer, most, pictures)) + "\n"
@@ -136,12 +136,12 @@ def _items(lines: Sequence[ReportLine], most: int) -> Iterator[str]:
 
 
 def _plain(text: str) -> str:
-    """Escape characters in a name that have a meaning in Markdown."""
+    """Escape the Markdown special characters in a name."""
     return "".join(letter if letter.isalnum() or letter in " ./_-" else "?" for letter in escape_control(text))
 
 
 def _code(text: str) -> str:
-    """Format a string as a code span of Markdown, so that special characters in strings from documents have no effect."""
+    """Format a string as a Markdown code span, in which special characters have no effect."""
     return f"`{escape_control(text).replace('`', chr(39))}`"
 
 
@@ -155,9 +155,9 @@ def made(comparison: Comparison) -> Iterator[ReportLine]:
 
 
 def following(comparison: Comparison) -> Iterator[ReportLine]:
-    """Yield the changes that follow from changes in documents, the most important first.
+    """Yield the consequences of changes in documents, the most important first.
 
-    Changed test results are first. Other changes are grouped by kind, with the whole robot before its parts.
+    Changed test results come first. Other consequences are grouped by kind, and each group starts with changes of the whole robot.
     """
     consequences = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
     consequences.sort(key=lambda c: (0 if _decides(c) else _RANK[c.what], c.path != ""))
@@ -165,7 +165,7 @@ def following(comparison: Comparison) -> Iterator[ReportLine]:
 
 
 def outcomes_and_more(comparison: Comparison) -> tuple[list[ReportLine], dict[What, list[ReportLine]]]:
-    """Return the changed test results, and all other changes that follow from changes in documents, grouped by kind."""
+    """Return the changed test results, and all other consequences of changes in documents, grouped by kind."""
     follows = list(following(comparison))
     kinds: dict[What, list[ReportLine]] = {}
     for line in follows:
@@ -209,8 +209,8 @@ def _lines(changes: Iterable[Change]) -> Iterator[ReportLine]:
 def _motion(change: Change) -> tuple[float, float]:
     """Return the distance [m] and the angle [rad] by which a part or frame moved.
 
-    If the field is `place`, the value is a translation. If the field is `turn`, the value is three angles (roll, pitch, yaw). If the field
-    is `pose`, the value contains both.
+    A change of the field `place` contains translations, a change of `turn` contains roll, pitch and yaw, and a change of `pose` contains
+    both.
     """
     values: Any = (change.old, change.new)
     pairs = {"place": [(value, (0.0,) * 3) for value in values], "turn": [((0.0,) * 3, value) for value in values]}
@@ -220,7 +220,7 @@ def _motion(change: Change) -> tuple[float, float]:
 
 
 def _change_text(change: Change) -> str:
-    """Describe a change in words, for example with the old and the new value."""
+    """Describe a change as text, for example by its old and new value."""
     if change.change == "moved" and change.field in ("place", "turn", "pose"):
         return MOVED
     if change.change in ("added", "removed"):
@@ -241,7 +241,7 @@ def _change_text(change: Change) -> str:
 
 
 def _share(old: DisplayValue, new: DisplayValue) -> str:
-    """Format the relative difference between an old and a new number. Return an empty string if it is undefined."""
+    """Format the relative difference between an old and a new number. Return an empty string if the relative difference is undefined."""
     if not isinstance(old, float) or not isinstance(new, float) or old == 0.0 or not math.isfinite(new / old):
         return ""
     return f" ({100.0 * (new / old - 1.0):+.3g} %)"
