@@ -46,7 +46,7 @@ OPTIONS = {
     "standing_on": ("mode",), "gravity": ("mode",), "type": ("joint",), "parent": ("joint",),
     "child": ("joint",), "loop": ("joint",), "kind": ("test",),
 }
-"""The kinds of elements to which each option applies."""
+"""The kinds of elements with which each option can be used."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -153,7 +153,7 @@ def _wrong(diagnostics: Sequence[Diagnostic]) -> bool:
 
 
 def _with_addition(root: Document, addition: DocumentEdit) -> Document:
-    """Return the text of the document with the new element. If the document had the canonical layout, the result has it, too.
+    """Return the text of the document with the new element. A document in canonical layout stays in canonical layout.
 
     Raises `WrongCommandLine` if the element cannot be added.
     """

@@ -1,4 +1,4 @@
-"""Templates for `thingc add`. They create parts, assemblies, modes, joints and tests that are valid in the given document."""
+"""Create the parts, assemblies, modes, joints and tests that `thingc add` adds to a document."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ from thingc.tools.cli.set import settings
 from thingc.tools.templates import new_assembly, new_part
 
 BASES: tuple[BaseType, ...] = get_args(BaseType)
-"""Types of bases of modes."""
+"""All types of the base of a mode."""
 NAME = r"[A-Za-z][A-Za-z0-9_]*"
-"""Regular expression of valid names."""
+"""Regular expression of valid names of elements."""
 
 
 class DocumentEdit(FrozenStruct, dict=True):
-    """The changes with which `thingc add` adds an element to a document.
+    """The changes with which `thingc add` adds an element to a document. `values` maps paths of keys to new values.
 
-    `values` maps keys to new values. `placed` lists the keys to remove first. `files` are new files to write.
+    `placed` lists the keys to remove before the values are set. `files` are new files to write.
     """
 
     values: Mapping[Keys, Written]
@@ -51,7 +51,7 @@ class DocumentEdit(FrozenStruct, dict=True):
 
 
 def _part(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
-    """Create the component for a part. The part is an existing class, or a new class that this function writes."""
+    """Create a component with a part. The class of the part already exists, or this function creates the class."""
     report = Report()
     workspace = Workspace.find(os.path.abspath("document") if documents is None else documents.root.path, report)
     if workspace is None:
@@ -79,9 +79,9 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
 
 
 def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geometry: GeometryService, reference: str) -> DocumentEdit:
-    """Create the component for an existing part.
+    """Create a component with an existing part class.
 
-    If the code of the part has errors, this function ignores them, and `thingc check` reports them.
+    This function ignores errors in the code of the part, because `thingc check` reports them.
     """
     if documents is None:
         message = f"`{shortened(reference)}` already exists; to place it, add a document"
@@ -104,10 +104,9 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
 
 
 def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
-    """Return the mount of a component to use if the command line does not specify one: the mount `usual` if it exists, or else the only
-    mount.
+    """Return the mount by which a component is attached by default: the mount `usual` if it exists, or else the only mount.
 
-    Raises `WrongCommandLine` if the component has several other mounts.
+    Raises `WrongCommandLine` if the component has several mounts, but no mount `usual`.
     """
     if usual in mounts or not mounts:
         return usual
@@ -118,7 +117,10 @@ def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
 
 
 def _new_part(arguments: argparse.Namespace, documents: Documents | None, reference: str, path: str) -> DocumentEdit:
-    """Add a new part class to the module at `path`, which is created if it does not exist. Create the component with this class."""
+    """Add a new part class to the Python module at `path`, and create a component with this class.
+
+    If the module does not exist, create it.
+    """
     told, _, given = reference.partition(":")
     module, name = _identifier(told), _class_name(given)
     if keyword.iskeyword(name) or name in _bound(parse_python(new_part("_", None))):
@@ -141,7 +143,7 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
 
 
 def _reference(word: str) -> str:
-    """Return the reference `module:Class` of a new part, given the name of its class: `front_bracket:FrontBracket`."""
+    """Return the reference `module:Class` of a new part class, for example `front_bracket:FrontBracket` for the class `FrontBracket`."""
     name = _class_name(word)
     return f"{_snake(name)}:{name}"
 
@@ -156,7 +158,7 @@ def _snake(name: str) -> str:
 
 
 def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
-    """Create the component that nests another document. If the document does not exist, it is created."""
+    """Create a component that nests another document. If that document does not exist, create it."""
     path = _nested_path(arguments.name, None if documents is None else documents.root.path)
     there = os.path.lexists(path)
     if documents is None and there:
@@ -175,10 +177,10 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Doc
 
 
 def _nested_path(name: str, beside: str | None) -> str:
-    """Return the path of a nested document in the folder of the document `beside`.
+    """Return the path of a nested document with the given name, which is in the same folder as the document `beside`.
 
-    If `name` has the suffix of a document, it is a path. Otherwise, the function appends the suffix of `beside`, unless a document with
-    another suffix exists.
+    A name with the suffix of a document is a path. To other names, the function appends the suffix of an existing document, or else the
+    suffix of `beside`.
     """
     if name.lower().endswith(DOCUMENT_SUFFIXES):
         return os.path.abspath(name)
@@ -188,9 +190,9 @@ def _nested_path(name: str, beside: str | None) -> str:
 
 
 def _own_mount(path: str) -> str:
-    """Return the mount by which a nested document is attached by default.
+    """Return the name of the mount by which a nested document is attached by default.
 
-    If the document has errors, `thingc check` reports them, not this function.
+    This function does not report errors in the document, because `thingc check` reports them.
     """
     try:
         with open(path, "rb") as stream:
@@ -287,15 +289,15 @@ STUBS: dict[str, Callable[[argparse.Namespace, Documents | None], DocumentEdit]]
 
 
 def _section(tree: MappingNode | None, section: str) -> dict[str, object]:
-    """Return a section of a document, such as `joints`. Return an empty mapping if the document does not contain the section."""
+    """Return a section of a document, such as `joints`, or an empty mapping if the document does not contain the section."""
     node = None if tree is None else node_at(tree, (section,))
     return {key: one.plain() for key, one in node.entries.items()} if isinstance(node, MappingNode) else {}
 
 
 def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = ()) -> dict[str, object]:
-    """Return the contents of a mode, merged with the contents of the modes that it extends.
+    """Return the keys of a mode, merged with the keys of the modes that it extends.
 
-    If a mode is missing or extends itself, `thingc check` reports it.
+    This function does not report missing modes and cycles.
     """
     mode = modes.get(name)
     if not isinstance(mode, dict) or name in above:
@@ -304,7 +306,7 @@ def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = (
 
 
 def _base(root: Document) -> str:
-    """Return the name of the base component, which is the component without a placement."""
+    """Return the name of the base component, which is the only component that is not placed."""
     joints = [joint for joint in _section(root.tree, "joints").values() if isinstance(joint, dict) and not joint.get("loop")]
     children = {str(joint.get("child", "")).partition(".")[0] for joint in joints}
     components = _section(root.tree, "components")
@@ -315,8 +317,8 @@ def _base(root: Document) -> str:
 def _placement_keys(arguments: argparse.Namespace, root: Document, name: str, mount: str) -> dict[str, Written]:
     """Return the keys that place a new component in a document, according to the options `--by`, `--on` and `--at`.
 
-    The mount `--by` of the component (default: `mount`) is attached to the mount `--on` or to the frame `--at`. Without these options, the
-    component is placed above the base.
+    The mount `--by` of the component (default: `mount`) is attached to the mount `--on` or to the frame `--at`. By default, the component
+    is placed above the base.
     """
     _new(root, "components", name, hint="choose another name with --name")
     if arguments.on is not None:
@@ -327,15 +329,15 @@ def _placement_keys(arguments: argparse.Namespace, root: Document, name: str, mo
 
 
 def _shaped(root: Document) -> bool:
-    """Return whether the document has a component that is not a frame."""
+    """Return whether the document contains a component other than a frame."""
     return any(isinstance(one, dict) and "frame" not in one for one in _section(root.tree, "components").values())
 
 
 def _weight(documents: Documents) -> dict[str, Written]:
-    """Return the keys that specify the mass of a part that has neither a material nor a mass.
+    """Return the keys that a component needs if its part has neither a material nor a mass.
 
-    The result is a material that the document defines, preferably a material for printing, or else a mass. The result is empty if
-    `defaults` of the document specify a material.
+    The result contains a material of the document, preferably a material for printing, or else a mass. The result is empty if the section
+    `defaults` specifies a material.
     """
     root = documents.root
     if node_at(root.tree, ("defaults", "component", "material")) is not None:
@@ -355,7 +357,7 @@ def _params(arguments: argparse.Namespace, key: str = "params") -> dict[str, Wri
 
 
 def _new(root: Document, section: str, name: str, hint: str = "choose another name") -> str:
-    """Return the name of a new element of a document section. Raises `WrongCommandLine` if the section already contains this name."""
+    """Return the given name for a new element of a document section. Raises `WrongCommandLine` if the section already contains the name."""
     _identifier(name)
     taken = {known.lower(): known for known in _section(root.tree, section)}
     if name.lower() in taken:
@@ -395,7 +397,7 @@ def _bound(module: ast.Module) -> set[str]:
 
 
 def _appended(path: str, name: str, text: str) -> Change:
-    """Return the edit that appends the class with the source code `text` to a Python module, and adds the imports that the class needs."""
+    """Return the edit that appends a class with the source code `text` to a Python module, and adds the missing imports."""
     with open(path, "rb") as stream:
         data = stream.read()
     before = data.decode()

@@ -1,6 +1,4 @@
-"""Implementation of `thingc check --fix`, which fixes errors in documents if there is only one possible fix, and reports the remaining
-errors.
-"""
+"""Implementation of `thingc check --fix`, which fixes each error that has only one possible fix, and reports the other errors."""
 
 from __future__ import annotations
 
@@ -26,9 +24,9 @@ ReportOf = Callable[[Environment, Compilation], Report]
 
 
 def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Options, report_of: ReportOf) -> int:
-    """Fix errors in documents, and return the exit code, which is 0 if all errors were fixed.
+    """Fix errors in documents, and return the exit code, which is 0 if all errors were fixed (with `--diff`: can be fixed).
 
-    With `--diff`, it is 0 if they can be fixed. The function `report_of` checks one document and returns its report.
+    The function `report_of` checks one document and returns its report.
     """
     try:
         if not arguments.fix:
@@ -83,7 +81,7 @@ class _Disk:
         self.known: dict[str, bytes | None] = {}
 
     def read(self, file: str) -> bytes | None:
-        """Return the bytes of a file, or None if it cannot be read."""
+        """Return the bytes of a file, or None if the file cannot be read."""
         if file not in self.known:
             self.known[file] = None
             with contextlib.suppress(OSError), open(file, "rb") as stream:

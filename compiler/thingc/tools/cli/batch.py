@@ -1,4 +1,4 @@
-"""Implementation of `thingc batch`, which builds every variant of a `variants/1` document in the same way as `thingc build`."""
+"""Implementation of `thingc batch`, which builds every variant of a document of the format `variants/1`."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ files in chunks/ contain 1024 variants each, and --unpack writes the folder of o
   thingc batch leg_sweep.yaml --resume
 """
 VERIFY = {"some": 64, "all": 1, "none": 0}
-"""The values of the option `--verify`. MuJoCo compiles every n-th model of those that differ only in numbers."""
+"""The values of the option `--verify`. Of models that differ only in numbers, MuJoCo compiles every n-th model."""
 PAUSE = 30.0
-"""Interval [s] of progress reports if standard error is not a terminal."""
+"""Interval [s] between progress reports if standard error is not a terminal."""
 STATUSES = {"built": "built", "kept_out": "kept out", "refused": "refused", "failed": "failed"}
-"""The names of statuses in messages."""
+"""The text for each status of a variant in messages."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -121,7 +121,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _again(arguments: argparse.Namespace) -> str:
-    """Return the command line that continues an interrupted batch with the same options."""
+    """Return the command line with which the user can continue an interrupted batch with the same options."""
     pictures = {ALL: "all", 0: "none"}.get(arguments.pictures, arguments.pictures)
     said = {
         "-o": arguments.output, "--limit": arguments.limit, "--layout": arguments.layout, "--timeout": arguments.timeout,
@@ -135,7 +135,7 @@ def _again(arguments: argparse.Namespace) -> str:
 
 
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the targets that the option `--emit` names. Return an empty tuple without this option. Raises `WrongCommandLine`."""
+    """Return the targets in the option `--emit`, or an empty tuple without this option. Raises `WrongCommandLine` for an unknown target."""
     for _, message, hint in unknown(words):
         raise console.WrongCommandLine(message, hint)
     return chosen(words) if words else ()
@@ -162,7 +162,7 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
 
 
 class _Show:
-    """Displays the progress of a batch on the terminal in one line.
+    """Displays the progress of a batch in one line of the terminal.
 
     If the output is not a terminal, a line is printed every `PAUSE` seconds.
     """
@@ -184,7 +184,7 @@ class _Show:
 
 
 def _draw(done: int, count: int) -> None:
-    """Display how many pictures have been rendered. The progress is displayed only on a terminal."""
+    """Display how many pictures have been rendered, if standard error is a terminal."""
     console.say_in_place(f"{done} of {counted(count, 'picture')}")
 
 
@@ -250,7 +250,7 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
 def _complaints(folder: str) -> list[str]:
     """Summarize the errors of the variants that were refused or failed.
 
-    Each diagnostic code gets one line with the number of variants and the first message.
+    Each line contains a diagnostic code, the number of variants, and the first message.
     """
     lines = [line for line in in_order(folder) if line["status"] in ("refused", "failed")]
     counts = Counter(line["code"] for line in lines)
@@ -296,7 +296,7 @@ def _unpack(arguments: argparse.Namespace, options: Options) -> int:
 
 
 def _adopt(arguments: argparse.Namespace, options: Options) -> int:
-    """Write the parameter values of one variant to the assembly document, in the same way as `thingc set`."""
+    """Write the parameter values of one variant to the assembly document, as `thingc set` does."""
     planned = plan(arguments.document, options=options)
     adopted = find_variant(planned, arguments.adopt, planned.folder_in(arguments.output))
     if adopted is None:

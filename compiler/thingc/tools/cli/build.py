@@ -76,10 +76,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
-    """Build the robot, or reuse an earlier build if nothing has changed. Return the diagnostics, and the result or None after errors.
+    """Build the robot, or reuse an earlier build if nothing has changed.
 
-    If an earlier build is up to date but lacks some targets, this function adds the missing targets to the build folder. Raises
-    `UnknownChoice` and `OutputError`.
+    Return the diagnostics, and the data for the JSON output, or None after errors. If only some targets are missing from an up-to-date
+    build folder, this function builds the missing targets. Raises `UnknownChoice` and `OutputError`.
     """
     key = up_to_date.key_of("build", arguments.document, {
         "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode,
@@ -93,12 +93,12 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
         if not set(targets) - set(answer["targets"]):
             parts = sorted({*answer["reused"], *answer["modelled"]})
             return found, {**answer, "modelled": [], "reused": parts, "unchanged": True}
-        targets = chosen([*targets, *answer["targets"]])  # the other outputs in the folder are up to date and are preserved
+        targets = chosen([*targets, *answer["targets"]])  # the other outputs in the folder are up to date and do not change
     return attempted(arguments.document, options, partial(_built, wish_of(arguments, targets), key))
 
 
 def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> BuildRequest:
-    """Return the build request that the arguments of the command line specify."""
+    """Convert the command-line arguments to a build request."""
     return BuildRequest(
         targets=targets, modes=arguments.mode, output=arguments.output, strict=arguments.strict,
         deny_loss=arguments.deny_loss, force=arguments.force, twice=getattr(arguments, "twice", False),
@@ -123,7 +123,7 @@ def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list
 
 
 def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
-    """Return the data that describes a build in the JSON output of the command."""
+    """Return the description of a build for the JSON output of the command."""
     lost = Counter(loss.target for loss in built.losses if loss.how != CARRIED)
     return {
         "folder": folder, "artifacts": sorted(built.files or ()), "modelled": built.compilation.modelled,
@@ -132,7 +132,7 @@ def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
 
 
 def _stands(answer: Mapping[str, Any], store: Store) -> bool:
-    """Return whether the build folder of an earlier build is complete and has not been changed since."""
+    """Return whether the build folder of an earlier build is complete and unchanged."""
     folder = answer["folder"]
     if build_folder(*answer["place"]) != folder or unswept(folder):
         return False
@@ -160,13 +160,13 @@ def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
 
 
 def in_words() -> str:
-    """Return a text for the output of `--help` that lists all targets with their descriptions."""
+    """Return the list of all targets, with descriptions, for the output of `--help`."""
     unasked, asked = ([f"{name} ({one.says})" for name, one in TARGETS.items() if one.unasked == kind] for kind in (True, False))
     return f"Targets: {', '.join(unasked)}; and, only with --emit, {', '.join(asked)}."
 
 
 def add_emit(parser: argparse.ArgumentParser) -> None:
-    """Add the option `--emit` to a parser. It selects the targets to build."""
+    """Add the option `--emit`, which selects the targets to build, to a parser."""
     asked = [name for name, target in TARGETS.items() if not target.unasked]
     parser.add_argument(
         "--emit", metavar="T", action="append", default=[],
@@ -175,7 +175,7 @@ def add_emit(parser: argparse.ArgumentParser) -> None:
 
 
 def add_compat(parser: argparse.ArgumentParser) -> None:
-    """Add the option `--compat` to a parser. It names additional programs with which to check the MuJoCo models."""
+    """Add the option `--compat`, which selects further programs that check the MuJoCo models, to a parser."""
     parser.add_argument(
         "--compat", metavar="C", action="append", default=[],
         help=f"also check the MuJoCo models with this program: {', '.join(CONSUMERS)} (may be repeated; default: those of the workspace)",
@@ -195,7 +195,7 @@ def add_building(parser: argparse.ArgumentParser) -> None:
 
 
 def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list[Diagnostic]]:
-    """Return the targets to build, and the errors in the targets that the settings of the workspace specify.
+    """Return the targets to build, and errors about unknown targets in the settings of the workspace.
 
     Raises `WrongCommandLine` for errors in the options `--emit` and `--compat`.
     """
@@ -208,7 +208,7 @@ def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list
     if arguments.emit:
         return chosen(arguments.emit), []
     workspace = Workspace.find(arguments.document, Report())
-    if workspace is None:  # the loader of the document reports errors of the workspace
+    if workspace is None:  # loading the document reports errors in the workspace settings
         return chosen(()), []
     return chosen(workspace.emit), [
         Diagnostic(code=Code.UNKNOWN_CHOICE, severity=Severity.ERROR, message=message, help=str(hint), span=workspace.span(("emit", index)))

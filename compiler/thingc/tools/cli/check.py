@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options: Options) -> tuple[list[Diagnostic], list[str]]:
     """Check each document of an untrusted workspace in a sandboxed process.
 
-    Return the diagnostics, and the documents without diagnostics.
+    Return the diagnostics, and the paths of the documents without diagnostics.
     """
     from thingc.tools.cli.sandboxed_check import confined
 
@@ -104,9 +104,10 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
 
 
 def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:
-    """Append the diagnostics of all documents to `diagnostics`. Return all diagnostics, and the documents without warnings and errors.
+    """Append the diagnostics of all documents to `diagnostics`.
 
-    An allowance (the key `allow`) is not reported as unused if one of the checked documents needs it.
+    Return all diagnostics, and the paths of the documents without warnings and errors. An allowance (the key `allow`) is reported as unused
+    only if no checked document needs it.
     """
     needed = {d.span for said in found.values() for d in said if d.code is Code.UNNEEDED and d.severity is Severity.NOTE}
     good: list[str] = []
@@ -121,7 +122,7 @@ def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]
 def findings(environment: Environment, compilation: Compilation, *, strict: bool) -> list[Diagnostic]:
     """Check one document and return its diagnostics.
 
-    The result includes a note for each allowance that the document needs (see `_merged`).
+    The result includes a note for each allowance that the document needs. The function `_merged` removes these notes.
     """
     report = report_of(environment, compilation)
     needed = sorted((one.where for one in report.needed), key=lambda where: (where.file, where.line, where.column))
@@ -148,7 +149,7 @@ def _packed(document: str, options: Options, strict: bool) -> list[dict[str, obj
 def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None) -> int:
     """Print the diagnostics in the requested format, and return the exit code.
 
-    If the command line contains folders, `of` is the number of documents that were checked.
+    If the command line contains folders, `of` is the number of checked documents.
     """
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug)
     if arguments.format == "text":
@@ -160,10 +161,7 @@ def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: 
 
 
 def check(document: str, options: Options, *, strict: bool = False) -> list[Diagnostic]:
-    """Check one document and return its diagnostics.
-
-    If nothing has changed since an earlier check, the diagnostics are read from the cache.
-    """
+    """Check one document and return its diagnostics. If no input has changed since an earlier check, return the cached diagnostics."""
     store = store_of(options)
     key = up_to_date.key_of("check", document, {"parameters": dict(options.parameters), "choices": dict(options.choices), "strict": strict})
     earlier = up_to_date.load(store, key)
@@ -181,7 +179,7 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
 
 
 def report_of(environment: Environment, compilation: Compilation) -> Report:
-    """Check one document and return its report. If the document is a variants document, its variants are checked, too."""
+    """Check one document and return its report. For a variants document, also check the variants."""
     if compilation.documents is None or compilation.documents.root.kind != "variants":
         return compilation.report
     from thingc.batch.variants_document import read_plan

@@ -1,4 +1,4 @@
-"""Functions that several commands share: they add options, print diagnostics and tables, and compute exit codes."""
+"""Functions that several commands use to add options, to print diagnostics and tables, and to compute exit codes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def error(message: str, help: Hint | None, code: Code, detail: str | None = None
 
 
 class WrongCommandLine(Exception):
-    """Raised for an invalid command line (exit code 2). `diagnostic` is the error to report."""
+    """Raised if the command line is invalid (exit code 2). `diagnostic` describes the error."""
 
     def __init__(self, message: str, hint: Hint | None = None, code: Code = Code.COMMAND_LINE) -> None:
         super().__init__(message)
@@ -40,15 +40,15 @@ class WrongCommandLine(Exception):
 
 
 def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly document (YAML or TOML)", metavar: str = "DOC") -> None:
-    """Add the optional argument DOC to a parser. If the user omits it, `main` uses the document that `document_meant()` returns."""
+    """Add the optional argument DOC to a parser. Without this argument, `main` uses the document that `document_meant()` returns."""
     parser.add_argument("document", metavar=metavar, nargs="?", help=f"{what} (default: the only robot of the workspace)")
 
 
 def document_meant() -> str:
-    """Find the document that a command processes if the command line names no document. Print the path of the document and return it.
+    """Return the path of the document that a command processes if the command line does not contain a document. Also print the path.
 
     The document is the only assembly below the working folder, or else in its workspace, that is not nested in another assembly. Raises
-    `WrongCommandLine` if no such assembly or more than one exists.
+    `WrongCommandLine` unless exactly one such assembly exists.
     """
     from thingc.documents.load.discovery import assemblies_in, documents_near, is_document
     from thingc.documents.workspace import Workspace
@@ -73,7 +73,7 @@ def document_meant() -> str:
 def _unnested(assemblies: Sequence[str]) -> list[str]:
     """Return the assembly documents that are not nested in another document.
 
-    If a document has errors, search its text for references to documents.
+    In a document with errors, references to documents are found by a text search.
     """
     from thingc.documents.load.documents import load
     from thingc.documents.workspace import Workspace
@@ -107,7 +107,7 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
 
 
 def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "number of parts to build in parallel") -> None:
-    """Add the options of commands that can build the geometry of parts to a parser. `jobs` is the help text of the option `--jobs`."""
+    """Add the options that concern the geometry of parts to a parser. `jobs` is the help text of the option `--jobs`."""
     parser.add_argument(
         "--store", metavar="DIR", help="cache of built parts, a folder or a URL (default: THINGC_STORE, else the user's cache folder)",
     )
@@ -123,7 +123,7 @@ def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text"
 
 
 def one_of(known: Sequence[str]) -> Callable[[str], str]:
-    """Return a function for the argument `type` of argparse that accepts only the words in `known`."""
+    """Return an argparse type that accepts only the words in `known`."""
     def choice(text: str) -> str:
         if text not in known:
             words = ", ".join(f"`{one}`" for one in known[:-1]) + f" or `{known[-1]}`"
@@ -142,7 +142,10 @@ def positive(text: str) -> int:
 
 
 def parameters(words: Sequence[str]) -> Mapping[str, str]:
-    """Parse the values of the option `-p NAME=VALUE` to a mapping from names to values. Raises `WrongCommandLine`."""
+    """Convert the values of the option `-p NAME=VALUE` to a mapping from names to values.
+
+    Raises `WrongCommandLine` for an invalid value.
+    """
     values: dict[str, str] = {}
     for word in words:
         name, equals, value = word.partition("=")
@@ -160,9 +163,10 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
 
 
 def paths(words: Sequence[str], form: str, example: str, twice: str, name: Callable[[str], str] = str) -> dict[str, str]:
-    """Parse the values of the option `--set PATH=TEXT` to a mapping from paths to texts. Raises `WrongCommandLine`.
+    """Convert the values of the option `--set PATH=TEXT` to a mapping from paths to texts. Raises `WrongCommandLine` for an invalid value.
 
-    `form` and `example` describe a correct argument in error messages. `twice` is the error message if two paths have the same `name`.
+    `form` and `example` describe a correct argument in error messages. `twice` is the error message for two paths for which the function
+    `name` returns the same name.
     """
     texts: dict[str, str] = {}
     for word in words:
@@ -176,14 +180,14 @@ def paths(words: Sequence[str], form: str, example: str, twice: str, name: Calla
 
 
 def refuse_modules_of_others() -> None:
-    """Raise `WrongCommandLine` if Python can import modules from the working folder, which is untrusted."""
+    """Raise `WrongCommandLine` if Python can import modules from the working folder, because its files are untrusted."""
     if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
         message = "Python looks for modules in the working folder, which may be part of the change"
         raise WrongCommandLine(message, "run `thingc`, or `python -I -m thingc`")
 
 
 def time_of(option: str, text: str) -> float:
-    """Parse the value of an option to a duration in seconds. Raises `WrongCommandLine`."""
+    """Convert the value of an option to a duration [s]. Raises `WrongCommandLine` for an invalid value."""
     from thingc.base.units import TIME, UnitError, parse_quantity
     from thingc.documents.workspace import LONGEST
 
@@ -198,7 +202,7 @@ def time_of(option: str, text: str) -> float:
 
 
 def options_of(arguments: argparse.Namespace) -> Options:
-    """Return the compile options that the arguments of the command line specify. Raises `WrongCommandLine`."""
+    """Convert the command-line arguments to compile options. Raises `WrongCommandLine` for an invalid value."""
     timeout = None if arguments.part_timeout is None else time_of("--part-timeout", arguments.part_timeout)
     choices, example = getattr(arguments, "choice", []), "--set components.foot.part=feet:Wide"
     return Options(
@@ -211,7 +215,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
 
 
 def chosen_compat(words: Sequence[str]) -> tuple[str, ...] | None:
-    """Return the programs that the option `--compat` names. Return None without this option. Raises `WrongCommandLine`."""
+    """Return the programs in the option `--compat`, or None without this option. Raises `WrongCommandLine` for an unknown program."""
     from thingc.driver.pipeline import UnknownChoice, chosen_consumers
 
     try:
@@ -221,7 +225,7 @@ def chosen_compat(words: Sequence[str]) -> tuple[str, ...] | None:
 
 
 def require_document(path: str) -> None:
-    """Raise `WrongCommandLine` if the path is not a regular file with the suffix of a document."""
+    """Raise `WrongCommandLine` unless the path is a regular file with the suffix of a document, such as `.yaml`."""
     from thingc.documents.load.paths import DOCUMENT_SUFFIXES
     from thingc.documents.workspace import OWN_FILE, SHARED_FILE
 
@@ -247,10 +251,10 @@ def require_document(path: str) -> None:
 
 
 def _document_meant(path: str, folder: str, beside: Sequence[str]) -> Hint:
-    """Return a hint for the error that a document is missing. The hint suggests documents that exist.
+    """Return a hint for the error that a document does not exist.
 
-    The hint suggests a document with a similar name in the folder `beside`, or else in the rest of the workspace. If there is none, it
-    lists all documents.
+    The hint suggests a document with a similar name in the folder `beside`, or else in the rest of the workspace. If no name is similar,
+    the hint lists all documents.
     """
     from thingc.documents.load.discovery import documents_near
     from thingc.documents.workspace import Workspace
@@ -266,7 +270,7 @@ def _document_meant(path: str, folder: str, beside: Sequence[str]) -> Hint:
 
 
 def expanded(words: Iterable[str]) -> list[str]:
-    """Return the documents that the command line names, without duplicates. A folder is replaced by all documents below it.
+    """Return the paths of the documents on the command line, without duplicates. A folder is replaced by all documents below the folder.
 
     Raises `WrongCommandLine` for a folder that contains no documents.
     """
@@ -286,7 +290,7 @@ def expanded(words: Iterable[str]) -> list[str]:
 
 
 def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator[str]:
-    """Yield the documents that exist. For each document that does not exist, add an error to `diagnostics`."""
+    """Yield the paths of existing documents. For each missing document, add an error to `diagnostics`."""
     for document in documents:
         try:
             require_document(document)
@@ -297,16 +301,16 @@ def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator
 
 
 class ProgressLine:
-    """Displays on standard error how many parts have been built, and the seconds since the start.
+    """Displays on standard error how many parts have been built, and the elapsed time [s].
 
-    On a terminal, the same line is updated. Otherwise, a line is printed at the start, at the end and at most once per second.
+    On a terminal, the progress is displayed in one line. Otherwise, a line is printed at the start, at the end and at most once per second.
     """
 
     def __init__(self) -> None:
         self._started = self._shown = time.monotonic()
 
     def __call__(self, what: str, done: int, total: int) -> None:
-        """Display that `done` of `total` parts are finished."""
+        """Display that `done` of `total` parts have been built."""
         now = time.monotonic()
         line = f"{what} parts: {done} of {total} ({now - self._started:.0f} s)"
         if sys.stderr.isatty():
@@ -317,20 +321,20 @@ class ProgressLine:
 
 
 def show_printed(part: str, lines: Sequence[str]) -> None:
-    """Print the text that the code of a part has printed to standard error. Each line starts with the name of the part."""
+    """Print the output of part code to standard error. Each line starts with the name of the part."""
     say_in_place()
     say(*(f"{part} | {line}" for line in lines), stream=sys.stderr)
 
 
 def say_waiting(folder: str) -> None:
-    """Print a message to standard error that this process waits because another process is building the same folder."""
+    """Print a message to standard error: this process waits until another process has written the same build folder."""
     say(f"waiting for another build of {shown_path(folder)}", stream=sys.stderr)
 
 
 def say(*lines: str, stream: TextIO | None = None) -> None:
-    """Print lines of text to `stream`, by default standard output. Use it for all output except diagnostics.
+    """Print lines of text to `stream`, by default standard output. Use this function for all output except diagnostics.
 
-    Control characters, for example in file names, are escaped (see `escape_control`).
+    Control characters, for example in file names, are escaped.
     """
     stream = stream or sys.stdout
     stream.write("".join(f"{escape_control(line)}\n" for line in lines))
@@ -338,7 +342,7 @@ def say(*lines: str, stream: TextIO | None = None) -> None:
 
 
 def say_lines_of_documents(lines: Iterable[str]) -> None:
-    """Print lines from documents to standard output. Control characters other than tabs are escaped."""
+    """Print lines of a document to standard output. Control characters other than tabs are escaped."""
     sys.stdout.write("".join(f"{shown_line(line)}\n" for line in lines))
 
 
@@ -366,8 +370,8 @@ def say_in_place(line: str = "") -> None:
 def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None) -> int:
     """Print diagnostics as text with source excerpts and a summary, and return the exit code.
 
-    The text has colours on a terminal without NO_COLOR. `texts` are the contents of documents that are not on disk, by the file name in the
-    spans of the diagnostics.
+    On a terminal, the text is coloured unless NO_COLOR is set. `texts` maps file names in the diagnostics to the contents of documents that
+    are not on disk.
     """
     if diagnostics:
         color = stream.isatty() and "NO_COLOR" not in os.environ
@@ -378,7 +382,7 @@ def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool
 
 
 def print_json(diagnostics: Sequence[Diagnostic], **more: object) -> None:
-    """Print diagnostics as one JSON object to standard output. `more` contains additional keys of the object."""
+    """Print diagnostics as one JSON object to standard output. `more` contains additional keys for this object."""
     print_data({"diagnostics": as_json(diagnostics), **more})
 
 
@@ -392,9 +396,9 @@ def print_data(value: Mapping[str, object]) -> None:
 def print_found(
     diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None, **more: object,
 ) -> int:
-    """Print diagnostics in one of the output formats in `FINDINGS`, and return the exit code.
+    """Print diagnostics in the output format `form`, and return the exit code.
 
-    Text is written to `stream`, and all other formats to standard output. `more` contains additional keys of the JSON output.
+    Text is written to `stream`, and all other formats to standard output. `more` contains additional keys for the JSON output.
     """
     if form == "text":
         print_text(diagnostics, stream=stream, debug=debug, texts=texts)
@@ -414,7 +418,7 @@ def print_found(
 
 
 def _documentation() -> str | None:
-    """Return the URL of the documentation in the metadata of the installed package, or None."""
+    """Return the documentation URL in the metadata of the installed package, or None if the metadata does not contain a URL."""
     from importlib.metadata import PackageNotFoundError, metadata
 
     try:
@@ -426,7 +430,7 @@ def _documentation() -> str | None:
 
 
 def final(report: Report, *, strict: bool) -> list[Diagnostic]:
-    """Return the diagnostics in the order in which they are printed. If `strict` is true, warnings become errors."""
+    """Return the diagnostics of a report in the order in which they are printed. If `strict` is true, warnings become errors."""
     return report.judged(strict=strict).ordered()
 
 
@@ -437,10 +441,7 @@ def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
 
 
 def of_exception(fault: Exception) -> Diagnostic:
-    """Convert an exception to an error diagnostic.
-
-    The error is about the command line, the operating system, or a bug in thingc (internal error).
-    """
+    """Convert an exception to an error diagnostic. Unexpected exceptions become internal errors."""
     if isinstance(fault, WrongCommandLine | ReplacementRefused):
         return fault.diagnostic
     from thingc.driver.output import OutputError
@@ -482,7 +483,7 @@ USAGE_CODES = frozenset({
 
 
 def table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
-    """Format rows with equal numbers of cells as lines with aligned columns. The columns whose indices are in `right` are right-aligned."""
+    """Format rows of equal length as lines with aligned columns. The columns whose indices are in `right` are right-aligned."""
     rows = [tuple(map(escape_control, row)) for row in rows]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return [
@@ -492,14 +493,14 @@ def table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[
 
 
 def millimetres(place: Vector) -> str:
-    """Format a position, given in metres, in millimetres. The numbers are rounded to 0.1 µm: `0 120 30.5`."""
+    """Convert a position from metres to a text in millimetres, such as `0 120 30.5`. The numbers are rounded to 0.1 µm."""
     return " ".join(f"{round(1000.0 * x, 4) + 0.0:g}" for x in place)
 
 
 def axes(rotation: Matrix) -> str:
     """Format the directions of the x, y and z axes of a frame relative to its parent frame.
 
-    If the axes are parallel to axes of the parent, the result is signed axes such as `+x, -y, -z`. Otherwise, it is direction vectors.
+    Axes that are parallel to axes of the parent are formatted as `+x, -y, -z`. Other axes are formatted as direction vectors.
     """
     return ", ".join(_axis((rotation[0][k], rotation[1][k], rotation[2][k])) for k in range(3))
 

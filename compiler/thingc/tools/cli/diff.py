@@ -65,7 +65,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `thingc diff`, and return the exit code: 1 if a kind of `--fail-on` has changed or one side does not compile, else 0."""
+    """Run `thingc diff`. Return the exit code 1 if a kind of element in `--fail-on` changed or one side cannot be compiled, else 0."""
     try:
         watched = fail_on(arguments.fail_on)
         options = console.options_of(arguments)
@@ -99,9 +99,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str, str], str] | None:
-    """Write the HTML page that `--html` requests and the pictures that `--pictures` requests. Raises `OSError`.
+    """Write the HTML page for the option `--html` and the pictures for the option `--pictures`. Raises `OSError`.
 
-    Return a function that maps a document and the key of a picture to the path of the picture, or None without `--pictures`.
+    Return a function that returns the path of a picture, given a document and the key of the picture. Return None without `--pictures`.
     """
     if arguments.html is not None:
         with open(arguments.html, "w", encoding="utf-8") as page:
@@ -122,10 +122,7 @@ def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str
 
 
 def fail_on(words: Sequence[str]) -> frozenset[str]:
-    """Parse the option `--fail-on`.
-
-    Return the kinds of changes that make the command fail, in the singular, as in `WHATS`. Raises `WrongCommandLine`.
-    """
+    """Convert the values of the option `--fail-on` to kinds of changes in `WHATS`. Raises `WrongCommandLine` for an unknown kind."""
     known: dict[str, str] = {what: what for what in WHATS}
     known |= {f"{what}es" if what.endswith("s") else f"{what}s": what for what in WHATS}
     named: set[str] = set()
@@ -146,7 +143,7 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
     names = (wanted.old.name, wanted.new.name)
     tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
     if draw and options.code:
-        ready()  # must precede the tests, which import MuJoCo, because MuJoCo selects its graphics library at import
+        ready()  # call this before the tests import MuJoCo, because MuJoCo selects its graphics library at import
     work: Callable[[DocumentPair], Comparison | BrokenSide] = partial(compared, options=options, tests=tests, names=names, draw=draw)
     if arguments.no_code:
         console.refuse_modules_of_others()
@@ -155,7 +152,7 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
 
 
 def _apart(work: Callable[[DocumentPair], Comparison | BrokenSide], seconds: float, both: DocumentPair) -> Comparison | BrokenSide:
-    """Compare the versions of one document in a sandboxed process. `seconds` is the maximum CPU time of the process."""
+    """Compare the old and the new version of one document in a sandboxed process. `seconds` is the maximum CPU time of the process."""
     answer = confined(lambda: pack(work(both)), seconds)
     if isinstance(answer, Diagnostic):
         return BrokenSide(name=both.name, diagnostics=(replace(answer, path=both.name),), texts={})

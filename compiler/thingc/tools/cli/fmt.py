@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `thingc fmt`, and return the exit code: 1 if a document is not well-formed or, with `--check`, would change, else 0."""
+    """Run `thingc fmt`. Return the exit code 1 if a document is not well-formed or, with `--check`, not formatted, else 0."""
     if arguments.document == [STANDARD_INPUT]:
         return _standard_input(arguments)
     report = Report()
@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _documents(arguments: argparse.Namespace) -> Iterator[str]:
-    """Yield the documents that the command line names, without duplicates. Raises `WrongCommandLine`."""
+    """Yield the paths of the documents on the command line, without duplicates. Raises `WrongCommandLine` for an invalid path."""
     seen: set[str] = set()
     for word in arguments.document:
         if os.path.isdir(word) and not arguments.touched:
@@ -80,7 +80,7 @@ def _documents(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
-    """Format one document. Return whether the text of the document changes."""
+    """Format one document, and return whether the text of the document changes."""
     try:
         with open(path, "rb") as stream:
             data = stream.read(10_000_001)

@@ -29,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `thingc hag`. The graph is printed to standard output, and diagnostics are printed to standard error."""
+    """Run `thingc hag`. The command prints the graph to standard output, and diagnostics to standard error."""
     try:
         console.require_document(arguments.document)
         options = console.options_of(arguments)

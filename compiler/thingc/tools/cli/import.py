@@ -88,9 +88,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousImport, report: Report) -> dict[str, str]:
-    """Update the folder of an earlier import with changes in the source.
+    """Merge changes in the source file into the folder of an earlier import. Return the text of the merged document for diagnostics.
 
-    Return the text of the document for diagnostics. Raises `OutputError`.
+    Raises `OutputError`.
     """
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
         message = f"`{shown_path(earlier.folder)}` was imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
@@ -121,14 +121,14 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousI
 
 
 def _faults(document: str, text: str) -> list[Diagnostic]:
-    """Check the text of a document, and return its errors. Warnings are omitted."""
+    """Check the text of a document, and return the errors without the warnings."""
     return [one for one in checked(document, Options(texts={document: text.encode()}))[1] if one.severity is Severity.ERROR]
 
 
 def _merged(now: Update, *, disputed: bool) -> list[str]:
-    """Describe the changes that were merged into the document, and the edits of the user that were preserved.
+    """Describe the changes in the source that were merged into the document, and the user's edits that were preserved.
 
-    `disputed` is true if some changes in the source conflict with edits of the user.
+    `disputed` is true if a change in the source conflicts with a user's edit.
     """
     taken = [f"  {dotted(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
     kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
@@ -167,7 +167,7 @@ def _package(word: str) -> tuple[str, str]:
 
 
 def _folder(word: str) -> str:
-    """Return the absolute path of a folder. Raises `WrongCommandLine`."""
+    """Return the absolute path of a folder. Raises `WrongCommandLine` if the folder does not exist."""
     if not os.path.isdir(word):
         raise console.WrongCommandLine(f"--mesh-root: expected a folder, found `{word}`", "write --mesh-root ../meshes")
     return os.path.abspath(word)
@@ -182,10 +182,7 @@ def _argument(word: str) -> tuple[str, str]:
 
 
 def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
-    """Describe the result of an import without writing any files.
-
-    The text lists the content, the repairs, and all losses with their lines.
-    """
+    """Describe the result of a dry run of an import: the content of the robot, the repairs, and all losses with their line numbers."""
     source = os.path.basename(arguments.file)
     said = [f"would import {_read(arguments, imported)}"]
     said += [f"{source}:{one.link.where.line}: repaired: mass and inertia of `{one.link.name}` ({one.how})" for one in imported.repaired]
@@ -201,7 +198,7 @@ def _read(arguments: argparse.Namespace, imported: Imported) -> str:
 
 
 def _told(arguments: argparse.Namespace, imported: Imported, folder: str, changes: list[str]) -> list[str]:
-    """Describe the files that an import has written, and list commands that the user can run next."""
+    """Describe the files that an import has written, and suggest commands that the user can run next."""
     robot, here = imported.robot, shown_path(folder)
     said = [f"{here}: {_read(arguments, imported)}", *changes]
     if imported.renamed:

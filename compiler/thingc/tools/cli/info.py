@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
-    """Return the data of the JSON output. It describes the robot at q = 0, in SI units and in the frame of the base component."""
+    """Return a description of the robot for the JSON output: in SI units, at q = 0, and in the frame of the base component."""
     whole = assembly.properties
     return {
         "name": assembly.name, "mass": whole.mass, "centre": list(whole.centre), "inertia": [list(row) for row in whole.inertia],
@@ -71,9 +71,9 @@ def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
 
 
 def mode_data(robot: Robot) -> dict[str, object]:
-    """Return the data of one mode for the JSON output.
+    """Return a description of one mode for the JSON output.
 
-    It contains the root, the base, the pose of the root link, and the names of links and joints, starting at the root.
+    The description contains the root, the base, the pose of the root link, and the names of the links and joints, starting at the root.
     """
     return {
         "root": robot.mode.root.path, "base": robot.base, "X_world_root": [list(row) for row in robot.bodies[0].X_PL.rows()],
@@ -126,13 +126,13 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
 def _source(occurrence: Occurrence) -> str:
     """Format the source of a mass, such as `estimated`.
 
-    For a print with infill, the result includes the estimation method: `estimated (layers)`.
+    For a printed part with infill, the text includes the method, as in `estimated (layers)`.
     """
     return occurrence.mass_source + (f" ({occurrence.estimate})" if occurrence.estimate is not None else "")
 
 
 def _loops(robot: Robot) -> list[str]:
-    """Describe the supports and the closed loops of a mode, and how precisely the poses of the mode close the loops."""
+    """Describe the supports and the closed loops of a mode, and the remaining gap of each loop in the poses of the mode."""
     names = [robot.assembly.links[body.link].name for body in robot.bodies]
     lines = [f"  stands on {foot.mount.path} (friction {foot.friction:g})" for foot in robot.mode.feet]
     loops = _cut(robot)
@@ -174,10 +174,7 @@ def _shares(assembly: Assembly) -> str:
 
 
 def mates_text(assembly: Assembly) -> list[str]:
-    """Format the mated mounts as lines of text.
-
-    Each line shows the axes of the parent to which the axes of the child are parallel at q = 0.
-    """
+    """Format the mates as lines of text. Each line shows the directions of the child's axes at q = 0 in the frame of the parent."""
     rows = [("child", "mount", "on", "mount", "by", "child x, y, z along parent")]
     for mate in assembly.mates:
         parent, child = assembly.occurrences[mate.parent], assembly.occurrences[mate.child]
@@ -188,7 +185,7 @@ def mates_text(assembly: Assembly) -> list[str]:
 
 
 def _grams(mass: float) -> str:
-    """Format a mass [kg] in grams with two decimals, or with two significant digits if it is small."""
+    """Format a mass, given in kilograms, in grams. The text has two decimals, or two significant digits for a small mass."""
     if 0.0 < mass < 1e-5:
         return f"{1000.0 * mass:.2g} g"
     return f"{1000.0 * mass:.2f} g" if mass < 1.0 else f"{mass:.4f} kg"

@@ -1,6 +1,6 @@
 """Implementation of `thingc lock`, which writes the properties of the parts in a workspace to a lock file.
 
-With the lock file, documents can be checked without running part code.
+With the lock file, thingc can check documents without running part code.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `thingc lock`, and return the exit code, which is 0 if the file was written or, with --check, is up to date."""
+    """Run `thingc lock`, and return the exit code, which is 0 if the lock file was written (with `--check`: is up to date)."""
     report = Report()
     written = None
     try:
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str | None:
-    """Write the lock file, or compare it with the current parts. Return a summary, or None after reporting an error."""
+    """Write the lock file, or compare the lock file with the current parts. Return a summary, or None after reporting an error."""
     workspace = Workspace.find(os.path.join(folder, "thingc.toml"), report)
     if workspace is None:
         return None
@@ -108,7 +108,7 @@ def _used(
 ) -> tuple[list[str], list[PartDefinition], dict[str, set[Slicing]]]:
     """Return the parts that the assembly documents of a workspace use.
 
-    The result contains references `module:Class`, part definitions, and the slicing settings for each definition.
+    The result contains the references `module:Class`, the part definitions, and the slicing settings for each definition.
     """
     references: dict[str, None] = {}
     definitions: dict[str, PartDefinition] = {}
@@ -128,7 +128,7 @@ def _used(
         if environment.report.failed or own.failed:
             message = f"`{shown_path(document)}` has errors: some of its parts may be missing from `{LOCK_FILE}`"
             report.warn(Code.LOCK_DOCUMENT, message, line_of(document), help=f"run `thingc check {shown_path(document)}`")
-    # missing parts were reported as errors of the document
+    # missing parts have already been reported as errors in a document
     known = {reference for reference, answer in geometry.describe(list(references)).items() if not isinstance(answer, PartFailure)}
     return sorted(known), list(definitions.values()), slicings
 

@@ -28,8 +28,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `thingc lsp`, and return the exit code: 0 after shutdown, 1 if the editor disconnects without it, 2 if the extra is not
-    installed.
+    """Run `thingc lsp`, and return the exit code.
+
+    The code is 0 after a shutdown request, 1 if the editor disconnects without this request, and 2 if the extra is not installed.
     """
     from importlib.util import find_spec
 
@@ -41,5 +42,5 @@ def run(arguments: argparse.Namespace) -> int:
 
     signals.leave_at_once()
     protocol = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # keep printed text out of the protocol messages
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # printed text must not be mixed with the protocol messages
     return 0 if serve(options, __version__, console.of_exception, sys.stdin.buffer, protocol) else 1

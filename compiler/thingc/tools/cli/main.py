@@ -51,7 +51,7 @@ Run `thingc COMMAND --help` for the arguments and options of a command.
 
 
 class WrongUsage(Exception):
-    """Raised if the command line is invalid. `hint` is the help text of the diagnostic."""
+    """Raised if argparse rejects the command line. `hint` is the help text of the diagnostic."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -65,7 +65,7 @@ class Parser(argparse.ArgumentParser):
     """
 
     def error(self, message: str) -> NoReturn:
-        """Raise `WrongUsage` with the message of argparse."""
+        """Raise `WrongUsage` with the error message from argparse."""
         message = re.sub(r"^argument (\{.*?\}: )?", "", message).replace("the following arguments are required: ", "missing: ")
         raise WrongUsage(message, f"run `{self.prog} --help` for usage")
 
@@ -73,8 +73,8 @@ class Parser(argparse.ArgumentParser):
 def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Parser | None]:
     """Create the main parser, and the parser of `command`. The second result is None if `command` is None.
 
-    Only the parser of `command` has options, and only its module is imported. If `alone` is true, the main parser has no parsers of other
-    commands. Only the main help needs these parsers.
+    Only the module of `command` is imported, so the parsers of other commands have no options. If `alone` is true, the parsers of other
+    commands are omitted, because only the main help needs them.
     """
     own: Parser | None = None
     parser = Parser(
@@ -97,7 +97,10 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace | None:
-    """Parse the command line. Return None after printing help or the version. Raises `WrongUsage`, or `SystemExit` without a command."""
+    """Parse the command line. Return None after printing the help or the version.
+
+    Raises `WrongUsage`, or `SystemExit` if no command is given.
+    """
     command = next((word for word in words if not word.startswith("-")), None)
     if command is not None and command not in COMMANDS:
         from thingc.base.suggestions import near_hint
@@ -105,11 +108,11 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         hint = near_hint(command, COMMANDS) or "run `thingc --help` for a list of commands"
         raise WrongUsage(f"there is no command `{command}`", str(hint))
     empty = next((word for word in words if re.fullmatch(r"-\w--|--[\w-]+=--", word)), None)
-    if empty is not None:  # without this, argparse returns a list
+    if empty is not None:  # for such a word, argparse returns a list
         raise WrongUsage(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")
     parser, own = parser_for(command, alone=command is not None and words[0] == command)
     behind: Sequence[str] | None = None
-    if own is not None and own.get_default("behind") is not None and "--" in words:  # without this, argparse adds them to other arguments
+    if own is not None and own.get_default("behind") is not None and "--" in words:  # argparse would add these words to other arguments
         words, behind = words[: words.index("--")], words[words.index("--") + 1 :]
     try:
         options, unknown = parser.parse_known_args(words)
@@ -179,7 +182,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             code = console.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=debug)
             sys.stdout.flush()
-        except OSError:  # standard output cannot be written
+        except OSError:  # standard output is closed
             code = console.print_text([diagnostic], stream=sys.stderr, debug=debug)
     return code
 

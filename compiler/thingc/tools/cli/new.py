@@ -26,7 +26,7 @@ An existing folder must be empty except for `.git`. Use `.` for the working fold
   thingc new .                           create it in the working folder, and name the robot after it
 """.format(**TEMPLATES)
 RESERVED = {"world", "root", "origin", "scene"}
-"""Reserved names: the world, frames in it, and scenes for MuJoCo models."""
+"""Names that a robot cannot have: the world, frames of the world, and the scene files of MuJoCo models."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         name = robot_name(arguments.place)
         files = files_of(arguments.template, name)
-        with signals.held():  # files are written atomically, but an interrupt could leave the lock behind
+        with signals.held():  # each file is written atomically, but without this, an interrupt could leave a lock file behind
             folder = write_new(arguments.place, files)
     except ValueError as fault:
         hint = f"write for example `thingc new {name}_robot`"
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def robot_name(place: str) -> str:
-    """Convert the name of a folder to a valid name for a robot. Raises `WrongCommandLine`.
+    """Convert the name of a folder to a valid name for a robot. Raises `WrongCommandLine` if this is not possible.
 
     Hyphens, dots and spaces are replaced by `_`, and accents are removed.
     """
@@ -92,7 +92,7 @@ def _plain(word: str) -> str:
 
 
 def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[str]:
-    """Describe the files that were created, and the commands that the user can run next."""
+    """Describe the new files, and suggest commands that the user can run next."""
     here, document = shown_path(folder), f"{name}.yaml"
     said = [f"{name if here == os.curdir else here}: {TEMPLATES[arguments.template]}"]
     if name != os.path.basename(folder):

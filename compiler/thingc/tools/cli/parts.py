@@ -20,7 +20,7 @@ from thingc.geometry.service import GeometryService
 from thingc.tools.cli import console
 
 WIDTH = 120
-"""Largest length of a line of names [characters]."""
+"""Maximum number of characters in a line of names."""
 
 EPILOG = """\
 Lists the Things of the workspace: those of its part folders and of the packages that it allows. For parts given as arguments, it also
@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `thingc parts`, and return the exit code. A part whose class cannot be described is an error, and all other parts are listed."""
+    """Run `thingc parts`, and return the exit code. If a part class cannot be described, report an error and list all other parts."""
     report = Report()
     listed: list[tuple[PartSchema, PartRecord | None]] = []
     try:
@@ -77,7 +77,7 @@ def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> lis
     report_hidden(geometry, ((reference, None) for reference in references), report)
     schemas: list[PartSchema] = []
     answers = geometry.describe(references)
-    for reference in references:  # results are in order of completion
+    for reference in references:  # the results are in the order in which they were finished
         answer = answers[reference]
         if isinstance(answer, PartSchema):
             if answer.kind == "thing" or wanted:
@@ -91,7 +91,7 @@ def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> lis
 
 
 def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
-    """Return the parts that have one of the given names. A name can refer to a part, a module or a package.
+    """Return the references of the parts with the given names, which can be names of parts, modules or packages.
 
     Raises `WrongCommandLine` for an unknown name.
     """
@@ -116,9 +116,9 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
 
 
 def unreadable(called: str, done: str, failure: PartFailure) -> Diagnostic:
-    """Create the error for a part that could not be processed.
+    """Create the error diagnostic for a part that could not be described or built.
 
-    `done` is the operation that failed, for example `described`. `called` is the name of the part in the message.
+    `done` is the operation that failed, for example `described`. `called` is the name of the part in the error message.
     """
     span = None if failure.file is None else line_of(failure.file, failure.line or 1)
     return Diagnostic(
@@ -173,7 +173,10 @@ def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> l
 
 
 def _mounts(mounts: Mapping[str, MountRecord]) -> list[str]:
-    """Format the mounts of a part as a table with positions, axes, and interfaces. The column for interfaces is omitted if it is empty."""
+    """Format the mounts of a part as a table with positions, axes, and interfaces.
+
+    The table has no column for interfaces if no mount has an interface.
+    """
     rows = [("mount", "at [mm]", "x, y, z along", "interface")]
     rows += [
         (name, console.millimetres(mount.pose.translation), console.axes(mount.pose.rotation), mount.interface or "")
@@ -183,7 +186,7 @@ def _mounts(mounts: Mapping[str, MountRecord]) -> list[str]:
 
 
 def _in_order(name: str) -> tuple[str, int]:
-    """Return a key for sorting names of mounts, which sorts `hole_9` before `hole_10`."""
+    """Return a sort key for the name of a mount. `hole_9` is sorted before `hole_10`."""
     stem, _, index = name.rpartition("_")
     return (stem, int(index)) if stem and index.isdecimal() else (name, -1)
 
@@ -199,7 +202,7 @@ def _range(p: ParameterSchema) -> str:
 
 
 def _runs(names: Iterable[str]) -> list[str]:
-    """Replace the names of numbered mounts (`hip_0`, `hip_1`, `hip_2`) by one text, such as `hip_0 ... hip_2`."""
+    """Abbreviate lists of numbered mounts: `hip_0`, `hip_1`, `hip_2` become `hip_0 ... hip_2`."""
     lists: dict[str, int] = {}
     plain: list[str] = []
     for name in names:

@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
         workspace = Workspace.find(os.path.abspath(arguments.document), report)
         if workspace is None:
             return console.print_text(report.ordered(), stream=sys.stdout, debug=False)
-        sight = index_workspace(workspace, {}, disk=cache(on_disk))  # each file is read once
+        sight = index_workspace(workspace, {}, disk=cache(on_disk))  # read each file only once
         declared = _named(sight, arguments.document, arguments.path)
         done = rename_edits(sight, declared, arguments.name)
     except console.WrongCommandLine as fault:
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _named(sight: WorkspaceIndex, document: str, path: str) -> Name:
-    """Return the name that a document declares at the given path. Raises `WrongCommandLine`."""
+    """Return the name that a document declares at the given path. Raises `WrongCommandLine` if the document does not declare this name."""
     keys = tuple(path.split("."))
     written = sight.documents.get(os.path.abspath(document))
     if written is None:

@@ -1,4 +1,4 @@
-"""Implementation of `thingc render`, which renders a picture of a robot in a mode and a pose. No display is required."""
+"""Implementation of `thingc render`, which renders a picture of a robot in a mode and a pose, without a display."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ MuJoCo draws the picture with EGL, which requires neither a screen nor a graphic
 """
 
 LARGEST = 8192
-"""Maximum width and height [pixels]."""
+"""Maximum width and height of a picture [px]."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -63,7 +63,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `thingc render`, and return the exit code, which is 0 if the picture was written. Diagnostics go to standard error."""
+    """Run `thingc render`, and return the exit code, which is 0 if the picture was written. Diagnostics are printed to standard error."""
     console.require_document(arguments.document)
     options = replace(console.options_of(arguments), compat=())  # pictures need only the model for MuJoCo
     _check_output(arguments.output)
@@ -86,7 +86,7 @@ def _check_output(path: str | None) -> None:
 
 
 def _render(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
-    """Render the picture and write it to a file if the document has no errors. Return the diagnostics.
+    """Render the picture and write the picture to a file if the document has no errors. Return the diagnostics.
 
     Raises `UnknownChoice`, `NoGraphics` and `WrongCommandLine`.
     """
@@ -144,9 +144,9 @@ def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) 
 
 
 def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
-    """Return the keyframe whose pose is rendered, or None if the robot has no keyframes. Raises `UnknownChoice`.
+    """Return the name of the keyframe to render, or None if the robot has no keyframes. Raises `UnknownChoice` for an unknown keyframe.
 
-    The result is the keyframe that the command line names, or else the keyframe of the mode, or else the first keyframe.
+    A keyframe on the command line has precedence over the keyframe of the mode. The default is the first keyframe.
     """
     known = [frame.name for frame in robot.keyframes]
     if wanted is None:

@@ -1,4 +1,4 @@
-"""Compute the overlays of `thingc render`, which mark the mounts, the joints and the root of a robot."""
+"""Compute the coordinate frames and axes with which `thingc render` marks the mounts, the joints and the root of a robot."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from thingc.model.robot.types import Robot
 from thingc.targets.render.frames import Frame, JointAxis, Mark
 
 ROOT_SIZE = 1.6
-"""Length of the axes of the root, relative to the axes of a mount."""
+"""Length of the drawn axes of the root link, relative to the axes of a mount."""
 
 
 def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
     """Yield the frames of mounts that attach a component, of exported mounts, and of mounts that the document adds.
 
-    Duplicates are omitted.
+    Frames at equal poses are omitted.
     """
     assembly = robot.assembly
     named = [(mate.parent, mate.parent_mount) for mate in assembly.mates]
@@ -44,7 +44,7 @@ def mounts_of(robot: Robot, q: Mapping[str, float], wanted: Sequence[str]) -> It
 
 
 def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
-    """Yield the axis of every coordinate of every joint. `q` maps the paths of coordinates to values [rad or m].
+    """Yield the axes of all joint coordinates. `q` maps the paths of coordinates to values [rad or m].
 
     The axis of a coordinate moves with the coordinates that precede it in the same joint.
     """
@@ -71,9 +71,9 @@ def _mount(robot: Robot, q: Mapping[str, float], occurrence: int, name: str) -> 
 
 
 def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) -> tuple[str, Pose]:
-    """Return the body that carries an occurrence, and `pose` in the frame of this body at the joint coordinates `q`.
+    """Return the name of the body that carries an occurrence, and `pose` in the frame of this body at the joint coordinates `q`.
 
-    If the link of the occurrence is a massless intermediate link, the body is the nearest preceding link that is not.
+    Massless intermediate links are not bodies. An occurrence on such a link is carried by the preceding body.
     """
     assembly, number = robot.assembly, robot.assembly.link_of[occurrence]
     body = next(body for body in robot.bodies if body.link == number)
@@ -100,5 +100,5 @@ def _dotted(path: str) -> str:
 
 
 def _ends(path: str) -> list[int]:
-    """Return the index of the end of each name in a path such as `hand/finger`."""
+    """Return the index of the end of each name in a path: `[4, 11]` for `hand/finger`."""
     return [*(at for at, letter in enumerate(path) if letter == "/"), len(path)]

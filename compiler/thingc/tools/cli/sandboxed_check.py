@@ -1,7 +1,8 @@
 """Run the check of an untrusted document in a sandboxed child process.
 
-The child has limits of time and memory. It cannot start processes, open connections or write files. If the child ends early for any reason,
-the result is one diagnostic. The compiler passes have their own limits. The sandbox is an additional safeguard.
+The CPU time and the memory of the child process are limited. The child process cannot start processes, open connections or write files. If
+the child process ends early, the result is one diagnostic. The sandbox is a second safeguard, in addition to the limits of the compiler
+passes.
 """
 
 from __future__ import annotations
@@ -20,9 +21,12 @@ from thingc.driver.up_to_date import packed, unpacked
 from thingc.tools.cli import console
 
 MEMORY = 900_000_000
-"""Address space [bytes] that the child can allocate in addition to the address space of its parent. The total is below 1 GB."""
+"""Address space [bytes] that the child process can allocate in addition to the address space of its parent process."""
 PATIENCE = 20.0
-"""Idle time allowed per second of the limit of CPU time. The machine may be busy, but a read can also block forever."""
+"""Maximum idle time of the child process [s] per second of its CPU time limit.
+
+A child process that is idle for longer is probably blocked.
+"""
 _REFUSED = (
     "os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.startfile", "os.system", "pty.spawn", "socket.", "subprocess.Popen",
     "os.remove", "os.rename", "os.rmdir", "os.mkdir", "os.link", "os.symlink", "os.chmod", "os.chown", "os.truncate", "os.kill",
@@ -32,17 +36,17 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
 class SandboxRefusal(Exception):
-    """Raised if the check of an untrusted document tries an operation that is never necessary, such as starting a process.
+    """Raised if the check of an untrusted document tries a forbidden operation, such as starting a process.
 
-    It indicates a bug in thingc.
+    This exception indicates a bug in thingc.
     """
 
 
 def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -> Any | Diagnostic:
-    """Call the function `work` in a sandboxed child process, and return its result (JSON values).
+    """Call the function `work` in a sandboxed child process, and return the result of the function as JSON values.
 
-    The child may use `seconds` of CPU time and `memory` bytes. If it ends early, the result is a diagnostic. Without `os.fork` (on
-    Windows), `work` runs in this process without limits.
+    The child process can use `seconds` of CPU time and `memory` bytes. If the child process ends early, the result is a diagnostic. On
+    Windows, which has no `os.fork`, `work` runs in this process without limits.
     """
     if not hasattr(os, "fork"):
         return _done(work)
@@ -86,7 +90,7 @@ def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
 
 
 def _computed(child: int) -> int:
-    """Return the CPU time that a process has used, in clock ticks. Return 0 if it is unknown."""
+    """Return the CPU time that a process has used, in clock ticks, or 0 if unknown."""
     try:
         with open(f"/proc/{child}/stat", "rb") as stream:
             fields = stream.read().rpartition(b")")[2].split()
@@ -159,7 +163,7 @@ def _bound(seconds: float, memory: int) -> None:
 
 
 def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
-    """The audit hook of the child process. It raises `SandboxRefusal` for operations that a check never needs."""
+    """The audit hook of the child process, which raises `SandboxRefusal` for forbidden operations."""
     if event == "open":
         _, mode, flags = arguments
         if isinstance(flags, int) and flags & _WRITING or isinstance(mode, str) and set(mode) & set("wax+"):

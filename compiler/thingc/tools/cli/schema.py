@@ -48,7 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `thingc schema`. If a document has errors, its schema contains the names in the valid part."""
+    """Run `thingc schema`. The schema of a document with errors contains the names from the valid part of the document."""
     for option in arguments.removed or ():
         raise console.WrongCommandLine(f"`{option}` was removed", REMOVED)
     report = Report()
@@ -59,9 +59,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
-    """Return the workspaces that the command line selects, each with its selected documents.
+    """Return pairs of a workspace and the selected documents in the workspace. None instead of documents means all documents.
 
-    None means all documents. Raises `WrongCommandLine`.
+    Raises `WrongCommandLine` for an invalid path.
     """
     by_root: dict[str, tuple[Workspace, list[str] | None]] = {}
     for place in places:

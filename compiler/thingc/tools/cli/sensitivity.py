@@ -1,4 +1,4 @@
-"""Implementation of `thingc sensitivity`, which shows how results of a robot change with its parameters."""
+"""Implementation of `thingc sensitivity`, which computes derivatives of properties of a robot with respect to its parameters."""
 
 from __future__ import annotations
 
@@ -29,11 +29,14 @@ estimate is shown after `+-`.
   thingc sensitivity assemblies/arm.yaml --of site:tip.z --by reach,joints.elbow.turn -p 'reach=120 mm'
 """
 SHOWN = {MASS: "g", LENGTH: "mm", ANGLE: "deg", INERTIA: "kg*mm^2"}
-"""The display units of results, and of numbers for which the document does not use a unit."""
+"""The units in which results are displayed, by physical dimension.
+
+Parameters without a unit in the document are displayed in the same units.
+"""
 ALIASES = {"com": "centre"}
-"""The names of results in documents, by their internal names."""
+"""Maps internal names of results to the corresponding names in documents."""
 NONE = 1e-12
-"""Relative change of a result below which the change is treated as a rounding error."""
+"""A smaller relative change of a result is treated as a rounding error."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -58,7 +61,7 @@ def _listed(text: str) -> list[str]:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `thingc sensitivity`. In text format, diagnostics go to standard error."""
+    """Run `thingc sensitivity`, and return the exit code. With text output, diagnostics are printed to standard error."""
     from thingc.batch.families import RobotFamily
     from thingc.batch.results import FamilyError
 
@@ -93,7 +96,7 @@ def _problem(one: Sensitivity, missing: NotDifferentiable) -> Diagnostic:
 
 
 def _as_data(one: Sensitivity) -> dict[str, object]:
-    """Return the sensitivities as data for the JSON output, in SI units. `derivative` is null if the derivative does not exist."""
+    """Return one sensitivity for the JSON output, in SI units. `derivative` is None if the derivative does not exist."""
     derivative, error = (None, None) if one.missing is not None else (one.derivative, one.error)
     return {
         "result": one.result, "name": one.name, "value": one.value.value, "at": one.number.value, "derivative": derivative, "error": error,
@@ -101,7 +104,10 @@ def _as_data(one: Sensitivity) -> dict[str, object]:
 
 
 def as_text(found: Sequence[Sensitivity]) -> list[str]:
-    """Format the derivatives as a table. For each result, the table lists the parameters that affect it, the largest change first."""
+    """Format the derivatives as a table.
+
+    For each result, the table lists the parameters that affect the result, the largest change first.
+    """
     rows = [("result", "value", "parameter", "at", "derivative", "error", "+1 % changes it by", "")]
     idle: list[str] = []
     for result, each in groupby(found, key=lambda one: one.result):
@@ -133,6 +139,6 @@ def _cells(one: Sensitivity) -> tuple[str, ...]:
 
 
 def _unit(value: Quantity) -> tuple[str, float]:
-    """Return the unit in which a quantity is displayed, and the value of this unit in SI units."""
+    """Return the display unit of a quantity, and the factor that converts this unit to SI units."""
     unit = "kg" if value.dimension == MASS and abs(value.value) >= 1.0 else SHOWN.get(value.dimension) or standard_unit(value.dimension)
     return unit, parse_quantity(f"1 {unit}").value

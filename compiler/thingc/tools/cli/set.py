@@ -1,4 +1,4 @@
-"""Implementation of `thingc set`, which sets values in a document by their paths, and preserves its comments and layout."""
+"""Implementation of `thingc set`, which sets the values at given paths of a document, and preserves comments and layout."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def settings(words: Sequence[str]) -> dict[str, str]:
-    """Parse the arguments `PATH=VALUE` to a mapping from paths to values. Raises `WrongCommandLine`."""
+    """Convert the arguments `PATH=VALUE` to a mapping from paths to values. Raises `WrongCommandLine` for an invalid argument."""
     return console.paths(words, "PATH=VALUE", "'joints.elbow.limit.upper=90 deg'", "`{}` is set twice", named)
 
 
 def write(document: str, given: Mapping[str, str], options: Options, arguments: argparse.Namespace, *, diff: bool = False) -> int:
     """Write new values to a document, unless the changed document has errors. Return the exit code.
 
-    The values are strings, keyed by paths or names of parameters. `arguments` must have the attributes `format` and `debug`. The attribute
-    `strict` is optional.
+    `given` maps paths or names of parameters to values as strings. `arguments` must have the attributes `format` and `debug`, and can have
+    the attribute `strict`.
     """
     typed = {named(path): f"{path}={text}" for path, text in given.items()}
     outcome = write_values(document, given, options, strict=getattr(arguments, "strict", False), dry=diff)
@@ -70,7 +70,7 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
 
 
 def _as_typed(diagnostic: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:
-    """Replace the option (`-p` or `--set`) in the location of a diagnostic by the argument that the user has typed."""
+    """Replace the option `-p` or `--set` in the location of a diagnostic by the argument on the command line."""
     option = next((option for option in OPTIONS if diagnostic.path is not None and diagnostic.path.startswith(option)), None)
     if option is None or diagnostic.path is None:
         return diagnostic

@@ -8,7 +8,7 @@ import sys
 from contextlib import contextmanager
 
 TYPE_CHECKING = False
-"""Defined here to avoid importing `typing`, because an interrupt prints a traceback until `heed` is called."""
+"""Replaces `typing.TYPE_CHECKING`, because importing `typing` would take time during which Ctrl-C prints a traceback."""
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,10 +20,10 @@ INTERRUPTED = 130
 """Exit code after an interrupt (128 + SIGINT)."""
 
 SOON = 0.001
-"""Delay [s] before a lost interrupt is sent again."""
+"""Delay [s] after which a lost interrupt is repeated."""
 
 IMPORTING = "<frozen importlib._bootstrap>"
-"""File name in the frames of Python's import system."""
+"""File name of stack frames in Python's import system."""
 
 
 def heed(*, ignored: bool = False) -> None:
@@ -46,9 +46,9 @@ def leave_at_once() -> None:
 
 
 def spare_the_child_of_glfw() -> None:
-    """Set the environment variable PYGLFW_LIBRARY to the library that the Python package glfw contains (Linux).
+    """On Linux, set the environment variable PYGLFW_LIBRARY to the library in the Python package glfw.
 
-    MuJoCo imports glfw, which otherwise starts a Python process to find the library. That process prints a traceback on Ctrl-C.
+    Without this variable, importing MuJoCo starts a Python process that finds the library, and that prints a traceback on Ctrl-C.
     """
     from thingc.base.installed_packages import package_folder
 
@@ -63,7 +63,7 @@ def spare_the_child_of_glfw() -> None:
 
 @contextmanager
 def held() -> Iterator[None]:
-    """A context manager that delays Ctrl-C and SIGTERM until it exits, for example to write all files of a group."""
+    """A context manager that delays Ctrl-C and SIGTERM until the exit of the context, for example to write several files completely."""
     global _held, _late
     _held = True
     try:
@@ -87,7 +87,7 @@ _held = _late = _come = False
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """The signal handler: raise `KeyboardInterrupt`, but not during an import, because C and Rust modules can suppress it."""
+    """Raise `KeyboardInterrupt` after a signal. During an import, delay the exception, because C and Rust modules can suppress it."""
     global _late
     if _held:
         _late = True
@@ -107,7 +107,8 @@ def _raise() -> NoReturn:
 
 
 def _dropped(dropped: UnraisableHookArgs) -> None:
-    """The `sys.unraisablehook` of this process. It repeats interrupts that Python ignores, for example in callbacks of weak references."""
+    """The `sys.unraisablehook` of this process, which repeats interrupts that Python ignores, for example in callbacks of weak references.
+    """
     if issubclass(dropped.exc_type, KeyboardInterrupt):
         _come_again()
     else:

@@ -85,7 +85,7 @@ def _run(arguments: argparse.Namespace, results: list[Result], environment: Envi
 
 
 def _selection(arguments: argparse.Namespace, assembly: Assembly) -> Selection:
-    """Return the tests and modes that the command line selects. Raises `UnknownChoice` for an unknown test or mode."""
+    """Return the tests and modes that the command-line options select. Raises `UnknownChoice` for an unknown test or mode."""
     from thingc.driver.testing.test_runner import Selection
 
     selection = Selection(only=tuple(arguments.only), modes=tuple(arguments.mode))
@@ -108,7 +108,10 @@ def _line(result: Result, width: int) -> str:
 
 
 def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> None:
-    """Print the test results in the requested output format. Lines that were already printed while the tests ran are not repeated."""
+    """Print the test results in the requested output format.
+
+    The function does not repeat lines that were already printed during the tests.
+    """
     if arguments.format == "json":
         console.print_json(diagnostics, tests=[_data(result) for result in results])
         return
@@ -131,7 +134,7 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], d
 
 
 def _data(result: Result) -> dict[str, object]:
-    """Return the result of one test as data for the JSON output. Numbers are in SI units."""
+    """Return the result of one test for the JSON output. Numbers are in SI units."""
     return {
         "name": result.name, "kind": result.kind, "mode": result.mode, "pose": result.pose, "passed": result.passed,
         "measured": dict(result.outcome.measured), "expected": dict(result.outcome.expected), "said": result.outcome.said,

@@ -1,4 +1,4 @@
-"""Implementation of `thingc touched`, which lists the documents that a change of files affects."""
+"""Implementation of `thingc touched`, which lists the documents that changed files affect."""
 
 from __future__ import annotations
 
@@ -50,8 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
 def documents(
     files: Sequence[str], since: str | None = None, *, everything: bool = False, roots: bool = False, store: str | None = None
 ) -> tuple[str, ...]:
-    """Return the absolute paths of the documents below the working folder that depend on the given files, or on files changed since a git
-    revision.
+    """Return the absolute paths of the documents below the working folder that depend on `files`, or on files changed since a git revision.
 
     Raises `WrongCommandLine` if neither files nor a revision are given, if an argument is a folder, or if git fails.
     """

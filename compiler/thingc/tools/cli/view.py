@@ -33,13 +33,13 @@ from thingc.tools.live.server import Server, findings_of
 EDITOR = "vscode://file{file}:{line}"
 
 KEY = 32
-"""Length [bytes] of the key from which the address of a document is derived."""
+"""Length [bytes] of the secret key from which the URL of a document's page is derived."""
 
 OF_DOCUMENTS = {
     "mode": "--mode", "against": "--against", "port": "--port", "editor": "--editor", "parameter": "-p", "choice": "--set",
     "strict": "--strict", "store": "--store", "jobs": "--jobs", "part_timeout": "--part-timeout",
 }
-"""Options that have no effect on an existing build, by argument."""
+"""Options that have no effect on an existing build, keyed by the attribute of the parsed arguments."""
 
 EPILOG = """\
 Serves the page on this machine only, under a secret address, and opens it in a browser. The page updates after every save and shows the
@@ -118,9 +118,9 @@ def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list
 
 
 class _Beside:
-    """The second document of `thingc view`, which is shown as an overlay over the first one.
+    """The document that `thingc view` shows as an overlay over the first document.
 
-    A thread watches this document, and compiles it while it holds the lock `turn`.
+    A thread watches this document, and acquires the lock `turn` to compile it.
     """
 
     def __init__(self, arguments: argparse.Namespace, options: Options, turn: threading.Lock) -> None:
@@ -153,7 +153,7 @@ class _Beside:
 
 
 def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
-    """Compile a document. Return the page that shows it (None after errors), and the diagnostics of the document."""
+    """Compile a document. Return the page that shows the robot (None after errors), and the diagnostics."""
     compilation = pipeline.compile(environment)
     diagnostics = console.final(compilation.report, strict=False)
     return None if compilation.report.failed else page_of(pipeline.request_of(environment, compilation)), diagnostics
@@ -171,7 +171,7 @@ def _server(arguments: argparse.Namespace) -> Server:
 
 
 def _key() -> bytes | None:
-    """Return the secret key of this user, which is random bytes in a private file. Return None if the key cannot be stored."""
+    """Return the secret key of this user: random bytes that are stored in a private file. Return None if the key cannot be stored."""
     path = os.path.join(cache_root(), "view.key")
     try:
         os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
@@ -187,7 +187,7 @@ def _key() -> bytes | None:
 
 
 def _open_build(arguments: argparse.Namespace) -> int:
-    """Open the page of an existing build in the browser. A folder must contain exactly one build.
+    """Open the page of an existing build in the browser. A given folder must contain exactly one build.
 
     Raises `WrongCommandLine` if no build exists, or if an option has no effect.
     """
@@ -208,12 +208,12 @@ def _open_build(arguments: argparse.Namespace) -> int:
 
 
 def _is_page(name: str) -> bool:
-    """Return whether an HTML file is the page of a build. The file can also be a copy outside the build folder."""
+    """Return whether an HTML file is the page of a build, or a copy of such a page."""
     return name.lower().endswith(".html") and os.path.isfile(name)
 
 
 def _build_meant(name: str) -> Path:
-    """Return the given folder if it is a build folder, or else the only build folder in it. Raises `WrongCommandLine`."""
+    """Return the folder `name` if it is a build folder, or else the only build folder inside. Raises `WrongCommandLine` otherwise."""
     folder = Path(name)
     if (folder / MANIFEST).is_file():
         return folder

@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def live_of(arguments: argparse.Namespace) -> RebuildLoop:
-    """Create the rebuild loop that the command line specifies. Raises `WrongCommandLine`."""
+    """Create a rebuild loop from the command-line arguments. Raises `WrongCommandLine` for an invalid argument."""
     console.require_document(arguments.document)
     options = console.options_of(arguments)
     targets, _ = chosen_targets(arguments)
@@ -68,7 +68,7 @@ def live_of(arguments: argparse.Namespace) -> RebuildLoop:
 
 
 def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int:
-    """Run rebuilds until Ctrl-C or SIGTERM, then stop their processes. Return the exit code."""
+    """Run rebuilds until Ctrl-C or SIGTERM, and then stop the worker processes. Return the exit code."""
     signals.heed(ignored=True)
     with contextlib.suppress(KeyboardInterrupt), live:
         for made in live.rounds(threading.Event()):
@@ -80,12 +80,12 @@ def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int
 
 
 def hopeless(made: Rebuild) -> bool:
-    """Return whether the first rebuild has failed with an error in the command line. Such an error cannot be fixed by saving a file."""
+    """Return whether the first rebuild failed because of an error in the command line, which the user cannot fix by saving a file."""
     return made.number == 1 and console.exit_code(made.diagnostics) == console.USAGE
 
 
 def say_json(made: Rebuild) -> None:
-    """Print the result of a rebuild as one line of JSON, with the keys of `thingc build --format json` and additional keys."""
+    """Print the result of a rebuild as one line of JSON. The object contains the keys of `thingc build --format json` and further keys."""
     folder = made.folder or ""
     _say_line({
         "diagnostics": as_json(made.diagnostics),
@@ -106,9 +106,9 @@ def _say_line(value: Mapping[str, object]) -> None:
 
 
 class Lines:
-    """Prints the result of each rebuild to standard error: new diagnostics, followed by one line.
+    """Prints new diagnostics and a one-line summary of each rebuild to standard error.
 
-    If a rebuild compiles another document than the one in the command line, `of` is the name of this document.
+    `of` is the name of the document if it is not the document on the command line.
     """
 
     def __init__(self, arguments: argparse.Namespace, doing: str = "watching", of: str | None = None) -> None:
@@ -119,7 +119,7 @@ class Lines:
         self._built = False
 
     def say(self, made: Rebuild) -> None:
-        """Print the new diagnostics of a rebuild, and one line about its result."""
+        """Print the new diagnostics of a rebuild, and a one-line summary."""
         console.say_in_place()
         known = made.good and made.diagnostics == self._said
         if not known:
@@ -139,7 +139,7 @@ class Lines:
 
 
 def _outcome(made: Rebuild) -> str:
-    """Describe what has changed in a rebuild, for example which files were written."""
+    """Describe the result of a rebuild, for example which files were written."""
     if made.built is None or not made.good:
         return f"not built ({made.seconds:.2f} s); {'the last successful build remains' if made.kept else 'no successful build yet'}"
     modelled = sorted(made.modelled.values())

@@ -1,4 +1,4 @@
-"""Implementation of `thingc why`, which shows why a part was built or reused, or which information the targets lose."""
+"""Implementation of `thingc why`, which shows why a part was built or reused, or which information the output formats cannot represent."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EPILOG = """\
 """
 
 _NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.])")
-"""Regular expression of numbers in the texts of losses."""
+"""Regular expression of numbers in the descriptions of export losses."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -95,7 +95,7 @@ def _losses(environment: Environment, compilation: Compilation, targets: Sequenc
 
 
 def _alike(losses: Iterable[Loss]) -> Iterable[list[Loss]]:
-    """Group export losses of the same target that differ only in locations, numbers and modes."""
+    """Group export losses of one target that differ only in source location, numbers and mode."""
     groups: dict[tuple[str, str | None, str, str], list[Loss]] = {}
     for loss in losses:
         mode = None if loss.mode == loss.path else loss.mode
@@ -104,7 +104,7 @@ def _alike(losses: Iterable[Loss]) -> Iterable[list[Loss]]:
 
 
 def _in_words(alike: Sequence[Loss]) -> str:
-    """Format a group of export losses as one line, with the location of the first loss. Numbers that differ are replaced by `...`."""
+    """Format a group of export losses as one line, with the source location of the first loss. Different numbers are replaced by `...`."""
     first = alike[0]
     place = f"{shown_path(first.span.file)}:{first.span.line}: " if first.span is not None else ""
     of_modes = first.mode == first.path
