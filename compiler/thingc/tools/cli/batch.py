@@ -45,7 +45,7 @@ files in chunks/ contain 1024 variants each, and --unpack writes the folder of o
   thingc batch leg_sweep.yaml --resume
 """
 VERIFY = {"some": 64, "all": 1, "none": 0}
-"""The values of the option `--verify`. Of models that differ only in numbers, MuJoCo compiles every n-th model."""
+"""The values of the option `--verify`. If models differ only in numbers, MuJoCo compiles only every n-th model."""
 PAUSE = 30.0
 """Interval [s] between progress reports if standard error is not a terminal."""
 STATUSES = {"built": "built", "kept_out": "kept out", "refused": "refused", "failed": "failed"}
