@@ -1,4 +1,6 @@
-"""Build up to tens of thousands of variants of a robot from a `variants/1` document. Each variant is identical to a single build.
+"""Build up to tens of thousands of variants of a robot from a `variants/1` document.
+
+The files of each variant are identical to the files of a single build.
 
     thingc.batch.plan("leg_sweep.yaml")      return the variants, in order
     thingc.batch.run("leg_sweep.yaml")       build them

@@ -19,9 +19,9 @@ from thingc.geometry.record import Value
 from thingc.model.resolve.parameters import AssemblyParameters
 
 MOST_VALUES = 100_000
-"""Maximum number of values of an axis."""
+"""Maximum number of values on an axis."""
 MOST_TRIED = 20
-"""Maximum number of values at a path that are checked with the assembly before the batch starts."""
+"""Maximum number of values per path that are checked with the assembly before the batch starts."""
 
 
 class Axis(FrozenStruct):
@@ -38,7 +38,7 @@ class Axis(FrozenStruct):
     whole: bool = False
 
     def drawn(self, u: float) -> ExpressionValue:
-        """Return the value of the axis for a random number `u` in [0, 1), which is interpreted as a fraction of the range."""
+        """Return the value on the axis for a random number `u` in [0, 1), which is interpreted as a fraction of the range."""
         if self.range is None:
             return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
         low, high = self.range
@@ -50,8 +50,8 @@ class Axis(FrozenStruct):
 class AxisParser:
     """Reads the axes and values in a `variants/1` document and reports invalid values.
 
-    `parameters` are the parameters of the assembly. `paths` are the paths at which the document sets other values. `fits(path, text, at)`
-    returns whether a string is a valid value at one of these paths, and reports an invalid string.
+    `parameters` contains the parameters of the assembly. `paths` contains the paths at which the document sets other values. The callback
+    `fits(path, text, at)` returns whether a string is a valid value at one of these paths, and reports an invalid string.
     """
 
     def __init__(
@@ -65,7 +65,10 @@ class AxisParser:
         self.tried: dict[str, int] = {}
 
     def value(self, name: str, raw: Any, path: Path) -> ExpressionValue | None:
-        """Check a value for the parameter or path `name`, and return it. If the value is invalid, report an error and return None."""
+        """Check the value of the parameter or path `name`, and return the value.
+
+        If the value of a parameter or path is invalid, report an error and return None.
+        """
         if isinstance(raw, Expression):
             self._error(
                 Code.VARIANT_VALUE, "a variant must have values; write expressions in the assembly", path,
@@ -88,10 +91,10 @@ class AxisParser:
         return value
 
     def _by_path(self, name: str, value: ExpressionValue, path: Path) -> ExpressionValue | None:
-        """Check a value for a path in the assembly document, and return it. If the value is invalid, return None.
+        """Check the value of a path in the assembly document, and return the value. Return None for an invalid value.
 
-        The first `MOST_TRIED` values of each path are checked by resolving the assembly with them. Further values must only have the same
-        type.
+        The first `MOST_TRIED` values of each path are checked by resolving the assembly with them. Any further value must only have the
+        same type.
         """
         tried = self.tried[name] = self.tried.get(name, 0) + 1
         if tried <= MOST_TRIED and not self.fits(name, self._written(path) or text_of(value), path):
@@ -109,7 +112,7 @@ class AxisParser:
     def axis(self, name: str, raw: Any) -> Axis | None:
         """Return the axis of a parameter from its value in the document: a list, a range with steps, or a single value.
 
-        Return None if no value on the axis is valid.
+        Return None if the axis has no valid value.
         """
         path: Path = ("parameters", name)
         if isinstance(raw, list):
@@ -188,9 +191,9 @@ class AxisParser:
         return Axis(key=name, range=(low, high), whole=whole)
 
     def count(self, raw: Any, path: Path, *, least: int, most: int = MOST_VALUES) -> int | None:
-        """Check an integer in the document, such as `count`, and return it.
+        """Check an integer in the document, such as `count`, and return the integer.
 
-        If it is not between `least` and `most`, report an error and return None.
+        If the integer is not between `least` and `most`, report an error and return None.
         """
         if isinstance(raw, Expression):
             self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be a number, not an expression", path, help="write the number")
@@ -207,7 +210,7 @@ class AxisParser:
         return node.text if isinstance(node, ScalarNode) else ""
 
     def _key(self, path: Path) -> Path:
-        """Return the key path of a parameter in the document, given the key path of one of its values."""
+        """Return the key path of a parameter in the document, for the key path of one of the parameter's values."""
         while path and (isinstance(path[-1], int) or path[-1] in ("from", "to")):
             path = path[:-1]
         return path

@@ -58,19 +58,22 @@ TIMEOUT = 600.0
 SHARE = 64
 """Default of `verify`: MuJoCo compiles one out of this many models that differ only in numbers."""
 CHUNK_SECONDS = 0.5
-"""Target duration [s] of a chunk."""
+"""Target duration [s] for building a chunk of variants."""
 CHUNK_MOST = 64
 """Maximum number of variants in a chunk."""
 ANEW = "run it without --resume"
-"""Help text if there is no batch to resume."""
+"""Help text of the error that there is no batch to resume."""
 ATTEMPTS = 3
-"""Number of attempts to build a variant that an executor loses."""
+"""Number of attempts to build a variant whose result an executor has lost."""
 PIECES = 8
-"""Number of chunks into which a lost chunk is split. If a variant causes another loss, fewer other variants are lost with it."""
+"""Number of smaller chunks into which a lost chunk is split.
+
+If a single variant causes such losses, smaller chunks lose fewer other variants.
+"""
 CHANCE = frozenset((Code.PART_CRASHED.code, Code.PART_HUNG.code))
-"""Errors of a part that can be caused by the machine."""
+"""Codes of part errors that can be caused by the machine instead of the part."""
 REFRESH = 30.0
-"""Minimum interval [s] of updates of the tables during a run; longer for long tables."""
+"""Minimum interval [s] between updates of the tables during a run. The interval is longer for long tables."""
 
 
 def run(
@@ -79,23 +82,23 @@ def run(
     on_progress: OnProgress | None = None, pictures: int | None = 0, on_picture: OnPicture | None = None, ship: bool = False,
     retry: bool = False, layout: str | None = None,
 ) -> Summary:
-    """Build the variants of a `variants/1` document into `<output>/<name>/`. The default `output` is the workspace's build folder.
+    """Build the variants of a `variants/1` document into `<output>/<name>/`. By default, `output` is the build folder of the workspace.
 
     Args:
-        executor: An executor, such as the result of `thingc.batch.cluster.connection.connect`, which calls `thingc.batch.engine.evaluate`.
-            Its workers must find the documents and the folder at the same paths, unless `ship` is set. None: runner processes on this
-            machine.
-        jobs: Number of runner processes (0: one per core). With an `executor`, number of chunks that run at the same time.
+        executor: An executor that calls `thingc.batch.engine.evaluate`, such as the result of `thingc.batch.cluster.connection.connect`.
+            The workers of the executor must find the documents and the folder at the same paths, unless `ship` is set. For None, use runner
+            processes on this machine.
+        jobs: Number of runner processes (0: one per core). With an `executor`, the number of chunks that run at the same time.
         emit: Targets that replace the targets of the document.
         limit: Build only this many variants, in order.
         resume: Continue an interrupted batch.
         timeout: Time limit [s] for one variant.
-        verify: MuJoCo compiles one out of this many models that differ only in numbers (1: each, 0: none).
+        verify: If models differ only in numbers, MuJoCo compiles one in `verify` models (1: each, 0: none).
         options: Options of the compiler, such as the store.
         on_progress: Callback for the progress of the batch.
         pictures: Maximum number of pictures on the page (`pictures.ALL`: all; None: 48, or none for more than 200 variants).
         on_picture: Callback for each rendered picture.
-        ship: Copy the workspace to the workers, and built variants back. The cluster must support it (dask).
+        ship: Copy the workspace to the workers, and copy built variants back. The cluster must support such transfers, as dask does.
         retry: With `resume`, also retry variants that failed, and variants that were refused because a part crashed or hung.
         layout: `folders` or `packed`, which replaces the layout of the document (default: `packed` for more than 2000 variants).
 
@@ -142,7 +145,7 @@ class _Stopped(Exception):
 class _Batch:
     """A single run of a batch, which submits variants and records their results.
 
-    It uses one thread in addition to those of the executor.
+    The batch uses one thread in addition to the threads of the executor.
     """
 
     def __init__(
@@ -174,7 +177,7 @@ class _Batch:
     # --- the folder -----------------------------------------------------------------------------------------------
 
     def prepare(self, *, resume: bool, retry: bool) -> None:
-        """Create the folder of the batch, or continue a batch in an existing folder. Raises `BatchFault` if the batch cannot start."""
+        """Create the folder of a new batch, or continue the batch in an existing folder. Raises `BatchFault` if the batch cannot start."""
         if not resume:
             begin(self.folder, self.plan.relative, self.plan.assembly_relative)
         else:
@@ -204,8 +207,8 @@ class _Batch:
     def _remember(self, *, retry: bool) -> None:
         """Read the results of an earlier run of this batch, so that finished variants are not built again.
 
-        A built variant is built again if its files are missing. With `retry`, a failed variant is also built again, unless its documents
-        caused the failure.
+        If the files of a built variant are missing, the variant is built again. With `retry`, a failed variant is also built again, unless
+        its documents caused the failure.
         """
         for index, status, there in outcomes(self.folder, chance=_by_chance if retry else None):
             if index < self.count:
@@ -271,13 +274,19 @@ class _Batch:
         return wanted
 
     def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[RemoteExecutor | None]:
-        """Return the executor that copies the workspace to a cluster and built variants back. Return None without the option `ship`."""
+        """Return an executor that copies the workspace to a cluster, and copies built variants back.
+
+        Return None if the option `ship` is not set.
+        """
         if self.transfer is None or not isinstance(cluster, FileTransferExecutor):
             return contextlib.nullcontext()
         return RemoteExecutor(cluster, self.transfer, self.folder, store_of(self.asked.options))
 
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
-        """Render pictures of variants, and write the HTML page of the finished batch. Return a warning if this machine cannot render."""
+        """Render pictures of variants, and write the HTML page of the finished batch.
+
+        Return a warning if this machine cannot render pictures.
+        """
         return show(
             self.folder, self._described(finished=True), self._columns(), most=usual(self.count) if pictures is None else pictures,
             jobs=os.cpu_count() or 1, on_picture=on_picture,
@@ -385,7 +394,7 @@ class _Batch:
             })
 
     def _take(self, journal: Journal | PackedWriter, row: Row) -> None:
-        """Record the result of a variant in the journal. If the variant already has a result, the new result is ignored."""
+        """Record the result of a variant in the journal. Ignore the new result if the variant already has a result."""
         variant = self.under_way.get(row["index"])
         if variant is None:
             return
@@ -419,7 +428,7 @@ class _Batch:
         return sealed_path(variant.index) if self.layout == PACKED else f"{folder_layout.VARIANTS}/{variant.id}"
 
     def _drain(self, journal: Journal | PackedWriter) -> None:
-        """Record all variants that were finished before the runners were ended."""
+        """Record the results of all variants that were finished before the runner processes were ended."""
         with contextlib.suppress(BatchFault, OSError):
             while True:
                 try:
@@ -443,7 +452,7 @@ class _Batch:
 
     @contextlib.contextmanager
     def _signals(self) -> Iterator[None]:
-        """Handle SIGINT and SIGTERM while the context is active. A signal never interrupts the writing of a line of the journal."""
+        """Handle the signals SIGINT and SIGTERM while the context is active. Signals never interrupt the writing of a journal line."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return

@@ -1,4 +1,7 @@
-"""Read the results of a batch: the journal lines and the files of its variants, in the order of the plan. Both layouts are supported."""
+"""Read the results of a batch: the journal lines and the files of its variants, in the order of the plan.
+
+The module supports the layouts `folders` and `packed`.
+"""
 
 from __future__ import annotations
 
@@ -22,12 +25,12 @@ from thingc.batch.planning import Plan, Variant
 from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 
 MESHES = "mjcf/assets/"
-"""Folder of the meshes of models in the folder of a variant."""
+"""Path of the folder with the meshes of models, inside the folder of a variant."""
 
 _ID = re.compile("[0-9a-f]{12}")
 
 File = tuple[Any, ...]
-"""The type by which equal files are identified. Equal values identify the same file."""
+"""The type of the values that identify files. Two files are the same file if their values are equal."""
 
 
 def in_order(folder: str) -> Iterator[Line]:
@@ -45,10 +48,10 @@ def spread(folder: str, most: int) -> tuple[int, Iterator[Line]]:
 
 
 def outcomes(folder: str, chance: Callable[[Line], bool] | None = None) -> Iterator[tuple[int, str, bool]]:
-    """Yield the index, the status and a flag for each finished variant of a batch. The flag is True if the result is final.
+    """Yield the index, the status and a flag for each finished variant of a batch. The flag is True if the outcome of the variant is final.
 
-    The result is not final for a built variant whose files are missing. It is also not final for any other variant whose journal line
-    satisfies `chance`.
+    The outcome of a built variant whose files are missing is not final. If `chance` is given, the outcome of any other variant whose
+    journal line satisfies `chance` is also not final.
     """
     for chunk in _chunks(folder):
         for index, id, _, status in chunk.heads():
@@ -81,12 +84,15 @@ def _chunks(folder: str) -> Iterator[Chunk]:
 
 
 def _is_there(folder: str, id: str) -> bool:
-    """Return whether the files of a built variant exist. The manifest of the variant is checked, because it is written last."""
+    """Return whether the files of a built variant exist.
+
+    The function checks only the manifest of the variant, because the manifest is written last.
+    """
     return packed(folder) or os.path.isfile(os.path.join(folder_layout.variant_folder(folder, id), MANIFEST))
 
 
 class BuildRecords:
-    """The finished variants of the batch in a folder. A variant is identified by its index in the plan.
+    """The finished variants of the batch in a folder. Its methods identify a variant by the index in the plan.
 
     `done` contains the indices of all finished variants in ascending order. `built` contains the indices of the built variants whose files
     exist. The class uses a few bytes of memory per variant, and caches the chunk that was read last.
@@ -106,12 +112,12 @@ class BuildRecords:
             self._ids.extend(int(hash_name(id, 12), 16) for _, id, *_ in heads)
 
     def line(self, index: int) -> Line:
-        """Return the journal line of the variant with this index. Raises `KeyError` if the variant has not finished."""
+        """Return the journal line of the variant with the index `index` in the plan. Raises `KeyError` if the variant is not finished."""
         with self._chunks.holding(index) as chunk:
             return chunk.line(index)
 
     def find(self, key: str) -> int | None:
-        """Return the index of the finished variant with the id or name `key`. Return None if there is no such variant."""
+        """Return the index of the finished variant with the id or name `key`. Return None if no finished variant has this id or name."""
         if _ID.fullmatch(key):
             with contextlib.suppress(ValueError):
                 return self.done[self._ids.index(int(key, 16))]
@@ -132,7 +138,7 @@ class _InFolder:
     """Reads the files of a variant that has its own folder.
 
     `read` returns the content of a file by its path in the build folder, or raises `FileNotFoundError`. `models` returns the sorted names
-    of the files in `mjcf/`. `meshes` returns the identity and the path on disk of each mesh by its file name.
+    of the files in `mjcf/`. `meshes` maps the file name of each mesh to its identity and its path on disk.
     """
 
     def __init__(self, folder: str) -> None:
@@ -146,9 +152,9 @@ class _InFolder:
         return listing(os.path.join(self.folder, "mjcf"))
 
     def meshes(self) -> dict[str, tuple[File, str]]:
-        """Return the identity and the path on disk of each mesh of the variant, by file name.
+        """Return a mapping from the file name of each mesh of the variant to its identity and its path on disk.
 
-        All hard links to the same mesh have the same identity. The identity includes the modification time, because inode numbers are
+        All hard links to the same mesh file have the same identity. The identity includes the modification time, because inode numbers are
         reused.
         """
         place = os.path.join(self.folder, MESHES)
@@ -160,7 +166,7 @@ class _InFolder:
 
 
 class _InChunk:
-    """Reads the files of a variant in a packed batch. It has the same methods as `_InFolder`."""
+    """Reads the files of a variant in a packed batch. The class has the same methods as `_InFolder`."""
 
     def __init__(self, of: Chunks, index: int) -> None:
         self.chunks = of
@@ -195,7 +201,7 @@ VariantFiles = _InFolder | _InChunk
 def unpack(folder: str, index: int) -> str:
     """Write the files of a built variant of a packed batch to the folder `variants/<id>/`, and return its path.
 
-    Meshes become hard links to shared files. Raises `OSError`.
+    Mesh files become hard links to shared files. Raises `OSError`.
     """
     with Chunks(folder).holding(index) as chunk:
         id = str(chunk.line(index)["id"])
@@ -214,12 +220,12 @@ def _holds(done: Sequence[int], index: int) -> bool:
 
 
 def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | None] | None:
-    """Return the variant of a plan with the id or name `wanted`, and the rule that it violates, if any. Return None for an unknown variant.
+    """Return the variant of a plan with the id or name `wanted`, and the rule that it violates, if any.
 
-    The id of a variant depends on how its settings differ from the assembly document, and its default name contains its index. If a
-    document has changed since the batch in `folder` was built, an id or name can therefore belong to another variant. For this reason, the
-    variant is found by the settings that the batch recorded for this id or name. Raises `BatchFault` if no variant of the plan has these
-    settings.
+    Return None if the plan does not contain the variant. The id of a variant depends on how its settings differ from the assembly document,
+    and its default name contains its index. If a document has changed since the batch was built, the same id or name can therefore refer to
+    another variant. For this reason, this function searches for the settings that the batch in `folder` recorded for the id or name. Raises
+    `BatchFault` if no variant of the plan has these settings.
     """
     line = _told(plan, wanted, folder)
     if line is None:
@@ -236,7 +242,7 @@ def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | N
 
 
 def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
-    """Return the journal line of the variant with this id or name in `folder`.
+    """Return the journal line of the variant with the id or name `wanted` in the batch in `folder`.
 
     Return None if the folder contains a batch of another document.
     """

@@ -1,8 +1,7 @@
 """Count the variants of a batch and check their settings, without building parts or writing files.
 
-Rules on parameters are evaluated for every variant. Variants are also resolved as in a build, which checks values, limits, poses and parts,
-but no geometry. If there are many variants, only a random sample is resolved. Further variants are checked if a plan can compute their
-result.
+Rules on parameters are evaluated for every variant. Variants are resolved as in a build. This checks values, limits, poses and parts, but
+does not build geometry. For a large number of variants, only a random sample is resolved. A plan, if available, checks further variants.
 """
 
 from __future__ import annotations
@@ -32,19 +31,19 @@ from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, Sources
 
 SHOWN = 5
-"""Number of variants that a dry run shows."""
+"""Number of example variants that a dry run prints."""
 MOST = 1000
-"""Maximum number of variants that a dry run resolves without a plan, which takes some seconds."""
+"""Maximum number of variants that a dry run resolves without a plan. Resolving this many variants takes some seconds."""
 
 
 @dataclass(slots=True, kw_only=True)
 class DryRun:
     """The result of a dry run of a batch with `count` variants.
 
-    `failing` contains the number of variants that violate each rule on parameters. `looked_at` is the number of variants that were
-    resolved; they satisfy these rules. `unsound` contains the number of resolved variants with errors, by diagnostic code, and `examples`
-    contains the first variant and error of each code. The resolved variants use `parts` distinct parts, of which `known` are in the store.
-    `first` contains the first variants.
+    `failing` maps each rule on parameters to the number of variants that violate the rule. `looked_at` is the number of variants that were
+    resolved, all of which satisfy the rules on parameters. `unsound` maps diagnostic codes to numbers of resolved variants, and `examples`
+    contains the first variant and error of each code. The resolved variants use `parts` distinct part definitions, of which `known` are in
+    the store. `first` contains the first variants of the batch.
     """
 
     count: int = 0
@@ -93,7 +92,7 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
 
 
 def _satisfying(variants: Iterable[Variant], foreseen: DryRun) -> Iterator[Variant]:
-    """Yield the variants that satisfy all rules on parameters, and add the numbers of variants to the result `foreseen`."""
+    """Yield the variants that satisfy all rules on parameters, and update the counts in `foreseen`."""
     for variant in variants:
         foreseen.count += 1
         if len(foreseen.first) < SHOWN:
@@ -122,8 +121,8 @@ class Resolving(Session):
 class Resolution(Evaluation):
     """Checks settings by resolving the document without building parts.
 
-    `parts` contains the part definitions that resolved settings use, by definition text. After `MOST` settings have been resolved, only
-    variants whose index is in `drawn` are resolved. Other settings then give no results.
+    `parts` contains the part definitions of all resolved settings, by definition text. After `MOST` settings have been resolved, only
+    variants whose index is in `drawn` are resolved. All other settings then give no results.
     """
 
     def __init__(self, session: Session, reader: SettingsReader, drawn: Container[int]) -> None:
@@ -134,7 +133,7 @@ class Resolution(Evaluation):
         self._resolved = 0
 
     def item(self, variant: Variant) -> Item:
-        """Return the settings of a variant in the form that `each` requires."""
+        """Convert a variant to the pair of settings that the method `each` requires."""
         settings = {**variant.parameters, **variant.choices}
         read = self.reader.read(settings)
         if variant.index in self._drawn:
@@ -156,6 +155,6 @@ class Resolution(Evaluation):
 
 
 def _example(session: Session, variant: Variant, wrong: Diagnostic) -> tuple[str, Diagnostic]:
-    """Return the name of a variant, and its error with numbers in the units of the documents."""
+    """Return the name of a variant, and its error, in which numbers have the units of the documents."""
     report = session.compile(Settings(parameters=variant.parameters, choices=variant.choices)).report
     return variant.name, next((one for one in report.ordered() if one.code is wrong.code), wrong)

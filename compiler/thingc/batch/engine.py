@@ -1,8 +1,8 @@
 """Build variants in runner processes. The function `evaluate` can be called through any executor with the `concurrent.futures` interface.
 
 A batch submits chunks of tasks with `executor.submit(evaluate, job, tasks)`. On the machine that executes the call, a separate process
-(`thingc.batch.runner`) builds the variants. If the runner dies or hangs, its current variant is recorded as failed, and a new runner
-continues with the next variant.
+(`thingc.batch.runner`) builds the variants. If the runner process dies or hangs, its current variant is recorded as failed, and a new
+process continues with the next variant.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from thingc.batch.job import STOPPED, Job, Row, row
 from thingc.batch.planning import Variant
 
 LOADING = 120.0
-"""Time limit [s] in which a runner must read the documents."""
+"""Time limit [s] for a runner process to read the documents."""
 STARTS = 3
-"""Maximum number of attempts to start a runner."""
+"""Maximum number of attempts to start a runner process."""
 
 T = TypeVar("T")
 OnRow = Callable[[Row], None]
@@ -34,7 +34,7 @@ class Cancelled(Exception):
 
 
 class RunnersBroken(Exception):
-    """Raised if a runner process cannot be started. `detail` is the output of the last attempt."""
+    """Raised if a runner process cannot be started. `detail` is the output of the last attempt to start a process."""
 
     def __init__(self, message: str, detail: str) -> None:
         super().__init__(message)
@@ -64,9 +64,9 @@ class Runners:
         self._closed = False
 
     def take(self, job: str) -> RunnerProcess:
-        """Return an idle runner process for the job, or start a new one.
+        """Return an idle runner process for the job, or start a new runner process.
 
-        Raises `RunnersBroken`, and `Cancelled` after a call of `cancel`.
+        Raises `RunnersBroken` if no process can be started, and `Cancelled` after a call of `cancel`.
         """
         with self._lock:
             if self._closed:
@@ -103,7 +103,7 @@ class Runners:
         raise RunnersBroken(f"cannot start a runner: {said.splitlines()[0]}", said)
 
     def give_back(self, runner: RunnerProcess) -> None:
-        """Return a runner process after use, so that it can be reused."""
+        """Return a runner process after use, so that another call can reuse the process."""
         with self._lock:
             self._busy.discard(runner)
             self._idle.append(runner)
@@ -116,7 +116,7 @@ class Runners:
             self._busy.discard(runner)
 
     def cancel(self) -> None:
-        """End all runner processes immediately. Calls that wait for a result raise `Cancelled`."""
+        """End all runner processes immediately. Calls in other threads that wait for a result raise `Cancelled`."""
         with self._lock:
             self._closed = True
             busy = [*self._busy, *self._idle]
@@ -124,7 +124,7 @@ class Runners:
             runner.kill()
 
     def close(self) -> None:
-        """End all idle runner processes, and wait until they have ended."""
+        """End all idle runner processes, and wait until the processes have ended."""
         with self._lock:
             idle, self._idle = self._idle, []
         for runner in idle:
@@ -138,15 +138,18 @@ class Runners:
 
 
 RUNNERS = Runners()
-"""The runners for executors without their own runners. These runners end with this process."""
+"""The runner processes of this process, for executors that do not manage runner processes themselves.
+
+All of these runner processes end when this process ends.
+"""
 
 
 def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow | None = None, runners: Runners | None = None) -> list[Row]:
     """Build the variants of a chunk, and return a row of results for each variant, in order.
 
-    Each row is also passed to `on_row` as soon as it is available. `job` is the result of `Job.encode()`, and `timeout` [s] is the time
-    limit for one variant. If a runner process dies or hangs, its current variant is recorded as failed, and a new runner process continues.
-    If files cannot be written, the last row has the status `stopped`, and further variants are not built.
+    Each row is also passed to the callback `on_row` as soon as the row is available. `job` is the result of `Job.encode()`, and `timeout`
+    [s] is the time limit for one variant. If a runner process dies or hangs, its current variant is recorded as failed, and a new runner
+    process continues. If files cannot be written, the last row has the status `stopped`, and further variants are not built.
     """
     pool = runners if runners is not None else RUNNERS
     rows: list[Row] = []
@@ -192,13 +195,19 @@ class LocalExecutor(Executor):
         self._threads = ThreadPoolExecutor(max_workers=jobs, thread_name_prefix="thingc-runner")
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Run a call in a thread, and return a future of its result. The function `evaluate` uses the runner processes of this executor."""
+        """Run a function call in a thread, and return a future of its result.
+
+        The function `evaluate` then uses the runner processes of this executor.
+        """
         if fn is evaluate:
             named.setdefault("runners", self.runners)
         return self._threads.submit(fn, *arguments, **named)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End all runner processes. With `cancel_futures`, they are ended immediately; otherwise, they finish their work first."""
+        """End all runner processes.
+
+        With `cancel_futures`, end the processes immediately; otherwise, let the processes finish their work first.
+        """
         if cancel_futures:
             self.runners.cancel()
         self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)

@@ -1,4 +1,4 @@
-"""Prepare the folder of a batch: lock it, protect files of the user, and check whether an existing batch can be resumed."""
+"""Prepare the folder of a batch: lock the folder, protect files of the user, and check whether an existing batch can be resumed."""
 
 from __future__ import annotations
 
@@ -31,15 +31,18 @@ _ASSET = re.compile(r"[0-9a-f]{64}")
 _PICTURE = re.compile(r"[0-9a-f]{12}\.png")
 _OLD = re.compile(r"\.old-[0-9]+-[0-9a-f]{8}")
 INNER = (folder_layout.VARIANTS, folder_layout.CHUNKS, folder_layout.ASSETS, folder_layout.PICTURES)
-"""Subfolders of the folder of a batch."""
+"""Names of the subfolders of a batch folder."""
 FOLDERS, PACKED = "folders", "packed"
-"""The layouts: a folder for each variant, or many variants in a file."""
+"""Names of the layouts: `folders` stores each variant in a folder, and `packed` stores many variants in one file."""
 MANY = 2000
-"""Number of variants above which a batch is packed by default."""
+"""Maximum number of variants for which `folders` is the default layout."""
 
 
 class BatchFault(Exception):
-    """Raised if a batch cannot start or continue. `diagnostic` contains the reason. Variants that are already built are not deleted."""
+    """Raised if a batch cannot start or continue.
+
+    `diagnostic` is the reason as an error with a code. Variants that are already built remain in the folder.
+    """
 
     def __init__(self, code: Code, message: str, help: Hint | None = None, detail: str | None = None) -> None:
         super().__init__(f"{message}: {help}" if help else message)
@@ -85,7 +88,7 @@ def read_batch(folder: str) -> dict[str, Any] | None:
 def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
     """Return the content of `batch.json` in the folder of a batch.
 
-    Raises `BatchFault` if the folder does not contain a batch of `document`. `hint` is the help text of the error.
+    Raises `BatchFault` with the help text `hint` if the folder does not contain a batch of `document`.
     """
     before = read_batch(folder)
     if before is None or before.get("document") != document:
@@ -94,7 +97,7 @@ def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
 
 
 def whole(folder: str, described: Mapping[str, Any]) -> None:
-    """Raise `MissingChunk` if a file of a packed batch is missing. `described` is the content of its `batch.json`."""
+    """Raise `MissingChunk` if a file of a packed batch is missing. `described` is the content of the file `batch.json` of this batch."""
     if described["layout"] == PACKED:
         complete(folder, described.get("asked", 0) if described["finished"] else 0)
 
@@ -127,7 +130,7 @@ def _note(folder: str, states: Mapping[str, str | None]) -> None:
 
 
 def _noted(folder: str) -> dict[str, str]:
-    """Return the recorded states of files by name. Return an empty dict if they are missing or damaged."""
+    """Return the recorded states of files by name. Return an empty dict if the recorded states are missing or damaged."""
     try:
         with open(os.path.join(folder, folder_layout.SHOWN), encoding="utf-8") as stream:
             states = json.load(stream)
@@ -137,22 +140,23 @@ def _noted(folder: str) -> dict[str, str]:
 
 
 def unchanged(folder: str, *names: str) -> bool:
-    """Return whether all these files are unchanged since their states were recorded."""
+    """Return whether all named files are unchanged since their states were recorded."""
     known = _noted(folder)
     return all(name in known and state_of(os.path.join(folder, name)) == known[name] for name in names)
 
 
 def _edited(folder: str) -> list[str]:
-    """Return the names of the files that the user has edited. Deleted and empty files do not count."""
+    """Return the names of the files that the user has edited. Deleted and empty files do not count as edited."""
     known = _noted(folder)
     mine = (folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE)
     return [name for name in mine if name in known and state_of(os.path.join(folder, name)) not in (known[name], None, NOTHING)]
 
 
 def begin(folder: str, document: str, assembly: str) -> None:
-    """Prepare the folder for a new batch of `document`. If the folder contains a finished batch of this document, its files are set aside.
+    """Prepare the folder for a new batch of `document`.
 
-    The context manager `cleared` later deletes the files that were set aside. Raises `BatchFault` if the folder contains anything else.
+    If the folder contains a finished batch of this document, the files of this batch are moved aside. The context manager `cleared` later
+    deletes the files that were moved aside. Raises `BatchFault` if the folder contains any other files.
     """
     if not os.path.lexists(folder):
         os.makedirs(folder)
@@ -184,7 +188,7 @@ def begin(folder: str, document: str, assembly: str) -> None:
 
 
 def lay_out(folder: str, layout: str) -> None:
-    """Create the subfolders of a batch with this layout.
+    """Create the subfolders that a batch with this layout requires.
 
     The file `batch.json` must already exist, so that an interrupted run can be resumed.
     """
@@ -195,7 +199,7 @@ def lay_out(folder: str, layout: str) -> None:
 def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
     """Rename the files of a finished batch, so that they can be deleted later.
 
-    If this is interrupted, the old batch is treated as unfinished and can be resumed.
+    If the renaming is interrupted, the old batch is treated as unfinished and can be resumed.
     """
     write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
     for name in (folder_layout.JOURNAL, folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE):
@@ -228,7 +232,7 @@ def cleared(folder: str) -> Iterator[None]:
 
 
 def _delete(folders: list[str], stopped: threading.Event) -> None:
-    """Delete folders that were set aside, one variant at a time, until the event `stopped` is set."""
+    """Delete folders that were moved aside, one variant at a time, until the event `stopped` is set."""
     for folder in folders:
         for inner in INNER:
             place = os.path.join(folder, inner)
@@ -240,9 +244,9 @@ def _delete(folders: list[str], stopped: threading.Event) -> None:
 
 
 def unexpected_files(folder: str, assembly: str) -> list[str]:
-    """Return the sorted paths of files in the folder that a batch must not delete.
+    """Return the sorted paths of all files in the folder that a batch must not delete.
 
-    These are files that a batch of `assembly` did not write, and files that have changed since a batch wrote them.
+    A batch must not delete files that no batch of `assembly` wrote, or that have changed since a batch wrote them.
     """
     known: Digests = {}  # variants share meshes
     paths = [name for name in os.listdir(folder) if name.removesuffix(".new") not in folder_layout.OWN and not _OLD.fullmatch(name)]
@@ -263,7 +267,10 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
 
 
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Compare the content of `batch.json` before and now. Return the reasons why the batch cannot be resumed, or an empty list."""
+    """Compare the content of `batch.json` before a run with its content now.
+
+    Return the reasons why the batch cannot be resumed, or an empty list.
+    """
     words: list[str] = []
     if before["layout"] != now["layout"]:
         words.append(f"its layout is `{before['layout']}`, not `{now['layout']}`")
@@ -277,7 +284,7 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
 
 def _changed(before: Any, now: Mapping[str, Any]) -> list[str]:
-    """Return the sorted names whose values differ between two mappings."""
+    """Return the sorted names that have different values in two mappings."""
     old = before if isinstance(before, dict) else {}
     return sorted(name for name in {*old, *now} if old.get(name) != now.get(name))
 

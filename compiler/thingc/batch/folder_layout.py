@@ -1,8 +1,8 @@
 """The layout of the folder of a batch: one folder for each variant, and meshes that variants share.
 
-    <name>/batch.json            description of the batch, and of its document
+    <name>/batch.json            description of the batch and of its document
     <name>/journal.jsonl         one line per finished variant
-    <name>/results.csv, .parquet the table
+    <name>/results.csv, .parquet the table of results
     <name>/variants/<id>/        the files that `thingc build` writes for the variant
     <name>/chunks/               instead of journal and variants for a packed batch (`packed_layout.py`)
     <name>/assets/<sha256>       every mesh once; variants have hard links or references to it
@@ -36,17 +36,17 @@ PAGE = "index.html"
 PICTURES = "pictures"
 SHOWN = "shown.json"
 OWN = frozenset((BATCH, JOURNAL, TABLE_CSV, TABLE_PARQUET, VARIANTS, CHUNKS, ASSETS, PAGE, PICTURES, SHOWN))
-"""All file and folder names that thingc uses in the folder of a batch."""
+"""Names of all files and folders that thingc writes into the folder of a batch."""
 
 NEW = ".new-"
-"""Prefix of folders and files while they are written."""
+"""Prefix of the names of temporary folders and files."""
 
 _OWN_END = f"{os.getpid()}-{os.urandom(4).hex()}"
-"""Suffix of names of temporary files. The suffix is unique across machines that share the folder."""
+"""Suffix of names of temporary files. The suffix is unique across all machines that share the folder."""
 
 
 def variant_folder(folder: str, id: str) -> str:
-    """Return the path of the folder of the variant with this id. Raises `BadPath` if the id is invalid."""
+    """Return the path of the folder of the variant with this id. Raises `BadPath` if the id of the variant is invalid."""
     return os.path.join(folder, VARIANTS, hash_name(id, 12))
 
 
@@ -57,10 +57,10 @@ def pictured(folder: str) -> frozenset[str]:
 
 
 def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blobs) -> None:
-    """Write the folder of a variant atomically. Files that are in the store become hard links to shared files in `assets/`.
+    """Write the folder of a variant atomically. Files in the store become hard links to shared files in `assets/`.
 
-    If the folder exists from an earlier run, it is replaced. Raises `BlobMissing`, and `OSError` if writing fails or a path is outside the
-    folder.
+    A folder from an earlier run is replaced. Raises `BlobMissing` if the store lacks a file, and `OSError` if writing fails or a path is
+    outside the folder.
     """
     check_tree(files)
     place = variant_folder(folder, id)
@@ -93,7 +93,7 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
 
 
 def keep_asset(folder: str, sha256: str, store: Blobs) -> None:
-    """Copy a file from the store to the folder `assets/` atomically, unless it is already there.
+    """Copy a file from the store to the folder `assets/` atomically, unless the folder already contains the file.
 
     Raises the same errors as `write_variant`.
     """
@@ -122,12 +122,15 @@ class SharedAssets:
 
 
 def asset_path(folder: str, sha256: str) -> str:
-    """Return the path of the shared file with this SHA-256. Raises `BadPath` if the hash is invalid."""
+    """Return the path of the shared file with this SHA-256. Raises `BadPath` if the SHA-256 is invalid."""
     return os.path.join(folder, ASSETS, hash_name(sha256))
 
 
 def _make(fresh: str, folder: str, made: set[str]) -> None:
-    """Create the folder `folder` inside the new folder `fresh`, unless it has been created before. `made` contains the created folders."""
+    """Create the subfolder `folder` of the new folder `fresh`, unless this function has created the subfolder before.
+
+    `made` contains the paths of subfolders that have been created.
+    """
     if folder not in made:
         _make(fresh, folder.rpartition("/")[0], made)
         os.mkdir(f"{fresh}/{folder}")
@@ -137,7 +140,7 @@ def _make(fresh: str, folder: str, made: set[str]) -> None:
 def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> None:
     """Create the file `target` as a hard link to the shared file with this content, or as a copy if links are not supported.
 
-    If the shared file does not exist yet, it is written first.
+    If the shared file does not exist, write the shared file first.
     """
     asset = asset_path(folder, content.sha256)
     full = False
@@ -172,7 +175,7 @@ def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> N
 
 
 def remove(path: str) -> None:
-    """Delete a file, or a folder with its content. Errors are ignored."""
+    """Delete a file, or a folder with its content. Errors during deletion are ignored."""
     if os.path.isdir(path) and not os.path.islink(path):
         shutil.rmtree(path, ignore_errors=True)
     else:
@@ -195,8 +198,8 @@ Line = dict[str, Any]
 class Journal:
     """The journal of a batch, opened for appending. On exit, this context manager closes the file.
 
-    Each line is written with a single system call. An incomplete last line is removed when the journal is opened, and after a failed write.
-    A failed write raises `OSError`.
+    Each journal line is written with a single system call. An incomplete last line is removed when the journal is opened, and after a
+    failed write. Raises `OSError` if writing a line fails.
     """
 
     def __init__(self, path: str) -> None:

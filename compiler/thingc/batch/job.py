@@ -23,7 +23,7 @@ from thingc.driver.environment import Options
 from thingc.targets.manifest import versions
 
 STOPPED = "stopped"
-"""The status of a row that ends the batch: files can no longer be written or read, and the variant is not the reason."""
+"""The status of a row that ends the batch, because files can no longer be written or read for a reason other than the variant."""
 
 
 class Job(FrozenStruct):
@@ -34,9 +34,9 @@ class Job(FrozenStruct):
         folder: The absolute path of the folder of the batch. If `folder` is None, no files are written.
         rules: The rules that compare results of a variant.
         dimensions: The exponents of length, mass, time and angle for each numeric parameter.
-        packed: Whether the contents of files are part of the row of a variant, so that only shared files are written.
-        verify: MuJoCo compiles one out of this many models that differ only in numbers (1: each, 0: none).
-        cwd: The working folder of runner processes. None means the working folder of their parent process.
+        packed: Whether the row of a variant contains its files, so that only shared files are written.
+        verify: If models differ only in numbers, MuJoCo compiles one in `verify` models (1: each, 0: none).
+        cwd: The working folder of runner processes. None selects the working folder of the parent process.
     """
 
     assembly: str
@@ -56,31 +56,31 @@ class Job(FrozenStruct):
     cwd: str | None = None
 
     def encode(self) -> str:
-        """Encode the job as a single line of JSON. `decode` is the inverse function."""
+        """Encode the job as a single line of JSON. The inverse of this function is `decode`."""
         return json.dumps(asdict(self), sort_keys=True)
 
     @staticmethod
     def decode(text: str) -> Job:
-        """Return the job that `encode` has encoded."""
+        """Return the job that `encode` has converted to the string `text`."""
         return convert(json.loads(text), Job)
 
 
 Row = dict[str, Any]
-"""The result of a variant, as a row of the journal. Unknown values are omitted.
+"""The result of a variant, as a row of the journal. Keys with unknown values are omitted.
 
-The keys are `index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`, `results`, `losses`
+A row has the keys `index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`, `results`, `losses`
 (counts by kind), `files` and `shared` (of a packed batch, see `packed_layout.py`), `seconds`, `modelled` (definition texts), `reused`
 (number of parts), and `pid` of the runner.
 """
 
 
 def row(task: Variant, status: str, **more: Any) -> Row:
-    """Create the row of results of a variant, which is recorded in the journal."""
+    """Create the row of results of a variant for the journal."""
     return {"index": task.index, "id": task.id, "status": status, **more}
 
 
 def refusal(fault: OSError) -> str:
-    """Return a message that describes an error of the operating system."""
+    """Return a message that explains an error of the operating system."""
     reason = fault.strerror or str(fault)
     return f"`{fault.filename}`: {reason}" if fault.filename is not None else reason
 
@@ -102,9 +102,10 @@ def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Seq
 
 
 def seen(plan: Plan, folder: str) -> dict[str, str]:
-    """Return the digests of all files that every worker must be able to read, by absolute path.
+    """Return the digests of all files that every worker must be able to read, keyed by absolute path.
 
-    The result includes `batch.json`. Files outside the workspace are not included, because the plan does not contain their paths.
+    The mapping also contains the digest of `batch.json`. Files outside the workspace are omitted, because the plan does not contain their
+    paths.
     """
     files = {os.path.join(plan.workspace.root, path): state for path, state in plan.inputs.items() if not path.startswith(OUTSIDE)}
     with open(os.path.join(folder, folder_layout.BATCH), "rb") as stream:

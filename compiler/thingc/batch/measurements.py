@@ -1,4 +1,6 @@
-"""Compute the results of a variant, such as its mass and reach, from the assembly and the robot. No simulation is required.
+"""Compute the results of a variant, such as its mass and reach, from the assembly and the robot.
+
+The measurements do not require a simulation.
 
     mass, centre.x y z, inertia.xx ... yz   the whole robot at q = 0, in the frame of the base component
     box.x y z                               sides of the bounding box of the boxes of all parts, along the axes of the world
@@ -6,7 +8,7 @@
     torque_margin                           smallest effort / |static torque| of all drives
     length.JOINT                            distance of a joint from the previous joint, as in the documents
     site:MOUNT.x y z                        position of a mount in the world, if requested
-    tests.NAME                              what a test measures, if requested (`TESTED`), by pose if it has several
+    tests.NAME                              the value that a test measures, if requested (`TESTED`), by pose if there are several
 
 Box, reach, torques and sites are computed for one mode and one pose.
 """
@@ -35,11 +37,11 @@ if TYPE_CHECKING:
     from thingc.targets.request import EmitRequest
 
 Results = dict[str, float | None]
-"""Results by name in SI units. If a variant does not have a result, its value is None or missing."""
+"""A mapping from the name of each result to its value in SI units. A result that a variant does not have is None or missing."""
 SITE = "site:"
-"""Prefix of the results of a mount."""
+"""Prefix of the names of results that are positions of mounts."""
 TORQUES = "torque_margin"
-"""The result that requires the torques of all drives."""
+"""The name of the result that requires the torques of all drives."""
 
 TEST = "tests."
 """Prefix of the names of values that document tests measure."""
@@ -47,11 +49,14 @@ TESTED: Mapping[str, Mapping[str, Dimension]] = {
     "mass": {"mass": MASS}, "centre": {"centre": LENGTH}, "reach": {"reach": LENGTH}, "point": {"distance": LENGTH, "angle": ANGLE},
     "ground_clearance": {"clearance": LENGTH}, "torque_margin": {"margin": NUMBER},
 }
-"""Measured values with their dimensions, by kind of test. Other kinds of tests measure no numbers that change smoothly."""
+"""The measured values and their physical dimensions, for each kind of document test.
+
+All other kinds of document tests measure no numbers that change smoothly.
+"""
 
 
 class UnknownMount(Exception):
-    """Raised if a mount does not exist. `text` is the reference to the mount in the document, and `diagnostic` is the error."""
+    """Raised if a referenced mount does not exist. `text` is the reference to the mount in the document, and `diagnostic` is the error."""
 
     def __init__(self, text: str, known: Sequence[str]) -> None:
         super().__init__(text)
@@ -63,12 +68,13 @@ def measure(
     robot: Robot, pose: str | None, reach: tuple[str, str] | None, sites: Sequence[str] = (), *, torques: bool = True,
     memo: Memo | None = None,
 ) -> Results:
-    """Compute the results of a robot in a pose (None: the pose of the mode, else q = 0). Raises `UnknownMount` for an unknown mount.
+    """Compute the results of a robot in the pose `pose`.
 
-    If the loops of the mode do not close in the pose, the results box, reach, sites and torque margin are omitted. The torque margin is
-    also omitted if the robot has closed loops, if it does not stand on its feet, and if `torques` is False. In a robot with closed loops,
-    the torques depend on how the loops share the load. `reach` contains references to two mounts. `sites` contains references to mounts, or
-    to single coordinates of mounts.
+    For None, use the pose of the mode, or else q = 0. Raises `UnknownMount` for a reference to an unknown mount. If the loops of the mode
+    cannot be closed in the pose, the results for box, reach, sites and torque margin are omitted. The torque margin is also omitted if
+    `torques` is False, if the robot has closed loops, or if the robot does not stand on its feet. The torques of a robot with closed loops
+    depend on how the loops share the load. `reach` contains references to two mounts. `sites` contains references to mounts, or to single
+    coordinates of mounts.
     """
     assembly = robot.assembly
     whole = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
@@ -108,7 +114,8 @@ def measure(
 def measure_tests(request: EmitRequest, names: Collection[str]) -> Results:
     """Run document tests, and return the values that they measure by name.
 
-    A name contains the mode and the pose if the test runs in several modes or poses, and the key if the test measures several values.
+    The name of a value contains the mode and the pose if the test runs in several modes or poses, and the key if the test measures several
+    values.
     """
     from thingc.driver.testing.test_runner import Selection, run
 
@@ -129,7 +136,10 @@ def measure_tests(request: EmitRequest, names: Collection[str]) -> Results:
 
 
 def _placed(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pose, ...]] | None:
-    """Return the positions of all joints in a pose, and the poses of all bodies in the world. Return None if the loops do not close."""
+    """Return the positions of all joints in a pose, and the poses of all bodies in the world.
+
+    Return None if the closed loops of the robot cannot be closed.
+    """
     name = pose if pose is not None else robot.mode.pose
     frame = next((one for one in robot.keyframes if one.name == name), None)
     base = robot.bodies[0].X_PL
@@ -145,9 +155,9 @@ def _placed(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pos
 def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
     """Return the result `length.JOINT` [m] of every joint that has a previous joint.
 
-    This is the distance between the parent mount of the joint and the mount at which the previous joint holds the link. Parent and child
-    are as in the documents, so the result does not depend on the root. `within` contains the poses of all components in their links (see
-    `in_link`).
+    The length is the distance between the parent mount of the joint and the mount at which the previous joint holds the link. Parent and
+    child are defined by the documents, so the lengths do not depend on the root. `within` contains the poses of all components in their
+    links (see `in_link`).
     """
     placed = {assembly.link_of[mate.child]: mate for mate in assembly.mates if mate.joints and mate.loop is None}
     distances: Results = {}
@@ -179,7 +189,7 @@ def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vec
 
 
 def _mount(assembly: Assembly, text: str) -> tuple[int, str]:
-    """Return the index of the component and the name of the mount to which a reference leads. Raises `UnknownMount`."""
+    """Return the index of the component and the name of the mount for a reference to a mount. Raises `UnknownMount`."""
     words = text.split(".")
     path = "/".join(words)
     for exported in assembly.exported:
@@ -195,9 +205,9 @@ def _mount(assembly: Assembly, text: str) -> tuple[int, str]:
 
 
 def _site(assembly: Assembly, text: str) -> tuple[str, tuple[int, str]]:
-    """Return the name of the result for a reference to a mount, together with the component and the name of the mount.
+    """Return the name of the result for a reference to a mount, together with the index of the component and the name of the mount.
 
-    The reference may end with a coordinate, as in `hook.z`.
+    The reference can end with a coordinate, as in `hook.z`.
     """
     try:
         return f"{SITE}{text}", _mount(assembly, text)

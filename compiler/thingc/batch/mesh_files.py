@@ -1,4 +1,7 @@
-"""Read the mesh files of the variants of a batch. Each mesh file is read once, and is shared by all variants that use it."""
+"""Read the mesh files of the variants of a batch.
+
+Each mesh file is read once, and the result is shared by all variants that use the file.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +21,10 @@ MESH_BYTES = 256 * 2**20
 
 
 class MeshFiles:
-    """A cache for the contents of mesh files. Files with the same identity are read once.
+    """A cache for the contents of mesh files. All files with the same identity are read once.
 
-    If the cache contains more than `most` bytes, the least recently used files are removed. The last virtual file system of MuJoCo is also
-    cached. This class is thread-safe. A copy in another process starts empty.
+    If the cache contains more than `most` bytes, the least recently used files are removed. The most recent virtual file system of MuJoCo
+    is also cached. This class is thread-safe. A pickled copy of the cache is empty.
     """
 
     def __init__(self) -> None:
@@ -35,7 +38,10 @@ class MeshFiles:
         return MeshFiles, ()
 
     def of(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
-        """Return the contents of mesh files by name. `files` contains the identity and the path of each file."""
+        """Return a mapping from file names of meshes to their contents.
+
+        `files` maps file names to the identity and the path of each file.
+        """
         with self._lock:
             return self._read(files)
 
@@ -55,7 +61,7 @@ class MeshFiles:
 
     @contextlib.contextmanager
     def mounted(self, wanted: Mapping[str, tuple[File, str]]) -> Iterator[mujoco.MjVfs]:
-        """Yield a virtual file system of MuJoCo that contains the given mesh files. Only one thread at a time can use it."""
+        """Yield a virtual file system of MuJoCo that contains the given mesh files. Only one thread at a time can use the file system."""
         import mujoco
 
         own = {name: file for name, (file, _) in wanted.items()}  # by identity: each variant has links to the same files in its own folder

@@ -4,11 +4,11 @@
     chunks/000012.run.parquet   the same rows, with data about the run (seconds, modelled parts)
     chunks/000012.jsonl         the journal of an incomplete chunk, including files
 
-A chunk is sealed when all of its variants have finished: the chunk file is written and renamed, and the journal of the chunk is removed.
-The plan determines the variants and their order, so a batch always results in the same chunks. Neighbouring variants differ in a few
-numbers. Compressed in groups of rows, a file takes some hundred bytes, and reading it decompresses one column of one group. Files in the
-store are written to `assets/` once, and rows refer to these files (`shared`). The index of a variant in the plan determines its place.
-Therefore no other index is needed.
+A chunk is *sealed* when all of its variants have finished: the chunk file is written and renamed, and the journal of the chunk is removed.
+The plan determines the variants and their order, so a batch always has the same chunks. Files of neighbouring variants differ only in a few
+numbers. A compressed file therefore takes some hundred bytes, and reading a file decompresses one column of one group of rows. Files in the
+store are written to `assets/` once, and rows refer to these files in the column `shared`. The index of a variant in the plan determines the
+chunk and the row of this variant. No other index is needed.
 """
 
 from __future__ import annotations
@@ -36,23 +36,31 @@ if TYPE_CHECKING:
     from pyarrow.parquet import ParquetFile
 
 LARGEST = 2**31 - 1
-"""Maximum size [bytes] of the texts in one Arrow array."""
+"""Maximum total size [bytes] of the strings in one Arrow array."""
 
 
 CHUNK = 1024
 """Number of variants in a chunk."""
 GROUP, GROUP_BYTES = 64, 32 * 2**20
-"""Number of rows in a group, and maximum total size [bytes] of the files in a group. To read a file, its group is decompressed."""
+"""Number of rows in a group, and maximum total size [bytes] of the files in a group.
+
+To read a single file, the whole group is decompressed.
+"""
 RUN = ("seconds", "modelled", "reused", "pid", "printed", "detail")
 """Keys of a journal line that describe the run."""
 FILES, SHARED = "files", "shared"
-"""Keys in the line of a built variant in the journal of a chunk, both by path: its files in base64, and the SHA-256 of files in `assets/`.
+"""Keys in the journal line of a built variant.
+
+Both values are mappings from paths: to files in base64, and to the SHA-256 of files in `assets/`.
 """
 HEADS = ("index", "id", "name", "status")
 CELLS = (*HEADS, "losses", "line", SHARED)
-"""The columns before the columns of files. `line` is the line of the journal. `line`, `losses` and `shared` contain JSON."""
+"""The columns of a chunk file that precede the columns of files.
+
+The column `line` contains the journal line. The columns `line`, `losses` and `shared` contain JSON.
+"""
 OPEN_MOST, COLUMNS_MOST = 16, 24
-"""Maximum number of open chunks of a reader, and of cached columns of an open chunk."""
+"""Maximum number of chunks that a reader has open, and maximum number of cached columns per open chunk."""
 
 _SEALED = re.compile(r"([0-9]{6})\.parquet")
 _RUN = re.compile(r"([0-9]{6})\.run\.parquet")
@@ -71,7 +79,7 @@ class DamagedChunk(OSError):
 
 
 class MissingChunk(DamagedChunk):
-    """Raised if a file of a chunk does not exist although the variants of this chunk are finished."""
+    """Raised if the variants of a chunk are finished, but a file of this chunk does not exist."""
 
     state = "no longer exists"
     cure = "continue with --resume, which builds its variants again"
@@ -79,7 +87,7 @@ class MissingChunk(DamagedChunk):
 
 @contextlib.contextmanager
 def _reading(path: str) -> Iterator[None]:
-    """Convert errors that occur while a chunk file is being read to `DamagedChunk`."""
+    """Convert errors while reading a chunk file to `DamagedChunk`."""
     from pyarrow import ArrowException
 
     try:
@@ -105,7 +113,7 @@ def packed(folder: str) -> bool:
 def complete(folder: str, count: int) -> None:
     """Raise `MissingChunk` if the chunk of one of the first `count` variants is missing, or if a finished chunk lacks a file.
 
-    When a chunk is finished, its run file is written first, and its journal is removed last.
+    When a chunk is sealed, its run file is written first, and its journal is removed last.
     """
     sealed = _numbers(folder, _SEALED) | _numbers(folder, _RUN) if packed(folder) else set()
     for number in sorted({*range(-(-count // CHUNK)), *sealed}):
@@ -130,12 +138,12 @@ def _numbers(folder: str, pattern: re.Pattern[str]) -> set[int]:
 
 
 class PackedWriter:
-    """Records the finished variants of a packed batch. Variants are first written to the journal of their chunk.
+    """Records the finished variants of a packed batch. The writer first writes variants to the journal of their chunk.
 
-    `done` contains a flag for each variant that is True if the variant has finished. On exit, this context manager closes the journals, but
-    does not seal chunks.
+    `done` contains a flag for each variant that is True if the variant has finished. On exit, this context manager closes the journals of
+    the chunks without sealing the chunks.
 
-    All methods raise `OSError` if writing fails. An incomplete line is then removed.
+    All methods raise `OSError` if writing fails. The journal then does not contain an incomplete line.
     """
 
     def __init__(self, folder: str, done: Sequence[int]) -> None:
@@ -161,7 +169,7 @@ class PackedWriter:
             self._seal(number)
 
     def sync(self) -> None:
-        """Seal every chunk that contains new variants, even if it is incomplete. This method is called at the end of a batch."""
+        """Seal every chunk that contains new variants, even if it is incomplete. Call this method at the end of a batch."""
         for number in sorted(_numbers(self.folder, _JOURNAL)):
             self._seal(number)
 
@@ -178,9 +186,9 @@ class PackedWriter:
 
 
 def seal(folder: str, number: int) -> None:
-    """Write the chunk file from the old chunk file and the journal of the chunk, and remove the journal.
+    """Write the chunk file from the old chunk file and the chunk's journal, and remove the journal.
 
-    If this is interrupted, the old chunk file or the journal still exists.
+    After an interruption, the old chunk file or the journal still exists.
     """
     from pyarrow import parquet
 
@@ -208,7 +216,7 @@ def seal(folder: str, number: int) -> None:
 
 
 def _groups(chunk: Chunk, columns: Sequence[str]) -> Iterator[list[tuple[Any, ...]]]:
-    """Yield groups of rows for a chunk file. `columns` contains the names of the columns; the last of these are paths of files."""
+    """Yield groups of rows for a chunk file. `columns` contains the column names, in which the paths of files are last."""
     group: list[tuple[Any, ...]] = []
     size = 0
     for index in chunk.indices:
@@ -249,11 +257,11 @@ def _json(value: Any) -> str:
 
 
 class Chunk:
-    """The finished variants of one chunk, read from its chunk file and from its journal. The journal has precedence.
+    """The finished variants of one chunk, read from its chunk file and from its journal.
 
-    `indices` contains the indices of the variants in ascending order. `paths` contains the paths of files that variants do not share. A
-    batch that is not packed has a single chunk, which is its journal. An open chunk remains readable while the batch continues. This class
-    is not thread-safe.
+    If both contain a variant, the journal has precedence. `indices` contains the plan indices of the variants in ascending order. `paths`
+    contains the paths of all files that are not in `assets/`. A batch that is not packed has a single chunk, which is its journal. An open
+    chunk remains readable while the batch continues. This class is not thread-safe.
     """
 
     def __init__(self, folder: str, number: int) -> None:
@@ -295,7 +303,7 @@ class Chunk:
                 one.close()
 
     def heads(self) -> list[tuple[int, str, str, str]]:
-        """Return the index, the id, the name and the status of each finished variant of the chunk."""
+        """Return a tuple with the index, the id, the name and the status of each finished variant of the chunk."""
         heads: dict[int, Any] = {}
         if self._sealed is not None:
             cells = self._read(list(HEADS))
@@ -305,7 +313,7 @@ class Chunk:
         return [heads[index] for index in self.indices]
 
     def losses(self) -> Counter[str | None]:
-        """Count the variants of the chunk by their export losses, which are encoded as JSON."""
+        """Count the variants of the chunk for each combination of export losses, which is encoded as JSON."""
         counts: Counter[str | None] = Counter()
         if self._sealed is not None:
             counted = self._read(["losses"])["losses"].value_counts()
@@ -317,37 +325,37 @@ class Chunk:
         return +counts
 
     def line(self, index: int) -> Line:
-        """Return the journal line of the variant with this index, in the same form as in a batch that is not packed."""
+        """Return the journal line of the variant with this plan index, in the same form as in a batch that is not packed."""
         if index in self._begins:
             return {key: value for key, value in self._noted(index).items() if key not in (FILES, SHARED)}
         return {**json.loads(self.cell(index, "line")), **json.loads(self.cell(index, "run"))}
 
     def shared(self, index: int) -> dict[str, str]:
-        """Return the SHA-256 of each file of a variant that is stored in `assets/`, by the path of the file."""
+        """For a variant, return the SHA-256 of each file in `assets/`, keyed by the path of the file."""
         digests: dict[str, str] = json.loads(self.cell(index, SHARED) or "{}")
         return digests
 
     def files(self, index: int) -> dict[str, bytes]:
-        """Return the contents of all files of a variant that are not stored in `assets/`, by the path of the file."""
+        """For a variant, return the contents of all files that are not in `assets/`, keyed by the path of the file."""
         return {path: data for path in self.paths if (data := self.cell(index, path)) is not None}
 
     def cell(self, index: int, column: str) -> Any:
         """Return the value of a variant in one column, or None if the cell is empty.
 
-        If the column is a file, the value is its content as bytes.
+        For the column of a file, return the content of the file as bytes.
         """
         if index in self._begins:
             return _cell_of(self._noted(index), column)
         return self._sealed_cell(self._rows[index], column) if column in self._sealed_columns else None
 
     def _read(self, columns: list[str]) -> Any:
-        """Read the given columns from the chunk file."""
+        """Read the given columns of the chunk file."""
         assert self._sealed is not None
         with _reading(self._path):
             return self._sealed.read(columns)
 
     def _noted(self, index: int) -> Line:
-        """Return the line of a variant in the journal of the chunk. The last line is cached."""
+        """Return the journal line of a variant, read from the journal of the chunk. The line that was read last is cached."""
         if self._entry[0] != index:
             self._journal.seek(self._begins[index])
             self._entry = index, json.loads(self._journal.readline())
@@ -369,7 +377,7 @@ class Chunk:
 
 
 def _cell_of(line: Line, column: str) -> Any:
-    """Return the value that a journal line has in a column of a chunk file."""
+    """Return the value in a journal line that belongs to a column of a chunk file."""
     match column:
         case "line":
             return _json({key: value for key, value in line.items() if key not in (*RUN, FILES, SHARED)})
@@ -395,9 +403,9 @@ def _opened(path: str) -> ParquetFile | None:
 
 
 class Chunks:
-    """The chunks of a packed batch. A chunk is opened when it is first used, and the least recently used chunks are closed.
+    """The open chunks of a packed batch. A chunk is opened when it is first used, and the least recently used chunks are closed.
 
-    This class is thread-safe. A copy in another process opens the files again.
+    This class is thread-safe. A pickled copy opens the files again.
     """
 
     def __init__(self, folder: str) -> None:
@@ -411,7 +419,7 @@ class Chunks:
 
     @contextlib.contextmanager
     def of(self, number: int) -> Iterator[Chunk]:
-        """Open the chunk with this number while the context is active. Only one thread at a time can use a chunk."""
+        """Open the chunk with this number while the context is active. Only one thread at a time can use the same chunk."""
         with self._lock:
             if number not in self._open:
                 self._open[number] = Chunk(self.folder, number)
@@ -428,9 +436,9 @@ class Chunks:
 def column(values: Sequence[Any], type: Any) -> Any:
     """Create an Arrow array from a list of values, in which None is a missing value.
 
-    The result is the same as from `pyarrow.array(values, type)`, for the types `int64`, `float64`, `bool_`, `string` and `binary`, and the
-    same errors are raised. `pyarrow.array` would import pandas, if installed, to check for pandas types. This import takes as long as
-    building a dozen variants.
+    The function returns the same array and raises the same errors as `pyarrow.array(values, type)`, for the types `int64`, `float64`,
+    `bool_`, `string` and `binary`. In contrast, `pyarrow.array` imports pandas, if installed, to check for pandas types. Importing pandas
+    takes as long as building a dozen variants.
     """
     import pyarrow
 
@@ -450,5 +458,5 @@ def column(values: Sequence[Any], type: Any) -> Any:
 
 
 def _bits(flags: Sequence[Any]) -> bytes:
-    """Pack booleans into bytes. The first boolean is the lowest bit of the first byte."""
+    """Pack a sequence of booleans into bytes. The first boolean is the lowest bit of the first byte."""
     return int("0" + "".join("1" if flag else "0" for flag in reversed(flags)), 2).to_bytes(len(flags) // 8 + 1, "little")

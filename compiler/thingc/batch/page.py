@@ -1,7 +1,8 @@
-"""Write the HTML page of a batch, `index.html`. It contains pictures of variants, the table of results, and a plot of any two columns.
+"""Write the HTML page of a batch, `index.html`.
 
-The page is a single file that loads nothing from the network. The style sheet, the script and the data are in this file; the pictures are
-in `pictures/`. The same batch results in the same bytes, because columns about the run (`parts_modelled`, `seconds`, ...) are omitted.
+The page contains pictures of variants, the table of results, and a plot of any two columns. The page is a single file that loads nothing
+from the network. The HTML file contains the style sheet, the script and the data; the pictures are in the folder `pictures/`. The page of
+the same batch always has the same bytes, because columns about the run (`parts_modelled`, `seconds`, ...) are omitted.
 """
 
 from __future__ import annotations
@@ -26,13 +27,14 @@ from thingc.batch.values import size_of
 from thingc.driver.environment import Options
 
 MOST = 10_000
-"""Maximum number of rows of a page, about 4 MB. For a longer table, the page contains this number of evenly spaced rows."""
+"""Maximum number of table rows on a page, which take about 4 MB. The page of a longer table contains this number of evenly spaced rows."""
 
 
 def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
     """Write the HTML page of a batch into its folder in one atomic step, and return the path of the page.
 
-    `described` is the content of `batch.json`, and `wanted` contains the columns of the table. Only one row at a time is in memory.
+    `described` is the content of `batch.json`, and `wanted` contains the columns of the table. Only one row of the table is in memory at a
+    time.
     """
     path = os.path.join(folder, folder_layout.PAGE)
     wanted = [column for column in wanted if column.name not in RUN]
@@ -56,7 +58,7 @@ def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Colum
 
 
 def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the HTML text before the data of the page, and the HTML text after the data."""
+    """Return two parts of the HTML page: the text before the data, and the text after the data."""
     own = resources.files("thingc.batch")
     texts = {place: (own / name).read_text(encoding="utf-8") for place, name in (("@STYLE@", "page.css"), ("@SCRIPT@", "page.js"))}
     texts["@TITLE@"] = html.escape(escape_control(f"{described['name']}: variants of {described['assembly']}"))
@@ -66,10 +68,10 @@ def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _units(wanted: Sequence[Column]) -> list[tuple[str, float | None]]:
-    """Return for each column the unit in which the page displays its values, and the size of this unit in SI units.
+    """Return the unit in which the page displays each column, and the size of this unit in SI units.
 
-    The size is None for SI units. A parameter is displayed in the unit of the documents. A result is displayed in the unit of the first
-    parameter with the same physical dimension.
+    The size is None for a column in SI units. The page displays a parameter in the unit of the documents. The page displays a result in the
+    unit of the first parameter with the same physical dimension.
     """
     alike: dict[str, str] = {}
     for column in wanted:
@@ -81,12 +83,12 @@ def _units(wanted: Sequence[Column]) -> list[tuple[str, float | None]]:
 
 
 def _in_unit(value: Any, size: float) -> Any:
-    """Convert an SI value to a unit of the given size, with 12 digits: 0.07 m becomes 70 mm."""
+    """Convert an SI value to a unit with the given size, with 12 digits. For example, convert 0.07 m to 70 mm."""
     return float(f"{value / size:.12g}") if isinstance(value, (int, float)) and math.isfinite(value) else value
 
 
 def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequence[str]) -> str:
-    """Return the first part of the JSON data of the page, which precedes the rows of the table."""
+    """Return the first part of the JSON data of the page, up to the rows of the table."""
     names = ("name", "document", "assembly", "count", "done", "pose", "finished", "layout")
     told: dict[str, Any] = {name: _json_value(described[name]) for name in names}
     told["modes"] = [escape_control(name) for name in described["modes"]]
@@ -95,14 +97,17 @@ def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequenc
 
 
 def _json_value(value: Any) -> Any:
-    """Convert the value of a cell to JSON. Infinity becomes the string `inf`, and control characters in strings are escaped."""
+    """Convert the value of a table cell to a JSON value.
+
+    Infinity is converted to the string `inf`, and control characters in strings are escaped.
+    """
     if isinstance(value, str):
         return escape_control(value)
     return "inf" if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def parameter_columns(plan: Plan) -> list[Column]:
-    """Return the columns of the table for all parameters of the assembly, and for all values that the plan sets by path."""
+    """Return the table columns for all parameters of the assembly, and for all values that the plan sets by path."""
     return [
         Column(name=name, kind="number", unit=plan.units[name], written=plan.written_in.get(name, "")) if isinstance(own, Quantity)
         else Column(name=name, kind="flag" if isinstance(own, bool) else "text")
@@ -114,9 +119,10 @@ def show(
     folder: str, described: Mapping[str, Any], wanted: Sequence[Column], *, most: int, jobs: int,
     on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
-    """Render pictures of at most `most` variants, and write the HTML page of the batch. Return a warning if this machine cannot render.
+    """Render pictures of at most `most` variants, and write the HTML page of the batch.
 
-    Ctrl-C ends only the rendering. The page then shows the pictures that are finished. Raises `OSError`.
+    Return a warning if this machine cannot render pictures. Ctrl-C ends only the rendering of pictures. After Ctrl-C, the page shows the
+    pictures that are finished. Raises `OSError` if writing fails.
     """
     warning = None
     forget(folder, folder_layout.PAGE)
@@ -135,8 +141,8 @@ def show_again(
 ) -> tuple[str, Diagnostic | None]:
     """Render the pictures and write the HTML page of an existing batch again. Return the path of the page, and a warning or None.
 
-    The warning explains why this machine cannot render. `pictures` has the same meaning as for `run`. Raises `PlanError` for a document
-    with errors, and `BatchFault` if a batch of this document does not exist or is still in progress.
+    The warning explains why this machine cannot render pictures. `pictures` has the same meaning as for the function `run`. Raises
+    `PlanError` for a document with errors, and `BatchFault` if the batch does not exist or is still in progress.
     """
     plan = variants_document.plan(document, options=options)
     folder = plan.folder_in(output)

@@ -1,4 +1,7 @@
-"""Render pictures of the variants of a batch, `pictures/ID.png`. All pictures use the same camera, so that sizes can be compared."""
+"""Render a picture of each chosen variant of a batch to the file `pictures/ID.png`.
+
+All pictures use the same camera, so that sizes can be compared.
+"""
 
 from __future__ import annotations
 
@@ -18,17 +21,17 @@ from thingc.batch.build_records import BuildRecords, VariantFiles
 from thingc.batch.packed_layout import packed
 
 MOST = 48
-"""Default number of pictures of a batch. Rendering a picture takes some tenths of a second without a graphics card."""
+"""Default number of pictures of a batch. Without a graphics card, rendering a picture takes some tenths of a second."""
 MANY = 200
-"""Number of variants above which no pictures are rendered by default."""
+"""Maximum number of variants for which pictures are rendered by default."""
 ALL = sys.maxsize
-"""Value of `pictures` that selects a picture for every variant."""
+"""A value of the option `pictures` that selects a picture for every variant."""
 
 PATIENCE = 120.0
-"""Time limit [s] for a picture."""
+"""Time limit [s] for rendering a picture."""
 
 OnPicture = Callable[[int, int], None]
-"""Callback `on_picture(done, count)`."""
+"""A callback that reports `done` of `count` pictures as finished."""
 
 
 def usual(count: int) -> int:
@@ -39,7 +42,8 @@ def usual(count: int) -> int:
 def chosen(folder: str, mode: str, most: int) -> list[int]:
     """Choose at most `most` built variants for pictures, and return their indices in the order of the plan.
 
-    Only variants with a model in the given mode are chosen. The function `along_the_axes` makes the choice.
+    Only variants with a model in the given mode are chosen. The function `along_the_axes` makes the choice from the settings of these
+    variants.
     """
     records = BuildRecords(folder)
     settings: list[Sequence[Any]] = []
@@ -53,12 +57,12 @@ def chosen(folder: str, mode: str, most: int) -> list[int]:
 def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
     """Choose `most` variants that cover the ranges of the settings evenly, and return their indices in ascending order.
 
-    For each setting, the choice includes the variants that are nearest to a straight line. Along this line, the setting changes from its
-    first to its last value, while all other settings have middle values. If all values are covered, further variants are chosen at even
-    intervals.
+    For each setting, the choice includes the variants that are nearest to a straight line. On the line of a setting, this setting changes
+    from its first to its last value, while all other settings have middle values. If the chosen variants include all values, further
+    variants are chosen at even intervals.
 
-    The value of a setting is measured by its rank from 0 to 1. Numbers are ranked by size, and other values in the order of appearance. A
-    setting that has the same ranks as another setting is ignored.
+    The position of a value on its axis is its rank, scaled to the interval from 0 to 1. Numbers are ranked by size, and other values by
+    their first occurrence. Settings with the same ranks as another setting are ignored.
     """
     ranked = [_ranks(column) for column in zip(*settings, strict=True)]
     axes = [list(ranks) for ranks in dict.fromkeys(tuple(ranks) for ranks in ranked if max(ranks) > 0.0)]
@@ -87,7 +91,7 @@ def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
 
 
 def _model(files: VariantFiles, mode: str) -> str | None:
-    """Return the name of the file with a variant's model in a mode, `ROBOT_MODE.xml`. Return None if the file does not exist."""
+    """Return the name `ROBOT_MODE.xml` of the model file of a variant in a mode. Return None if the variant has no such file."""
     # the file names for the modes `foot` and `front_foot` have the same end; the shorter one belongs to `foot`
     models = sorted((name for name in files.models() if name.endswith(f"_{mode}.xml") and name != f"scene_{mode}.xml"), key=len)
     return models[0] if models else None
@@ -95,9 +99,10 @@ def _model(files: VariantFiles, mode: str) -> str | None:
 
 @contextlib.contextmanager
 def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[tuple[str, str]]]:
-    """Yield groups of variants to render. A variant is given by its id and the path of its model, whose meshes are in the same folder.
+    """Yield groups of variants for rendering.
 
-    For a packed batch, the files of a group are in a temporary folder.
+    Each variant is a tuple of its id and the path of its model, whose meshes are in the same folder. The files of a packed batch are
+    written to a temporary folder, which exists until the next group is requested.
     """
     if not indices:
         yield []
@@ -121,9 +126,10 @@ def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[t
 def draw(
     folder: str, mode: str, pose: str | None, *, most: int = MOST, jobs: int = 1, on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
-    """Render all pictures of a batch again, in up to `jobs` processes. Return a warning if this machine cannot render.
+    """Render all pictures of a batch again, in at most `jobs` processes. Return a warning if this machine cannot render pictures.
 
-    Old pictures of other variants are deleted. After an interruption, the finished pictures remain. Raises `OSError`.
+    Old pictures of variants that are not chosen are deleted. After an interruption, all finished pictures remain. Raises `OSError` if
+    writing fails.
     """
     place = os.path.join(folder, folder_layout.PICTURES)
     with _laid_out(folder, mode, chosen(folder, mode, most) if most != 0 else ()) as shots:
@@ -196,7 +202,7 @@ def _drawn(
 
 
 def _lost(process: JsonLinesProcess, fault: ProcessLost) -> Diagnostic:
-    """Return a warning that the rendering process has ended unexpectedly. The warning contains the last line of its output."""
+    """Return a warning that the rendering process has ended unexpectedly. The warning contains the last line of output of the process."""
     said = process.errors().strip().splitlines()
     return _refused(f"the rendering process failed: {fault.words}", said[-1] if said else "")
 

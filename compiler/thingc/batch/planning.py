@@ -34,15 +34,15 @@ from thingc.geometry.record import Value
 from thingc.model.resolve.types import AssemblyDefinition
 
 BLOCK = 256
-"""Number of points that are computed in a step."""
+"""Number of sample points that are computed in a single step."""
 
 
 def points(method: Method, dimensions: int, count: int, seed: int) -> Iterator[tuple[float, ...]]:
     """Yield `count` sample points in the unit cube [0, 1), each with `dimensions` coordinates.
 
-    `sobol` is `scipy.stats.qmc.Sobol(d, scramble=True, rng=seed)`, `lhs` is `scipy.stats.qmc.LatinHypercube(d, rng=seed)`, and `uniform` is
-    `numpy.random.default_rng(seed).random((count, d))`, row by row. The points of a Latin hypercube depend on each other, so all of them
-    are computed in a single step. Other points are computed in blocks.
+    The method `sobol` uses `scipy.stats.qmc.Sobol(d, scramble=True, rng=seed)`, `lhs` uses `scipy.stats.qmc.LatinHypercube(d, rng=seed)`,
+    and `uniform` uses `numpy.random.default_rng(seed).random((count, d))`, row by row. The points of a Latin hypercube depend on each
+    other, so all points are computed in a single step. For other methods, points are computed in blocks.
     """
     import numpy
     from scipy.stats import qmc
@@ -72,13 +72,13 @@ def points(method: Method, dimensions: int, count: int, seed: int) -> Iterator[t
 
 
 OUTSIDE = "outside:"
-"""Prefix of the names of inputs outside the workspace."""
+"""Prefix of the paths of input files outside the workspace."""
 
 
 class PlanError(Exception):
     """Raised if a variants document has errors. `diagnostics` contains all errors and warnings.
 
-    `str()` formats them as on the command line.
+    `str()` formats the diagnostics as on the command line.
     """
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
@@ -87,11 +87,12 @@ class PlanError(Exception):
 
 
 class Variant(OneLineRepr, FrozenStruct):
-    """A variant of a robot in a plan. `index` is its position in the plan, and `id` identifies its settings.
+    """A planned variant of a robot. `index` is the position of the variant in the plan, and `id` identifies the settings of the variant.
 
-    The id consists of 12 hexadecimal digits of the SHA-256 of the settings. `parameters` and `choices` contain the settings as for
-    `thingc build -p` and `--set`, in the units of the documents. Settings that equal the values in the documents are omitted. `values`
-    contains all parameters of the assembly, and all values set by path [SI]. `failed` is the rule that the parameters violate, if any.
+    The id consists of 12 hexadecimal digits of the SHA-256 of the settings. `parameters` and `choices` contain the settings for `thingc
+    build -p` and `--set`, in the units of the documents. Settings that equal the values in the assembly document are omitted. `values`
+    contains all parameters of the assembly, and all values that are set by path [SI]. `failed` is the first rule that the parameters
+    violate, or None.
     """
 
     index: int
@@ -104,7 +105,7 @@ class Variant(OneLineRepr, FrozenStruct):
 
 
 class Setting(FrozenStruct):
-    """The settings of one variant. `name` is the name that the document gives to the variant, if any."""
+    """The settings that the document specifies for one variant. `name` is the name of the variant in the document, if specified."""
 
     name: str | None
     parameters: Mapping[str, ExpressionValue]
@@ -112,21 +113,24 @@ class Setting(FrozenStruct):
 
 
 class Plan(OneLineRepr, FrozenStruct, dict=True):
-    """The variants of a document, in order. Iterating over the plan computes the variants one by one, with the same result each time.
+    """The variants that a variants document specifies, in order.
+
+    Iterating over the plan computes the variants one by one, with the same result in each iteration.
 
     Attributes:
         document: The absolute path of the variants document. `assembly` is the absolute path of the assembly document. `relative` and
-            `assembly_relative` are the paths of both documents in the workspace.
-        sha256: The hash of the variants document.
+            `assembly_relative` are the paths of both documents, relative to the workspace.
+        sha256: The SHA-256 of the variants document.
         fixed: The settings that are the same for all variants.
         listed: The variants that the document lists explicitly.
-        axes: The axes of the grid of variants. With a sampling `method`, the axes from which `drawn` variants are sampled.
+        axes: The axes of the grid of variants. If the document specifies a sampling `method`, the axes from which `drawn` variants are
+            sampled.
         own: The values of all parameters in the assembly document. `paths` contains the values that are set by path.
         written_in: The units of `own` and `paths` in the documents.
         own_choices: The values in the assembly document at the paths of choices.
         modes: The modes to build, never empty. `chosen_modes` contains the modes that the document specifies.
         emit: The targets, in the order of a build.
-        inputs: The digests (see `up_to_date.state_of`) of all files on which the plan depends, by path in the workspace.
+        inputs: The digests (see `up_to_date.state_of`) of all files on which the plan depends, keyed by their paths in the workspace.
         layout: The layout of the batch, `folders` or `packed`, or None if the document does not specify it.
     """
 
@@ -182,7 +186,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def count(self) -> int:
-        """The number of variants in the plan. Equal variants are counted once."""
+        """The number of variants in the plan. Variants with equal settings are counted once."""
         if self.method is None and not self.listed:
             return math.prod(len(axis.values) for axis in self.axes)
         if self.method is not None and not self.listed and any(axis.range is not None and not axis.whole for axis in self.axes):
@@ -191,14 +195,17 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @property
     def written(self) -> int:
-        """The number of variants that the document specifies, including variants that are equal to others."""
+        """The number of variants that the document specifies, including variants with equal settings."""
         if self.method is not None:
             return len(self.listed) + self.drawn
         return len(self.listed) + (math.prod(len(axis.values) for axis in self.axes) if self.axes or not self.listed else 0)
 
     @cached_property
     def digest(self) -> str:
-        """The SHA-256 of all values that determine the variants and their files. The contents of other files are not included."""
+        """The SHA-256 of all values that determine the variants of the plan and their files.
+
+        The digest does not depend on the contents of other files, such as part files.
+        """
         described = {
             "name": self.name, "assembly": self.assembly_relative, "fixed": _plain(self.fixed),
             "listed": [_plain(one) for one in self.listed],
@@ -218,7 +225,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def kinds(self) -> dict[str, ExpressionValue]:
-        """An example value, from which the type is known, for each parameter and for each value that is set by path."""
+        """For each parameter and each value that is set by path, an example value with the same type."""
         return {**self.own, **self.paths.kinds}
 
     @property
@@ -234,7 +241,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return os.path.join(os.path.abspath(output or os.path.join(self.workspace.root, self.workspace.build)), self.name)
 
     def chosen(self, variant: Variant) -> dict[str, str | None]:
-        """Return the choices of a variant: a mapping from the path of each choice to the value that the variant has there."""
+        """Return a mapping from the path of each choice to the value of the variant at this path."""
         return {path: variant.choices.get(path, self.own_choices.get(path)) for path in self.choice_paths}
 
     @cached_property
@@ -266,9 +273,9 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def _order(self) -> tuple[tuple[str, Expression | None], ...]:
-        """The names of all parameters and paths with their expressions, or None for a value without an expression.
+        """The names of all parameters and paths, each with its expression, or None for a value without an expression.
 
-        The names are sorted so that each comes after all parameters that its expression uses.
+        The names are sorted: each name comes after all parameters that its expression uses.
         """
         raw = {name: entry.value if isinstance(entry, ParameterSpec) else entry for name, entry in self.assembly_spec.parameters.items()}
         ordered: dict[str, Expression | None] = {}
@@ -288,15 +295,15 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def _stated(self) -> dict[str, Value]:
-        """The values that the assembly document specifies without an expression.
+        """All values that the assembly document specifies without an expression.
 
-        Settings that equal these values are omitted from variants.
+        Variants omit settings that equal these values.
         """
         own = {**self.own, **self.paths.own}
         return {name: plain(own[name]) for name, expression in self._order if expression is None and name in own}
 
     def _settings(self) -> Iterator[Setting]:
-        """Yield the settings of all variants that the document specifies, in order. Equal settings can occur several times."""
+        """Yield the settings of all variants that the document specifies, in order. The iterator can yield equal settings several times."""
         yield from self.listed
         if self.method is not None:
             for point in points(self.method, len(self.axes), self.drawn, self.seed):
@@ -317,8 +324,8 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
     def _unique(self, done: Sequence[int]) -> Iterator[tuple[int, str, Setting, dict[str, ExpressionValue], dict[str, str]]]:
         """Yield the distinct settings of all variants that are not `done`, with the index and the id of each variant.
 
-        Settings that equal the values in the documents are omitted. Points of a grid, and points with a coordinate that is sampled from an
-        interval, are always distinct. Only the ids of other settings are stored, so long plans need little memory.
+        Settings that equal the values in the assembly document are omitted. Points of a grid, and points with a coordinate that is sampled
+        from an interval, are always distinct. Only the ids of settings from other sources are stored, so long plans need little memory.
         """
         listed = len(self.listed)
         discrete = self.method is not None and all(axis.range is None or axis.whole for axis in self.axes)
@@ -343,7 +350,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
                 yield index, id, setting, parameters, choices
 
     def command(self, variant: Variant) -> list[str]:
-        """Return the command line that builds a single variant. It must be run in the folder of the workspace."""
+        """Return the command line that builds a single variant. The command must be run in the folder of the workspace."""
         words = ["thingc", "build", self.assembly_relative]
         for name, text in variant.parameters.items():
             words += ["-p", f"{name}={text}"]
@@ -355,9 +362,9 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
 
 def _holds(rule: Rule, values: Mapping[str, ExpressionValue]) -> bool:
-    """Return whether a variant satisfies a rule on parameters.
+    """Return True if a variant satisfies a rule on parameters.
 
-    Also return True if the rule cannot be evaluated, because the build reports this.
+    Also return True if the rule cannot be evaluated, because the build reports this error.
     """
     try:
         return rule.holds(values, {})
@@ -372,7 +379,7 @@ def _plain(setting: Setting) -> list[object]:
 def moved(text: str, source: str, target: str) -> str:
     """Convert a path that is relative to the document `source` to a path that is relative to the document `target`.
 
-    Both documents are given by their paths in the workspace.
+    Both documents are specified by their paths in the workspace.
     """
     place = posixpath.normpath(posixpath.join(posixpath.dirname(source), text.replace(os.sep, "/")))
     return posixpath.relpath(place, posixpath.dirname(target) or ".")

@@ -10,7 +10,7 @@ from thingc.base.one_line_repr import OneLineRepr, counted
 
 
 class Interrupted(Exception):
-    """Raised if a batch was interrupted. The journal in `folder` contains `done` of `count` variants."""
+    """Raised if a batch was interrupted. The journal in `folder` contains the results of `done` of `count` variants."""
 
     def __init__(self, folder: str, done: int, count: int) -> None:
         super().__init__(f"interrupted after {done} of {counted(count, 'variant')}")
@@ -22,8 +22,8 @@ class Interrupted(Exception):
 class Progress(OneLineRepr, FrozenStruct):
     """The progress of a batch with `count` variants.
 
-    `before` is the number of variants that earlier runs have finished. `counts` contains the number of variants that this run has finished,
-    by status. `rate` is the number of variants per second.
+    `before` is the number of variants that were finished in earlier runs. `counts` maps each status to the number of variants that this run
+    has finished with this status. `rate` is the number of variants that finish per second.
     """
 
     count: int
@@ -45,10 +45,10 @@ class Progress(OneLineRepr, FrozenStruct):
 class Summary(OneLineRepr, FrozenStruct):
     """The summary of a finished batch.
 
-    `statuses` contains the number of variants by status, and `before` is the number of variants that earlier runs have finished. `modelled`
+    `statuses` maps each status to a number of variants, and `before` is the number of variants that earlier runs have finished. `modelled`
     is the number of parts that this run has built, and `seconds` [s] is the duration of this run. `duplicates` is the number of variants
-    that are equal to others. `lossy` is the number of variants with export losses, and `losses` contains the number of losses of each kind;
-    both include earlier runs. `notes` contains warnings about the documents.
+    with the same settings as another variant. `lossy` is the number of variants with export losses, and `losses` maps each kind of export
+    loss to a count; both include earlier runs. `notes` contains warnings about the documents.
     """
 
     folder: str

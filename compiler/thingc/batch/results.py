@@ -1,4 +1,4 @@
-"""Load the results of a batch from its folder: its variants with their settings, rows of the table and MuJoCo models.
+"""Load the results of a batch from its folder: the built variants with their settings, rows of the table and MuJoCo models.
 
     legs = thingc.batch.load("build/leg_sweep", mode="standing")
     for variant in legs:
@@ -41,16 +41,16 @@ if TYPE_CHECKING:
     from thingc.modes import Modes
 
 VARIANTS, NAMES = 4096, 10_000
-"""Maximum number of cached variants, and of names that are searched for suggestions."""
+"""Maximum number of cached variants, and maximum number of names that are searched for suggestions."""
 
 _WITHIN, _INCLUDE = re.compile("<mujoco[^>]*>(.*)</mujoco>", re.DOTALL), re.compile("<include [^>]*/>")
-"""Regular expressions for the content of a model file, and for the include element in its scene."""
+"""Regular expressions that match the content of a MuJoCo model file, and the include element in a scene file."""
 
 
 class FamilyError(ValueError):
     """Raised if a batch or a family of robots cannot be used as requested.
 
-    The message contains the `reason` and, if known, a `help` text.
+    The message contains the `reason` and, if given, a `help` text.
     """
 
     def __init__(self, reason: str, help: Hint = "") -> None:
@@ -74,15 +74,19 @@ class Sizes(FrozenStruct):
 
 
 Where = Callable[["BuiltVariant"], bool] | Mapping[str, Any]
-"""A filter for variants: a function of a variant, or values by column. A pair of numbers `(low, high)` is a range, including both ends."""
+"""A filter for variants: a function of a `BuiltVariant`, or a mapping from columns to values.
+
+The value `(low, high)` is a range, including both ends.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
 class BuiltVariant(OneLineRepr):
-    """A variant of a batch that has been built. Two variants are equal if they have the same folder.
+    """A variant of a batch that has been built. Two `BuiltVariant` objects are equal if they have the same folder.
 
-    `index` is the position of the variant in the plan. `settings` contains its parameters (SI) and choices by name. `results` is its row of
-    the table, without empty cells. `folder` is its build folder, which for a packed batch exists only after a call of `unpack`.
+    `index` is the position of the variant in the plan. `settings` contains the parameters (in SI units) and choices of the variant by name.
+    `results` is the table row of the variant, without empty cells. `folder` is the build folder of the variant. In a packed batch, this
+    folder exists only after a call of `unpack`.
     """
 
     id: str
@@ -100,17 +104,18 @@ class BuiltVariant(OneLineRepr):
         return hash(self.folder)
 
     def model(self, mode: str | None = None, *, scene: bool = False, visual: bool = True) -> mujoco.MjModel:
-        """Compile the MuJoCo model of the variant in a mode. Every call returns a new object.
+        """Compile the MuJoCo model of the variant in a mode. Every call returns a new MuJoCo model.
 
-        For many variants, `BatchResults.models` is much faster. With `scene`, the model includes the floor and the light. Without `visual`,
-        visual geometry is omitted: the model moves in the same way, and compiles in less than half the time. The mode can be omitted if the
-        batch has a single mode. Raises `UnknownVariant` for an unknown mode, and `FamilyError` if the variant does not have a model.
+        For many variants, `BatchResults.models` is much faster. With `scene`, the model includes the floor and the light of the scene.
+        Without `visual`, visual geometry is omitted: the model moves in the same way, and compiles in less than half the time. `mode` can
+        be omitted if the batch has a single mode. Raises `UnknownVariant` for an unknown mode, and `FamilyError` if the variant does not
+        have a model.
         """
         mode = self.family.chosen(mode)
         return self._compiled(self._text(mode, scene, visual), self._files.meshes())
 
     def model_text(self, mode: str, scene: bool, visual: bool) -> ModelText:
-        """Return the XML text of the MuJoCo model that the method `model` compiles. Raises the same errors as `model`."""
+        """Return the XML text that the method `model` compiles with MuJoCo. Raises the same errors as `model`."""
         text, meshes = self._text(mode, scene, visual), self._files.meshes()
         return ModelText(
             text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes.of(meshes),
@@ -118,7 +123,7 @@ class BuiltVariant(OneLineRepr):
         )
 
     def _text(self, mode: str, scene: bool, visual: bool) -> str:
-        """Return the XML text of the MuJoCo model. With `scene`, return the XML text of the scene, which contains the model."""
+        """Return the XML text of the MuJoCo model in a mode. With `scene`, return the XML text of the scene, which includes the model."""
         text = self._read(f"{self.family.robot}_{mode}.xml").decode()
         if not visual:
             text = text.replace("<compiler ", '<compiler discardvisual="true" ', 1)
@@ -142,7 +147,8 @@ class BuiltVariant(OneLineRepr):
     def sources(self, mode: str | None = None, *, scene: bool = False) -> tuple[bytes, dict[str, bytes]]:
         """Return the XML text of the MuJoCo model in a mode, and the contents of its mesh files by file name.
 
-        The mesh files are those of the whole batch. Raises the same errors as `model`.
+        The mapping contains the meshes of all modes of the variant. With `scene`, the mapping also contains the model that the scene
+        includes. Raises the same errors as `model`.
         """
         mode = self.family.chosen(mode)
         robot = f"{self.family.robot}_{mode}.xml"
@@ -151,7 +157,7 @@ class BuiltVariant(OneLineRepr):
         return (self._read(f"scene_{mode}.xml"), {**files, robot: text}) if scene else (text, files)
 
     def sizes(self, mode: str | None = None) -> Sizes:
-        """Return the sizes of the MuJoCo model in a mode. They are read from the XML without compiling it.
+        """Return the sizes of the MuJoCo model in a mode. The sizes are read from the XML without compiling the model.
 
         Raises the same errors as `model`.
         """
@@ -161,13 +167,16 @@ class BuiltVariant(OneLineRepr):
         return Sizes(nq=7 * free + single, nv=6 * free + single, nu=sum(len(section) for section in root.findall("actuator")))
 
     def modes(self) -> Modes:
-        """Return the modes of the variant, which switch between modes at run time."""
+        """Return the modes of the variant as an object that can switch between modes at run time."""
         from thingc.modes import Modes
 
         return Modes.parse(self._files.read("modes.json"))
 
     def unpack(self) -> str:
-        """Return the path of the build folder of the variant. For a packed batch, the folder is written first. Raises `OSError`."""
+        """Return the path of the build folder of the variant.
+
+        For a packed batch, write the folder of the variant first. Raises `OSError` if reading or writing fails.
+        """
         if packed(self.family.folder):
             unpack(self.family.folder, self.index)
         return self.folder
@@ -189,9 +198,9 @@ class BuiltVariant(OneLineRepr):
 class BatchResults(Sequence[BuiltVariant]):
     """The built variants of a batch, in the order of the plan.
 
-    Get a variant by its index (`results[0]`, `results[-1]`), or by its id or name (`results["sweep_07"]`).
+    To get a variant, use its index (`results[0]`, `results[-1]`), or its id or name (`results["sweep_07"]`).
 
-    `planned` is the number of variants in the plan. `finished` is True if the batch has finished; otherwise, this object contains the
+    `planned` is the number of variants in the plan. `finished` is True if the batch has finished; otherwise, the object contains the
     variants that have been built so far. `rows` contains the rows of the table for all finished variants, including failed and excluded
     variants.
     """
@@ -200,9 +209,10 @@ class BatchResults(Sequence[BuiltVariant]):
         self, folder: str, described: Mapping[str, Any], mode: str | None, robot: str, records: BuildRecords, meshes: MeshFiles,
         indices: Sequence[int] | None = None,
     ) -> None:
-        """Create the results of the batch in `folder`. `described` is the content of `batch.json`, and `robot` is the name of the assembly.
+        """Create the results of a batch from the content of its folder.
 
-        `mode` is the default mode. `indices` contains the indices of the selected variants in the plan (default: all built variants).
+        `described` is the content of `batch.json`, and `robot` is the name of the assembly. `mode` is the default mode of the results.
+        `indices` contains the indices of the selected variants in the plan (default: all built variants).
         """
         self.folder = folder
         self.name: str = described["name"]
@@ -226,7 +236,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return BatchResults(*self._batch, indices)
 
     def _variant(self, index: int) -> BuiltVariant:
-        """Return the variant with this index in the plan. Recently used variants are cached."""
+        """Return the variant with this index in the plan. The most recently used variants are cached."""
         made = self._made.get(index)
         if made is None:
             line = self.records.line(index)
@@ -254,9 +264,9 @@ class BatchResults(Sequence[BuiltVariant]):
     @overload
     def __getitem__(self, key: slice) -> BatchResults: ...
     def __getitem__(self, key: int | str | slice) -> BuiltVariant | BatchResults:
-        """Return a variant by its index, id or name. For a slice, return the results with these variants.
+        """Return the variant with this index, id or name. For a slice, return a `BatchResults` with the selected variants.
 
-        Raises `UnknownVariant` for an unknown id or name, and `IndexError`.
+        Raises `UnknownVariant` for an unknown id or name, and `IndexError` for an invalid index.
         """
         if not isinstance(key, Integral | slice | str):
             raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`", "use its index, its id or its name")
@@ -285,11 +295,11 @@ class BatchResults(Sequence[BuiltVariant]):
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
-        """The names of the columns of the table that are not empty, in order."""
+        """The names of all non-empty columns of the table, in order."""
         return tuple(dict.fromkeys(name for row in self.rows for name in row))
 
     def column(self, name: str) -> list[Any]:
-        """Return the cells of a column for all variants of this object. An empty cell is None.
+        """Return the cells of a column as a list, for all selected variants. Empty cells are None.
 
         Raises `UnknownVariant` for an unknown column.
         """
@@ -299,7 +309,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return cells
 
     def filter(self, where: Where) -> BatchResults:
-        """Return the results with only those variants that satisfy the condition `where`.
+        """Return a `BatchResults` with only those variants that satisfy the condition `where`.
 
         Raises `UnknownVariant` for an unknown column, and `FamilyError` for an invalid condition.
         """
@@ -316,9 +326,9 @@ class BatchResults(Sequence[BuiltVariant]):
         return self._of(tuple(index for index, one in zip(self._indices, kept, strict=True) if one))
 
     def chosen(self, mode: str | None) -> str:
-        """Return the name of the mode to use. For None, return the default mode or the only mode.
+        """Return the name of the mode that a method must use. For None, return the default mode or else the only mode.
 
-        Raises `UnknownVariant` for an unknown mode, and `FamilyError` for None if there are several modes.
+        Raises `UnknownVariant` for an unknown mode, and `FamilyError` if `mode` is None and the batch has several modes.
         """
         name = mode if mode is not None else self.mode
         if name is None:
@@ -334,12 +344,13 @@ class BatchResults(Sequence[BuiltVariant]):
         self, variants: Iterable[BuiltVariant] | None = None, mode: str | None = None, *, share: bool = False, scene: bool = False,
         visual: bool = True,
     ) -> Iterator[mujoco.MjModel]:
-        """Yield the MuJoCo models of several variants (None: all variants) in order. They equal the results of `BuiltVariant.model`.
+        """Yield the MuJoCo models of several variants in order.
 
-        If variants differ only in numbers, only some models are compiled. For the others, numbers are written into the arrays of a compiled
-        model. At most 128 variants are read ahead. With `share`, the yielded models can be the same object: a model is then valid until the
-        next model is requested, and must not be used elsewhere. Raises the errors of `BuiltVariant.model`, and `FamilyError` for values
-        that are not variants. This method is not thread-safe.
+        For None, yield the models of all variants. The models equal the results of `BuiltVariant.model`. If variants differ only in
+        numbers, MuJoCo compiles only some of the models. For all other models, numbers are written into the arrays of a compiled model. At
+        most 128 variants are read ahead. With `share`, several yielded models can be the same object: a model is then valid until the next
+        model is requested. Raises the same errors as `BuiltVariant.model`, and `FamilyError` for values that are not variants. This method
+        is not thread-safe.
         """
         key = (self.chosen(mode), scene, visual)
         models = self._models.setdefault(key, TextModels())
@@ -348,7 +359,7 @@ class BatchResults(Sequence[BuiltVariant]):
 
 
 class _Rows(Sequence[Mapping[str, Any]]):
-    """The rows of a table of results. Each row is read from disk when it is used."""
+    """The rows of a table of results, as a sequence of mappings. A row is read from disk when it is used."""
 
     def __init__(self, records: BuildRecords) -> None:
         self._records = records
@@ -367,11 +378,11 @@ class _Rows(Sequence[Mapping[str, Any]]):
 
 
 def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where | None = None) -> BatchResults:
-    """Load the built variants of the batch in `folder` (`build/leg_sweep`).
+    """Load the built variants of the batch in a folder such as `build/leg_sweep`.
 
-    `mode` is the default mode of the returned object. `where` is a condition for variants: `{"status": "built"}`, `{"mass": (0, 2.5)}` or a
-    function of a `BuiltVariant`. Only the journal of the batch is read. Raises `FamilyError` if the folder does not contain a batch,
-    `UnknownVariant` for an unknown mode or column, and `OSError` if a chunk of a packed batch is damaged or missing.
+    `mode` is the default mode of the returned object. `where` selects variants by a condition: `{"status": "built"}`, `{"mass": (0, 2.5)}`
+    or a function of a `BuiltVariant`. Only the journal of the batch is read at first. Raises `FamilyError` if the folder does not contain a
+    batch, `UnknownVariant` for an unknown mode or column, and `OSError` if a chunk of a packed batch is damaged or missing.
     """
     import json
 
@@ -391,7 +402,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
 
 
 def _row(line: Line) -> dict[str, Any]:
-    """Return the cells of a journal line that are not empty, as in the table. All numbers except counts are floats."""
+    """Return all non-empty cells of a journal line, as in the table. All numbers in these cells except counts are floats."""
     numbers = {name: float(value) for name, value in line.get("results", {}).items()}
     for name, value in line["parameters"].items():
         if isinstance(value, int) and not isinstance(value, bool):
@@ -406,7 +417,7 @@ def _variant(one: Any) -> BuiltVariant:
 
 
 def _check(name: str, wanted: Any, cells: Sequence[Any]) -> None:
-    """Raise `FamilyError` if no cell of a column can have the value `wanted` of a filter. The filter would otherwise select no variants."""
+    """Raise `FamilyError` if no cell of a column can have the value `wanted` of a filter. Such a filter would select no variants."""
     if not isinstance(wanted, tuple):
         if wanted is not None and not isinstance(wanted, str | Real):
             raise FamilyError(f"expected a value for the column `{name}`, or a range `(low, high)`, found `{wanted}`")

@@ -18,9 +18,9 @@ RESULTS: dict[str, Dimension] = {
     **dict.fromkeys(("inertia.xx", "inertia.yy", "inertia.zz", "inertia.xy", "inertia.xz", "inertia.yz"), INERTIA),
     **dict.fromkeys(("box.x", "box.y", "box.z"), LENGTH), "reach": LENGTH, "torque_margin": NUMBER,
 }
-"""The results of every variant, with their physical dimensions.
+"""The results that every variant has, with their physical dimensions.
 
-Variants also have the results `length.JOINT`, the distance from the previous joint.
+In addition, variants have the results `length.JOINT`, which are distances of a joint from the previous joint.
 """
 
 LENGTHS = "length."
@@ -31,7 +31,7 @@ OF_RESULTS = "results."
 class Rule(FrozenStruct):
     """A rule of a variants document, such as `mass < 2 kg`.
 
-    `names` maps each name in the comparison to the result to which it refers, or to None for a parameter.
+    `names` maps each name in the comparison to a result, or to None for a parameter.
     """
 
     text: str
@@ -40,14 +40,14 @@ class Rule(FrozenStruct):
 
     @property
     def needs_results(self) -> bool:
-        """Whether the rule depends on results of a compiled robot, not only on parameters."""
+        """True if the rule depends on results of a compiled robot, and not only on parameters."""
         return any(result is not None for result in self.names.values())
 
     def holds(self, parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None]) -> bool:
         """Return whether a variant with these parameters and results satisfies the rule.
 
         Raises `ExpressionError` if the rule cannot be evaluated, for example because of a division by zero. Raises `KeyError` with the name
-        of a result if the variant does not have this result.
+        of the result if the variant does not have a required result.
         """
         values: dict[str, ExpressionValue] = {}
         for name, result in self.names.items():
@@ -64,7 +64,7 @@ class Rule(FrozenStruct):
 def unkept(
     rules: Iterable[Rule], parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None], mode: str,
 ) -> Iterator[tuple[Rule, Diagnostic | None]]:
-    """Yield the rules that a variant violates, each with None, and the rules that cannot be evaluated, each with its error.
+    """Yield each rule that a variant violates with None, and each rule that cannot be evaluated with its error.
 
     `results` contains the results of the variant in the mode `mode`.
     """
@@ -84,12 +84,12 @@ def unkept(
 
 
 def dimension_of(result: str) -> Dimension:
-    """Return the physical dimension of a result, such as a mass for `mass`."""
+    """Return the physical dimension of a result. For example, the result `mass` has the dimension of a mass."""
     return RESULTS.get(result, LENGTH)
 
 
 def meaning(name: str, parameters: Iterable[str], lengths: Iterable[str]) -> str | None:
-    """Return the name of the result to which a name in a rule refers, or None if the name refers to a parameter.
+    """Return the name of the result to which a name in a rule refers, or None for the name of a parameter.
 
     Raises `KeyError` for an unknown name, and `ValueError` for an ambiguous name.
     """
@@ -112,7 +112,7 @@ def read_rules(
     document: Document, expressions: Iterable[Expression], parameters: Mapping[str, ExpressionValue], lengths: Iterable[str], *,
     reach: bool, report: Report,
 ) -> list[Rule]:
-    """Check the names and physical dimensions in the rules of a document, and return the valid rules. Errors are added to the report.
+    """Check the names and physical dimensions in the rules of a document, and return the valid rules. Add all errors to the report.
 
     `parameters` contains the values of all parameters of the assembly. `lengths` contains the joints that have a result `length.JOINT`.
     `reach` is True if the document defines the result `reach`.
@@ -148,9 +148,9 @@ def read_rules(
 
 
 def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule, parameters: Mapping[str, ExpressionValue]) -> bool:
-    """Return whether the physical dimensions in a rule are valid. Otherwise, report an error.
+    """Return whether both sides of a rule have the same physical dimension. If the physical dimensions are invalid, report an error.
 
-    The rule is evaluated with the values of parameters in the assembly, and with the value 1 for each result.
+    To check the dimensions, the rule is evaluated with the parameters of the assembly, and with the value 1 for each result.
     """
     try:
         rule.holds(parameters, {result: 1.0 for result in rule.names.values() if result is not None})

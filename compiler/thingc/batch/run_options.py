@@ -1,4 +1,4 @@
-"""The options for running a batch, from Python or the command line, and functions that check them."""
+"""The options for running a batch, from Python or from the command line, and functions that check these options."""
 
 from __future__ import annotations
 
@@ -23,26 +23,29 @@ from thingc.targets.registry import chosen, unknown
 
 
 def is_whole(value: Any, least: int) -> bool:
-    """Return whether a value is an integer that is not less than `least`."""
+    """Return True if a value is an integer that is not less than `least`."""
     return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= least
 
 
 def is_number(value: Any) -> bool:
-    """Return whether a value is a number, but not NaN."""
+    """Return True if a value is a number, but not NaN."""
     return isinstance(value, Real) and not isinstance(value, bool) and not math.isnan(value)
 
 
 def at_least(least: int, **numbers: Any) -> None:
-    """Raise `FamilyError` if one of the values is not an integer, or is less than `least`. The message contains the name of the value."""
+    """Raise `FamilyError` if one of the values is not an integer, or is less than `least`.
+
+    The error message contains the name of the value.
+    """
     for name, value in numbers.items():
         if not is_whole(value, least):
             raise FamilyError(f"expected `{name}` to be a whole number of at least {least}, found {value}")
 
 
 def as_names(**given: Any) -> tuple[str, ...]:
-    """Convert an argument to a tuple of names. The argument is a single name, or an iterable of names.
+    """Convert the value of an argument to a tuple of names. The value is a single name, or an iterable of names.
 
-    Raises `FamilyError` for other values. The message contains the name of the argument.
+    Raises `FamilyError` for any other value. The error message contains the name of the argument.
     """
     ((argument, names),) = given.items()
     if isinstance(names, str):
@@ -53,10 +56,10 @@ def as_names(**given: Any) -> tuple[str, ...]:
 
 
 class RunOptions(FrozenStruct):
-    """The options for running a batch, after they have been checked.
+    """The checked options for running a batch.
 
-    `count` is the number of variants to build. `jobs` is the number of runner processes or chunks that run in parallel. See `run` for the
-    other options.
+    `count` is the number of variants to build. `jobs` is the number of runner processes or chunks that run in parallel. The function `run`
+    documents the other options.
     """
 
     options: Options
@@ -67,7 +70,7 @@ class RunOptions(FrozenStruct):
 
 
 def check(jobs: int, limit: int | None, timeout: float, verify: int, pictures: int | None, layout: str | None) -> None:
-    """Raise `BatchFault` if one of these options for running a batch is invalid."""
+    """Raise `BatchFault` if one of the options for running a batch is invalid."""
     wholes = (("jobs", jobs, 0), ("limit", 1 if limit is None else limit, 1), ("verify", verify, 0), ("pictures", pictures or 0, 0))
     for name, value, least in wholes:
         if not is_whole(value, least):
@@ -79,7 +82,7 @@ def check(jobs: int, limit: int | None, timeout: float, verify: int, pictures: i
 
 
 def check_engine(executor: Executor | None, ship: bool) -> None:
-    """Raise `BatchFault` if `executor` does not have the methods of an executor, or if `ship` is set and it cannot transfer files."""
+    """Raise `BatchFault` if `executor` lacks the methods of an executor, or if `ship` is set and the executor cannot transfer files."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise BatchFault(Code.COMMAND_LINE, f"expected `executor` to be one of `concurrent.futures`, found `{executor}`")
     if ship and not isinstance(executor, FileTransferExecutor):
@@ -90,7 +93,7 @@ def check_engine(executor: Executor | None, ship: bool) -> None:
 
 
 def _targets(emit: Sequence[str] | str) -> tuple[str, ...]:
-    """Return the names of the targets in the order of a build. Raises `BatchFault` for an unknown target."""
+    """Convert the option `emit` to the names of targets, in the order of a build. Raises `BatchFault` for an unknown target."""
     words = tuple(map(str, emit)) if isinstance(emit, Iterable) and not isinstance(emit, str) else (str(emit),)
     for _, message, hint in unknown(words):
         raise BatchFault(Code.COMMAND_LINE, message, hint)
@@ -98,7 +101,7 @@ def _targets(emit: Sequence[str] | str) -> tuple[str, ...]:
 
 
 def planned(document: str, options: Options, emit: Sequence[str] | str, layout: str | None) -> Plan:
-    """Return the plan of a variants document. The options `emit` and `layout`, if given, replace the values in the document.
+    """Read a variants document and return its plan. The options `emit` and `layout`, if given, replace the values in the variants document.
 
     Raises `PlanError` for a document with errors, and `BatchFault` for an unknown target.
     """

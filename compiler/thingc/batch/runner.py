@@ -1,8 +1,8 @@
 """The main module of a runner process, which builds variants one by one: `python -m thingc.batch.runner`.
 
-The first line of standard input is the job, and each following line is a list of tasks (JSON). The process prints `{"ready": true}` after
-reading the documents, then one row per task, in order. The process ends at the end of its input, together with its geometry worker, so that
-no process remains when the driver ends.
+The first line of standard input is the job, and each following line is a list of tasks (JSON). After reading the documents, the process
+prints `{"ready": true}`, and then one row per task, in order. When its input ends, the process and its geometry worker end, so that no
+process outlives the driver.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from thingc.model.resolve.resolver import Settings
 from thingc.targets.artifact import Content, StoredArtifact, counts_of
 
 SHOWN = 5
-"""Maximum number of diagnostics that the journal contains for a refused variant."""
+"""Maximum number of diagnostics in the journal for a refused variant."""
 
 
 class Runner:
@@ -68,7 +68,7 @@ class Runner:
         self.session.__exit__(*exception)
 
     def build(self, task: Variant) -> Row:
-        """Build one variant, and return its row of results. All errors are recorded in the row, including internal errors."""
+        """Build one variant, and return its row of results. The row records all errors, including internal errors."""
         from thingc.geometry.store.local import BlobMissing, StoreUnusable
 
         started = time.perf_counter()
@@ -136,7 +136,7 @@ class Runner:
     def _written(self, folder: str, task: Variant, files: Mapping[str, Content]) -> dict[str, Any]:
         """Write the files of a variant to its folder, and return the additional cells of its row.
 
-        For a packed batch, only shared files are written, and the row contains the contents of all other files.
+        For a packed batch, write only shared files, and include the contents of all other files in the row.
         """
         store = self.session.environment.store
         if not self.job.packed:
@@ -153,14 +153,17 @@ class Runner:
         return measure(robot, self.job.pose, self.job.reach)
 
     def _results(self, compilation: Compilation) -> Results | None:
-        """Return the results of a compiled variant, or None if a mount of the result `reach` does not exist."""
+        """Return the results of a compiled variant, or None if a mount that the result `reach` requires does not exist."""
         try:
             return self._measured(compilation)
         except UnknownMount:
             return None
 
     def _judge(self, task: Variant, results: Results) -> dict[str, Any] | None:
-        """Return the status and the rule if a variant violates a rule. Return None if the variant satisfies all rules."""
+        """Return the cells with the status and the violated rule if a variant violates a rule.
+
+        Return None if the variant satisfies all rules.
+        """
         if not self.rules:
             return None
         values: dict[str, ExpressionValue] = {
@@ -173,12 +176,12 @@ class Runner:
 
 
 def _displayed_results(results: Results) -> dict[str, float | str]:
-    """Convert results so that they can be serialized as JSON. Infinity becomes the string `inf`."""
+    """Convert a mapping of results to values that can be serialized as JSON. Infinity is converted to the string `inf`."""
     return {name: value if math.isfinite(value) else "inf" for name, value in results.items() if value is not None}
 
 
 def _said(diagnostics: Iterable[Diagnostic]) -> dict[str, Any]:
-    """Return the cells of a row that describe errors: the code and the message of the first error, and the first errors for the journal."""
+    """Return the row cells that describe errors: the code and the message of the first error, and the first errors for the journal."""
     errors = [one for one in diagnostics if one.severity is Severity.ERROR]
     return {"code": errors[0].code.code, "message": errors[0].message, "diagnostics": as_json(errors[:SHOWN])}
 
@@ -192,7 +195,7 @@ def _raised(task: Variant, fault: BaseException) -> Row:
 
 
 def main() -> None:
-    """Run the loop of the runner process: for each line of standard input, write the answers to standard output."""
+    """Run the main loop of the runner process: read a line of standard input, and write the answers to standard output."""
     answer = connect_to_parent()
     lines: queue.SimpleQueue[str] = queue.SimpleQueue()
     job = Job.decode(sys.stdin.readline())

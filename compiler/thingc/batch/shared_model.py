@@ -1,10 +1,10 @@
-"""Create one MuJoCo model for all variants of a batch, and arrays with the values in which the variants differ.
+"""Create one MuJoCo model for all variants of a batch, and arrays with the values that differ between variants.
 
     model, fields = thingc.batch.fields("build/leg_sweep", "standing")
     thingc.batch.apply(model, fields, 7)         # now it is the model of variant 7
 
-The variants may differ only in numbers: masses, frames, gains, limits, poses. All arrays of the compiled models are compared to check this
-condition.
+Variants can share a model if they differ only in numbers, such as masses, frames, gains, limits and poses. To check this condition, all
+arrays of the compiled models are compared.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ if TYPE_CHECKING:
 
 
 SHORTCUTS = frozenset(("body_sameframe", "geom_sameframe", "site_sameframe", "bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
-"""Arrays that depend on frames and affect only the speed of MuJoCo."""
+"""Names of arrays that depend on frames and affect only the speed of MuJoCo."""
 
 LEADING = frozenset(("bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
-"""Arrays whose first rows belong to bodies. Later rows belong to meshes, never change, and are omitted."""
+"""Names of arrays in which the first rows belong to bodies. Later rows of these arrays belong to meshes, never change, and are omitted."""
 
 SHAPES = ("flex", "hfield_", "mesh_", "oct_", "skin_", "tuple_")
-"""Prefixes of arrays that contain shapes."""
+"""Prefixes of the names of arrays that contain shapes."""
 
 BUFFERS = frozenset(("actuator_delay", "sensor_delay", "sensor_interval"))
-"""Arrays that determine sizes of buffers."""
+"""Names of arrays that determine the sizes of buffers."""
 
 _FOLLOW = frozenset(("narena", "nbuffer", "nnames_map", "signature"))
-"""Sizes that depend on other sizes."""
+"""Names of sizes in a MuJoCo model that depend on other sizes."""
 
 _KINDS = {
     "body": ("body", "body", "nbody"), "jnt": ("joint", "joint", "njnt"), "geom": ("geom", "geom", "ngeom"),
@@ -52,15 +52,15 @@ _KINDS = {
     "eq": ("equality", "eq", "neq"), "tendon": ("tendon", "tendon", "ntendon"), "actuator": ("actuator", "actuator", "nu"),
     "sensor": ("sensor", "sensor", "nsensor"), "key": ("keyframe", "key", "nkey"),
 }
-"""The elements in the rows of arrays by prefix: their kind, the accessor of `MjModel`, and the size that counts them."""
+"""For each prefix of array names, the kind of element in the rows, the accessor of `MjModel`, and the size that counts the elements."""
 
 
 @functools.cache
 def changeable_fields() -> KeysView[str]:
     """Return the names of the fields of `MjModel` in which the variants of a batch may differ.
 
-    These are arrays and options of floating-point numbers that a simulation reads at every step, and arrays that depend on such numbers
-    (`SHORTCUTS`). `SHAPES`, `BUFFERS` and visual settings are excluded.
+    The fields are arrays and options of floating-point numbers that a simulation reads at every step, and dependent arrays (`SHORTCUTS`).
+    The fields in `SHAPES` and `BUFFERS` and all visual settings are excluded.
     """
     import mujoco
     import numpy as np
@@ -71,7 +71,7 @@ def changeable_fields() -> KeysView[str]:
 
 
 class StructuresDiffer(FamilyError):
-    """Raised if variants cannot share a MuJoCo model. `field` is the first field that differs although it cannot be changed."""
+    """Raised if variants cannot share a MuJoCo model. `field` is the first field that differs between variants and cannot be changed."""
 
     def __init__(self, field: str, message: str) -> None:
         super().__init__(message, "use separate models with `thingc.batch.load`")
@@ -79,12 +79,12 @@ class StructuresDiffer(FamilyError):
 
 
 def fields(source: str | os.PathLike[str] | BatchResults, mode: str | None = None, *, scene: bool = False) -> tuple[mujoco.MjModel, Fields]:
-    """Return the MuJoCo model of the first variant of a batch, and arrays with the fields in which the variants differ.
+    """Return the MuJoCo model of the first variant of a batch, and an array for each field in which variants differ.
 
-    The arrays are keyed by the name of a field of `MjModel` (`body_mass`; `opt.gravity` for an option) and have the shape (variants, *shape
-    of the field). `source` is the folder of a batch, or the result of `load`. `mode` and `scene` have the same meaning as in
-    `BuiltVariant.model`. Only a few models are in memory at a time. Raises `StructuresDiffer` if variants differ in other fields, and
-    `FamilyError` for a batch without variants.
+    The keys of the arrays are names of fields of `MjModel` (`body_mass`; `opt.gravity` for an option). The shape of an array is (variants,
+    *shape of the field). `source` is the folder of a batch, or the result of `load`. `mode` and `scene` have the same meaning as in the
+    method `BuiltVariant.model`. Only a few compiled models are in memory at a time. Raises `StructuresDiffer` if variants differ in other
+    fields, and `FamilyError` for a batch without variants.
     """
     import numpy as np
 
@@ -107,8 +107,8 @@ def fields(source: str | os.PathLike[str] | BatchResults, mode: str | None = Non
 def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
     """Write the field values of one variant into a MuJoCo model. `index` is the index of the variant in the arrays `fields`.
 
-    An existing `MjData` of the model remains valid. Raises `FamilyError` for an invalid index and for fields of another model, without
-    changing the model.
+    An existing `MjData` of the model remains valid. If the index is invalid or the fields belong to another model, raise `FamilyError`
+    without changing the model.
     """
     count = min(map(len, fields.values()), default=sys.maxsize)
     if not is_whole(index, 0) or index >= count:
@@ -132,10 +132,11 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
 def write(
     source: str | os.PathLike[str] | BatchResults, path: str | os.PathLike[str], mode: str | None = None, *, scene: bool = False,
 ) -> str:
-    """Save the arrays of a batch to the file `path`, and the model with its meshes to a file beside it. Return the path of the second file.
+    """Save the arrays of a batch to the file `path`, and save the model with its meshes to a second file in the same folder.
 
-    For example, `legs.npz` contains an array for each field, and an array `id` with the ids of the variants. `legs.mjz` contains the model.
-    The same batch results in the same bytes. Raises the same errors as `fields`, and `OSError`.
+    Return the path of the second file. For example, `legs.npz` contains an array for each field, and an array `id` with the ids of the
+    variants. In this example, the second file `legs.mjz` contains the model. The files of the same batch always have the same bytes. Raises
+    the same errors as `fields`, and `OSError` if writing fails.
     """
     import numpy as np
 
@@ -171,7 +172,10 @@ def _family(source: str | os.PathLike[str] | BatchResults) -> BatchResults:
 
 
 def _numbers(model: mujoco.MjModel) -> dict[str, Any]:
-    """Return all fields of a MuJoCo model that may differ between variants, by name. Arrays are views into the model."""
+    """Return a mapping from names to all fields of a MuJoCo model that may differ between variants.
+
+    The returned arrays are views into the model.
+    """
     return {name: getattr(*owner_of(model, name)) for name in changeable_fields()}
 
 
@@ -182,13 +186,13 @@ def _equal(a: Any, b: Any) -> bool:
 
 
 def _leading(values: Any) -> Any:
-    """Return the leading rows of an array of all variants, up to the last row that differs between variants."""
+    """Return the first rows of an array for all variants, up to the last row that differs between variants."""
     changes = (values != values[:1]).reshape(*values.shape[:2], -1).any(axis=(0, 2))
     return values[:, : int(changes.nonzero()[0].max()) + 1]
 
 
 def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVariant) -> None:
-    """Raise `StructuresDiffer` if the MuJoCo models of two variants differ in a field that is not in `changeable_fields`."""
+    """Raise `StructuresDiffer` if the MuJoCo models of two variants differ in a field that `changeable_fields` does not contain."""
     import numpy as np
 
     both = f"in `{first.name}` and `{second.name}`"
@@ -219,7 +223,10 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
 
 
 def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> None:
-    """Raise `StructuresDiffer` if two MuJoCo models have different meshes. The message contains the first mesh that differs."""
+    """Raise `StructuresDiffer` if two MuJoCo models have different meshes.
+
+    The error message contains the name of the first mesh that differs.
+    """
     if all(_equal(getattr(model, name), getattr(other, name)) for name in arrays):
         return
     for k in range(model.nmesh):
@@ -231,12 +238,12 @@ def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> No
 
 
 def element_names(model: Any) -> dict[str, list[str]]:
-    """Return the names of all elements of a MuJoCo model, such as bodies and joints, by kind of element."""
+    """Return a mapping from each kind of element, such as bodies and joints, to the names of all such elements in a MuJoCo model."""
     return {word: [getattr(model, accessor)(k).name for k in range(getattr(model, count))] for word, accessor, count in _KINDS.values()}
 
 
 def _where(model: Any, name: str, a: Any, b: Any) -> str:
-    """Describe the first difference between the arrays `a` and `b` of two models: the element to which it belongs, and both values.
+    """Describe the first difference between the arrays `a` and `b` of two models by the name of the element and both values.
 
     Return an empty string if the rows of the arrays do not belong to named elements.
     """

@@ -1,6 +1,6 @@
-"""Write the table of results of a batch, `results.csv` and `results.parquet`. It has one row per variant, in the order of the plan.
+"""Write the table of results of a batch, `results.csv` and `results.parquet`. The table has one row per variant, in the order of the plan.
 
-Rows are read and written one at a time, so that even a very long table needs little memory.
+Rows are read and written one at a time, so that even a table with many rows needs little memory.
 """
 
 from __future__ import annotations
@@ -26,18 +26,19 @@ BLOCK = 1024
 
 HEAD = ("index", "id", "name", "status", "rule", "code", "message")
 LOSSES = "losses"
-"""The column with the number of export losses of a variant."""
+"""The name of the column with the number of export losses of a variant."""
 
 TAIL = ("path", "command")
 RUN = ("parts_modelled", "parts_reused", "seconds")
-"""Columns that describe the run. They differ between runs."""
+"""Names of the columns that describe the run. The values in these columns differ between runs."""
 
 
 class Column(FrozenStruct):
     """A column of the table of results.
 
-    `kind` is `integer`, `number`, `text` or `flag`. `unit` is the SI unit of the values, or an empty string. `written` is the unit in the
-    documents, in which the page displays the values. It is empty for SI units.
+    `kind` is the type of the values: `integer`, `number`, `text` or `flag`. `unit` is the SI unit of the values, or an empty string for
+    values without a unit. `written` is the unit of the values in the documents, in which the page displays the column. `written` is empty
+    if the documents use SI units.
     """
 
     name: str
@@ -49,7 +50,7 @@ class Column(FrozenStruct):
 def setting(name: str) -> str:
     """Return the name of the table column for a parameter or a path.
 
-    The name of a parameter gets the prefix `parameters.`; a path is returned unchanged.
+    The column of a parameter has the prefix `parameters.`; the column of a path has the path as its name.
     """
     return name if "." in name else PARAMETERS + name
 
@@ -57,7 +58,7 @@ def setting(name: str) -> str:
 def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Sequence[str]) -> tuple[Column, ...]:
     """Return all columns of the table of results, in order.
 
-    `parameters` contains the columns of parameters, `choices` the paths of choices, and `lengths` the names of results `length.JOINT`.
+    `parameters` contains the columns of parameters, `choices` the paths of choices, and `lengths` the names of the results `length.JOINT`.
     """
     return (
         *(Column(name=name, kind="integer" if name == "index" else "text") for name in HEAD),
@@ -71,7 +72,7 @@ def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Seque
 
 
 def flat(line: Line) -> dict[str, Any]:
-    """Return the cells of the table for a journal line, by column. Empty cells are None, and infinity is the string `inf`."""
+    """Convert a journal line to a mapping from columns of the table to cells. Empty cells are None, and infinity is the string `inf`."""
     return {
         **{name: line.get(name) for name in HEAD},
         **{setting(name): value for name, value in line["parameters"].items()},
@@ -86,14 +87,14 @@ def flat(line: Line) -> dict[str, Any]:
 
 
 def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
-    """Return the cells of the table for a journal line, in the order of the columns `wanted`. Empty cells are None."""
+    """Convert a journal line to a list of table cells, in the order of the columns `wanted`. Empty cells are None."""
     values = flat(line)
     typed = [(column.kind, values.get(column.name)) for column in wanted]
     return [float(value) if kind == "number" and value is not None else value for kind, value in typed]
 
 
 def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[str]) -> tuple[Column, ...]:
-    """Write the files `results.csv` and `results.parquet` of a batch again, in one atomic step each. Return the columns of the table."""
+    """Write the files `results.csv` and `results.parquet` of a batch again, each in one atomic step. Return the columns of the table."""
     wanted = columns(parameters, choices, lengths_in(folder))
     written = os.path.join(folder, folder_layout.TABLE_CSV), os.path.join(folder, folder_layout.TABLE_PARQUET)
     with _csv(f"{written[0]}.new", wanted) as to_csv, _parquet(f"{written[1]}.new", wanted) as to_parquet:

@@ -1,9 +1,9 @@
 """The main module of a process that renders small pictures of variants, all with the same camera: `python -m thingc.batch.thumbnails`.
 
-The graphics library is selected when MuJoCo is imported. The driver does not use it, because a graphics library can crash. Lines of JSON
-are read from standard input: `{"measure": [model, ...], "pose": ...}`, then `{"draw": [[model, picture], ...], "points": [...], ...}`. The
-answers are written to standard output: the points that must be visible, then a line for each picture. The process ends at the end of its
-input.
+MuJoCo selects a graphics library when the module `mujoco` is imported. The driver does not render pictures itself, because a graphics
+library can crash. The process reads lines of JSON from standard input: `{"measure": [model, ...], "pose": ...}`, then `{"draw": [[model,
+picture], ...], "points": [...], ...}`. The process writes its answers to standard output: the points that must be visible, then a line for
+each picture. The process ends when its input ends.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ from thingc.targets.render.picture import NoGraphics, extent, ready, small_pictu
 
 
 def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
-    """Read the MuJoCo model file at `path`. Return its XML text, and the contents of its mesh files by file name. Raises `OSError`."""
+    """Read the MuJoCo model file at `path`.
+
+    Return the XML text of the model, and the contents of its mesh files by file name. Raises `OSError` if a file cannot be read.
+    """
     with open(path, encoding="utf-8") as stream:
         xml = stream.read()
     folder = os.path.join(os.path.dirname(path), "assets")
@@ -31,7 +34,7 @@ def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
 
 
 def main() -> None:
-    """Run the loop of the rendering process: for each line of standard input, write the answers to standard output."""
+    """Run the main loop of the rendering process: read a line of standard input, and write the answers to standard output."""
     answer = connect_to_parent()
     os.environ.setdefault("MUJOCO_GL", "egl")
     asked = json.loads(sys.stdin.readline() or "null")

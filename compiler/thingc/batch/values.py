@@ -21,20 +21,20 @@ from thingc.documents.spec.settable_values import current_value
 from thingc.documents.spec.variants import AxisSpec, VariantsSpec
 
 ID_DIGITS = 12
-"""Number of hexadecimal digits of the id of a variant."""
+"""Number of hexadecimal digits in the id of a variant."""
 
 
 def unit_in(text: str) -> str:
     """Return the unit in the text of a quantity, such as `mm` for `70 mm`.
 
-    Return an empty string for a number without a unit, and for a text that is not a quantity.
+    For a number without a unit, and for a string that is not a quantity, return an empty string.
     """
     number = scan_number(text.strip())
     return "" if number is None else text.strip()[number[1]:].strip()
 
 
 def size_of(unit: str) -> float | None:
-    """Return the size of a unit in SI units, such as 0.001 for `mm`. Return None if the text is not a unit."""
+    """Return the size of a unit in SI units, such as 0.001 for `mm`. Return None if the string is not a unit."""
     try:
         return parse_quantity(f"1 {unit}").value
     except UnitError:
@@ -42,15 +42,19 @@ def size_of(unit: str) -> float | None:
 
 
 def standard_unit(dimension: Dimension) -> str:
-    """Return the common name of the SI unit of a physical dimension, such as `N*m`, `kg` or `Hz`. Return "" for plain numbers."""
+    """Return the common name of the SI unit of a physical dimension, such as `N*m`, `kg` or `Hz`.
+
+    For plain numbers, return an empty string.
+    """
     usual = unit_in(dimension.example)
     return next((unit for unit in (usual, usual[1:]) if unit and size_of(unit) == 1.0), dimension.symbol)
 
 
 def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
-    """Return `count` evenly spaced quantities between two texts with the same unit. Each value is rounded once.
+    """Return `count` evenly spaced quantities between two quantities, given as strings with the same unit.
 
-    For example, four values from `60 mm` to `90 mm` include exactly 70 mm. Return None if the two texts have different units.
+    Each quantity is rounded only once. For example, four values from `60 mm` to `90 mm` include exactly 70 mm. Return None if the two
+    strings have different units.
     """
     ends: list[Fraction] = []
     units: list[str] = []
@@ -75,16 +79,16 @@ def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
 
 
 def spaced_si(first: Quantity, last: Quantity, count: int) -> list[Quantity]:
-    """Return `count` evenly spaced quantities between two quantities of the same dimension.
+    """Return `count` evenly spaced quantities between two quantities of the same physical dimension.
 
-    They are computed from the decimals of the SI values.
+    The quantities are computed from the decimal representation of the SI values.
     """
     a, b = Fraction(Decimal(repr(first.value))), Fraction(Decimal(repr(last.value)))
     return [Quantity(float(a + (b - a) * Fraction(k, count - 1)) + 0.0, first.dimension) for k in range(count)]
 
 
 def is_whole(text: str | None) -> bool:
-    """Return whether the text of a number has neither a decimal point nor a unit."""
+    """Return True if a number, given as a string, has neither a decimal point nor a unit."""
     return text is not None and re.fullmatch(r"[-+]?\d+", text.strip()) is not None
 
 
@@ -102,8 +106,8 @@ def identity(assembly: str, parameters: Mapping[str, ExpressionValue], choices: 
 class Paths(FrozenStruct):
     """The paths in the assembly document at which a variants document sets values, in order.
 
-    `kinds` contains an example value for each path, which determines the type. `own` contains the values in the assembly document.
-    `expressions` contains those of these values that are expressions.
+    `kinds` contains an example value for each path, which determines the type. `own` contains the values in the assembly document by path.
+    `expressions` contains the values in the assembly document that are expressions.
     """
 
     kinds: Mapping[str, ExpressionValue]
@@ -142,23 +146,23 @@ def _each(raw: Any) -> Iterable[Any]:
 
 
 def as_value(raw: Any) -> ExpressionValue | None:
-    """Convert a value in a document to a quantity, boolean or string. Return None for an expression."""
+    """Convert a value in a document to a quantity, boolean or string. Return None if the value is an expression."""
     if isinstance(raw, Expression):
         return None
     return Quantity(float(raw)) if isinstance(raw, (int, float)) and not isinstance(raw, bool) else raw
 
 
 def _kind(own: ExpressionValue | None, given: Iterable[ExpressionValue]) -> ExpressionValue | None:
-    """Return an example of the type of values at a path: the value in the assembly document, or else the first value in `given`.
+    """Return an example value for a path: the value in the assembly document, or else the first value in `given`.
 
-    The number 0 without a unit is returned only if there are no other values.
+    The number 0 without a unit is returned only if no other value exists.
     """
     known = [one for one in (own, *given) if one is not None]
     return next((one for one in known if one != Quantity(0.0)), known[0] if known else None)
 
 
 def of_kind(value: ExpressionValue, kind: ExpressionValue | None) -> ExpressionValue | None:
-    """Convert a value to the type and the physical dimension of the value `kind`. Return None if this is impossible."""
+    """Convert a value to the same type and physical dimension as the value `kind`. Return None if the value cannot be converted."""
     if not isinstance(value, Quantity) or not isinstance(kind, Quantity):
         return value if kind is None or type(value) is type(kind) else None
     if value == Quantity(0.0):

@@ -1,4 +1,4 @@
-"""Read a `variants/1` document and its assembly document. All keys are checked, and all errors are reported together."""
+"""Read a `variants/1` document together with its assembly document. The parser checks all keys and reports all errors together."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from thingc.model.resolve.types import AssemblyDefinition
 
 
 def targets_of(document: Document, spec: VariantsSpec, report: Report) -> tuple[str, ...]:
-    """Return the names of the targets that the document specifies, in the order of a build. Unknown targets are reported."""
+    """Return the names of the targets that the document specifies, in the order of a build. Unknown targets are reported as errors."""
     from thingc.targets.registry import chosen, unknown
 
     for index, message, hint in unknown(spec.emit):
@@ -97,9 +97,10 @@ def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
 
 
 def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[str, Any] | list[str], str] | None:
-    """Return the first part of a reference to a mount that does not exist, the names that exist, and what they name.
+    """Return the first part of an invalid mount reference, the names that exist at this place, and the kind of these names.
 
-    Return None for a valid reference. The mounts of a part are not checked, because they are unknown before the part is built.
+    Return None for a valid reference. The function does not check the mounts of a part, because mounts are unknown before the part is
+    built.
     """
     if len(words) == 1:
         return None if words[0] in model.mounts else (words[0], model.mounts, "mounts")
@@ -116,11 +117,11 @@ def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[
 
 
 MOST = 1_000_000
-"""Maximum number of variants of one document, in the grid or sampled."""
+"""Maximum number of variants that a document can specify, in the grid or by sampling."""
 
 
 def plan(document: str, *, options: Options | None = None) -> Plan:
-    """Read a `variants/1` document, and return the plan of its variants. No parts are built.
+    """Read a `variants/1` document, and return the plan of its variants. This function does not build parts.
 
     `options` contains options of the compiler, such as the store. Raises `PlanError` if the document has errors.
     """
@@ -134,7 +135,8 @@ def plan(document: str, *, options: Options | None = None) -> Plan:
 def read_plan(path: str, options: Options, report: Report, lend: Lend | None = None) -> Plan | None:
     """Read the `variants/1` document at `path`, and return the plan of its variants.
 
-    If it has errors, add them to `report` and return None. `lend` returns the source of parts, as for `Environment`.
+    If the document has errors, add the errors to `report` and return None. `lend` returns the source of parts, as for the class
+    `Environment`.
     """
     workspace = Workspace.find(path, report, options.texts)
     documents = load(path, workspace, report, kinds=("variants",), texts=options.texts) if workspace is not None else None
@@ -223,9 +225,9 @@ class _Planner:
         return axes, fixed
 
     def units(self, names: Iterable[str]) -> Iterator[tuple[str, str]]:
-        """Yield the name and the unit of each parameter or path.
+        """Yield each parameter or path with its unit.
 
-        The unit is taken from the variants document, or else from the assembly document.
+        The unit is the unit in the variants document, or else in the assembly document.
         """
         root = self.sources.documents.root
         for name in names:
@@ -266,20 +268,20 @@ class _Planner:
     def named(self, path: str, text: str, root: str) -> str:
         """Convert the path of a file or document that a choice selects, so that it is relative to the assembly document.
 
-        Other values of choices are returned unchanged.
+        Other values of a choice are returned unchanged.
         """
         return moved(text, self.document.relative, root) if _key(path) in ("assembly", "file") else text
 
     def there(self, text: str, at: Path) -> bool:
-        """Return whether the document that a choice selects exists. A missing document is reported."""
+        """Return whether the document that a choice selects exists. A missing document is reported as an error."""
         return find_assembly(
             text, beside=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
         ) is not None
 
     def possible(self, path: str, text: str, at: Path) -> bool:
-        """Return whether the value `text` of a choice is valid, alone or together with an assembly that another choice selects around it.
+        """Return True if the value `text` of a choice is valid, alone or together with an enclosing assembly that another choice selects.
 
-        An invalid choice is reported.
+        An invalid value of a choice is reported as an error.
         """
         wrong = self.trial({path: text})
         for diagnostic in wrong:
@@ -288,10 +290,11 @@ class _Planner:
         return not any(diagnostic.code is Code.CHOICE_OPTION for diagnostic in wrong)
 
     def fits(self, path: str, text: str, at: Path) -> bool:
-        """Return whether the value `text` is valid at a path in the assembly document. An invalid value or an unknown path is reported.
+        """Return True if the value `text` is valid at a path in the assembly document.
 
-        A value of an explicitly listed variant is checked together with all settings of this variant. Any other value is checked alone. If
-        it is invalid alone, it is checked together with the first values of all other settings.
+        An invalid value or an unknown path is reported as an error. A value of an explicitly listed variant is checked together with all
+        settings of this variant. All other values are first checked alone. A value that is invalid alone is checked again, together with
+        the first values of all other settings.
         """
         if at[0] == "list":
             written = self.texts({name: (*at[:-1], name) for name in self.spec.list_[int(at[1])].parameters})
@@ -312,7 +315,7 @@ class _Planner:
         return not wrong
 
     def texts(self, places: Mapping[str, Path]) -> dict[str, str]:
-        """Return the source texts of scalars in the variants document. `places` maps names to key paths.
+        """Return the source texts of scalar values in the variants document. `places` maps names to the key paths of the values.
 
         Values that are not scalars are omitted.
         """
@@ -320,7 +323,7 @@ class _Planner:
         return {name: node.text for name, node in nodes if isinstance(node, ScalarNode)}
 
     def firsts(self) -> dict[str, str]:
-        """Return the source text of the first value of each parameter and path, for settings that are fixed, on an axis, or sampled."""
+        """Return the source text of the first value of each parameter and path. Settings can be fixed, on an axis, or sampled."""
         first: dict[str, Path] = {}
         for name, raw in self.spec.parameters.items():
             within: Path = (0,) if isinstance(raw, list) else ("from",) if isinstance(raw, AxisSpec) else ()
@@ -329,15 +332,16 @@ class _Planner:
         return self.texts(first)
 
     def made_wrong(self, texts: Mapping[str, str], beside: Mapping[str, str]) -> list[Diagnostic]:
-        """Return the errors that the settings `texts` cause in addition to those that the settings `beside` cause without them."""
+        """Return the errors that the settings `texts` cause in addition to the errors that the settings `beside` cause alone."""
         wrong = self.trial({**beside, **texts})
         others = self.trial(beside) if wrong else []
         return [one for one in wrong if one not in others]
 
     def trial(self, texts: Mapping[str, str]) -> list[Diagnostic]:
-        """Return the errors that settings cause in the assembly, alone or together with an assembly that a choice selects around them.
+        """Return the errors that settings cause in the assembly, alone or together with an enclosing assembly that a choice selects.
 
-        Errors of the assembly itself are not included. Invalid values of parameters are reported elsewhere.
+        The result does not include errors of the assembly itself. The result does not include invalid values of parameters, which are
+        reported elsewhere.
         """
         known = self.tried.get(key := tuple(texts.items()))
         if known is not None:
@@ -366,7 +370,7 @@ class _Planner:
     def say_once(self, code: Code, diagnostic: Diagnostic, path: str, at: Path, shown: str, *, key: bool) -> None:
         """Report an error that a setting causes in the assembly, at the location of the setting in the variants document.
 
-        The same message is reported only once for each path.
+        For each path, the same message is reported only once.
         """
         if (path, diagnostic.message) in self.said:
             return
@@ -380,7 +384,7 @@ class _Planner:
         )
 
     def around(self, paths: Iterable[str]) -> Iterator[dict[str, str]]:
-        """Yield an empty set of choices, and then each choice of an assembly for a component that contains one of the paths."""
+        """Yield an empty set of choices, and then each choice that selects an assembly for a component on one of the paths."""
         yield {}
         root = self.sources.documents.root.relative
         for other, raw in self.spec.choices.items():
@@ -390,7 +394,7 @@ class _Planner:
                     yield {other: self.named(other, text, root)}
 
     def listed(self, reader: AxisParser, fixed: Setting, root: str) -> tuple[Setting, ...]:
-        """Return the settings of the variants that the document lists explicitly, and report invalid settings."""
+        """Return the settings of all variants that the document lists explicitly, and report invalid settings."""
         met: dict[str, int] = {}
         made: list[Setting] = []
         for index, entry in enumerate(self.spec.list_):
@@ -429,7 +433,10 @@ class _Planner:
         return tuple(made)
 
     def sample(self, reader: AxisParser) -> tuple[Method | None, int, int]:
-        """Return the sampling method, the number of samples and the seed. The method is None if the document does not specify a sample."""
+        """Return the sampling method, the number of samples and the seed.
+
+        The sampling method is None if the document does not specify a sample.
+        """
         sample = self.spec.sample
         if sample is None:
             return None, 0, 0
@@ -442,9 +449,9 @@ class _Planner:
         return sample.method, count or 0, seed or 0
 
     def grid_fits(self) -> bool:
-        """Return whether the grid of variants contains at most `MOST` variants. A larger grid is reported.
+        """Return True if the grid of variants contains at most `MOST` variants. A grid with more variants is reported as an error.
 
-        This is checked before the values of any axis are computed.
+        The size of the grid is checked before the values of any axis are computed.
         """
         axes = [(key, raw) for key in ("parameters", "choices") for raw in getattr(self.spec, key).values()]
         sized = [(key, raw.count if isinstance(raw, AxisSpec) else len(raw)) for key, raw in axes if isinstance(raw, (AxisSpec, list))]
@@ -464,7 +471,7 @@ class _Planner:
     def inputs(self) -> dict[str, str]:
         """Return the digests of all documents and code files on which the plan depends.
 
-        The keys are paths. They are relative to the workspace for files inside the workspace.
+        The keys of the mapping are paths. Paths inside the workspace are relative to the workspace.
         """
         from thingc.driver.up_to_date import state_of
 
