@@ -1,16 +1,21 @@
-"""Compare the outputs of the compiler with earlier ones: `make freeze`, then, after a refactoring, `make frozen`.
+"""Compare the outputs of two versions of the compiler: run `make freeze` before a refactoring, and `make frozen` after it.
 
-A corpus of outputs is stored as hashes: both robots and the documents that they nest, every document of `docs/`, every right example of
-`docs/codes` and the random robots of `benchmarks/conformance` in all formats, 200 random designs of MInchW (`benchmarks/designs`),
-and 50 sampled variants of it. Each entry is one command of `thingc`, with its exit code, output and the SHA-256 of every file that it
-wrote. Diagnostics of wrong documents are tested by `tests/cases` and `docs/codes`.
+The outputs of many commands form a corpus, which is stored as hashes. The corpus contains the following documents:
+
+- all documents of both robots, with all targets
+- every document in `docs/`, every correct example in `docs/codes`, and the random robots of `benchmarks/conformance`, with all targets
+- 200 random designs of MInchW (`benchmarks/designs`), and 50 sampled variants of MInchW
+
+Each entry describes one command of `thingc`: its exit code, its output, and the SHA-256 of every file that it wrote. The corpus does not
+contain invalid documents, because `tests/cases` and `docs/codes` test their diagnostics.
 
     python benchmarks/corpus.py freeze build/corpus.json      # about ten minutes on two idle cores
-    python benchmarks/corpus.py compare build/corpus.json     # the same again; prints differences, exits with 1 if there are any
+    python benchmarks/corpus.py compare build/corpus.json     # takes as long; prints differences, exits with 1 if there are any
 
-`--only PATTERN...` selects a part of it (`--only 'robots/*' 'designs/00?'`, or a page, `docs/things.md`; `make frozen ONLY='trees/*'`). The
-designs take most of the time, because all of their parts differ. Results are written as they come, so an interrupted run is not lost. Use
-the same machine and installed packages for both: another kernel or another MuJoCo may write other digits.
+To select entries, use `--only PATTERN...`, for example `--only 'robots/*' 'designs/00?'`, `--only docs/things.md` for a page, or
+`make frozen ONLY='trees/*'`. The random designs take most of the time, because no two designs share a part. Each result is written as soon
+as it is available, so an interruption does not lose results. Use the same machine and the same installed packages for `freeze` and
+`compare`. Another CAD kernel or another version of MuJoCo may write other digits.
 """
 
 from __future__ import annotations
@@ -56,16 +61,16 @@ emit: [mjcf, bom]
 """
 ASSEMBLY = re.compile(r"^thingc *[:=] *\"?assembly/1", re.MULTILINE)
 PASSING = re.compile(r"^(modelling|decomposing|slicing) parts: .*\n|\d+ parts? modelled.*|\d+\.\d+ s\b", re.MULTILINE)
-"""Output that depends on the store or the clock."""
+"""Pattern of the output that depends on the store or on the clock."""
 OF_THE_RUN = frozenset({"journal.jsonl", "results.parquet", "shown.json"})
-"""Files of a batch that contain durations; the rest of the table is in `results.csv`, too."""
+"""Files of a batch that contain durations. They are not compared, because `results.csv` contains the other columns of the table."""
 
 Entry = dict[str, str]
-"""`exit`, `printed` (a hash), and the SHA-256 of every file by its path in the output folder."""
+"""An entry of the corpus: the exit code, the hash of the output, and the SHA-256 of every file by its path in the output folder."""
 
 
 def main() -> int:
-    """Freeze or compare; return 1 if an entry differs."""
+    """Freeze or compare the corpus. Return 1 if an entry differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=["freeze", "compare"])
     parser.add_argument("file", type=Path)
@@ -87,7 +92,7 @@ def main() -> int:
 
 
 def freeze(entries: dict[str, Entry], file: Path) -> None:
-    """Write the entries so far."""
+    """Write the entries that have been created so far to a file."""
     file.parent.mkdir(parents=True, exist_ok=True)
     aside = file.with_suffix(".part")
     aside.write_text(json.dumps(entries, indent=1, sort_keys=True) + "\n")
@@ -95,12 +100,12 @@ def freeze(entries: dict[str, Entry], file: Path) -> None:
 
 
 def fits(name: str, only: Sequence[str]) -> bool:
-    """Return whether an entry is selected, by its name or its page."""
+    """Return whether the name of an entry, or the page that contains the entry, matches one of the patterns."""
     return any(fnmatch(name, pattern) or fnmatch(name, f"{pattern}/*") for pattern in only)
 
 
 def compared(before: dict[str, Entry], now: dict[str, Entry]) -> int:
-    """Print every entry that differs, and counts by kind of file; return 1 if there are any."""
+    """Print every entry that differs, and the number of differences for each kind of file. Return 1 if any entry differs."""
     kinds: Counter[str] = Counter()
     for name in sorted(before.keys() | now.keys()):
         one, other = before.get(name, {}), now.get(name, {})
@@ -114,7 +119,7 @@ def compared(before: dict[str, Entry], now: dict[str, Entry]) -> int:
 
 
 def entries(folder: Path, only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
-    """Yield every entry of the corpus by name; `folder` is temporary."""
+    """Yield the name and the content of every entry of the corpus. `folder` is a temporary folder."""
     robots = folder / "robots"
     drawing.workspace(robots)
     for document in sorted((robots / "assemblies").rglob("*.yaml")):
@@ -158,7 +163,7 @@ def entries(folder: Path, only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
 
 
 def documents(page: str, folder: Path, shown: Collection[str | None], only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
-    """Yield every selected assembly that a page shows, from the folder that contains it."""
+    """Build every selected assembly that a page shows, and yield its name and its entry. `folder` contains the documents of the page."""
     for document in sorted([*folder.glob("*.yaml"), *folder.glob("*.toml")]):
         name = f"{page}/{document.name}"
         if document.name in shown and fits(name, only) and ASSEMBLY.search(document.read_text()):
@@ -166,13 +171,13 @@ def documents(page: str, folder: Path, shown: Collection[str | None], only: Sequ
 
 
 def build(folder: Path, document: Path, *words: str) -> Entry:
-    """Build a document in a workspace; return files and output."""
+    """Build a document in a workspace, and return its entry."""
     out = fresh(folder.parent / f"{folder.name}_out")
     return run(folder, out, ["build", os.path.relpath(document, folder), "-o", str(out), *words])
 
 
 def run(folder: Path, out: Path, words: list[str]) -> Entry:
-    """Run one command of `thingc` in `folder`, which writes to `out`."""
+    """Run one command of `thingc` in `folder`, and return its entry. The command writes to the folder `out`."""
     printed = io.StringIO()
     with contextlib.chdir(folder), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
         code = thingc(words)
@@ -186,7 +191,7 @@ def run(folder: Path, out: Path, words: list[str]) -> Entry:
 
 
 def content(path: Path) -> bytes:
-    """Return the content of a file; for a table, without the columns about the run."""
+    """Return the content of a file for hashing. For `results.csv`, omit the columns that describe the run."""
     if path.name != "results.csv":
         return path.read_bytes()
     with path.open(newline="") as stream:
@@ -196,7 +201,7 @@ def content(path: Path) -> bytes:
 
 
 def fresh(folder: Path) -> Path:
-    """Return a new empty folder with this name."""
+    """Create an empty folder with this path, and return the path."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     return folder

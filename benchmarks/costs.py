@@ -1,4 +1,4 @@
-"""Measure the costs of a process."""
+"""Measure the time and the memory of a process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Cost:
-    """The costs of one process: wall time [s], the largest peak resident memory [MB] of it and its children, and its standard output."""
+    """The costs of a process: wall time [s], largest peak resident memory [MB] of the process and its children, and standard output."""
 
     wall: float
     memory: float
@@ -19,7 +19,7 @@ class Cost:
 
 
 def cost(command: list[str], folder: Path, environment: dict[str, str]) -> Cost:
-    """Run a command. Raises if it fails: a failing command is not fast."""
+    """Run a command, and measure its costs. Raises `SystemExit` if the command fails."""
     program = (
         "import json, os, resource, subprocess, sys, time\n"
         "start = time.perf_counter()\n"

@@ -1,4 +1,6 @@
-"""The cost of importing and building a URDF file with 80 links, each with a mesh of 50 000 facets, compared to MuJoCo's own reader."""
+"""Measure the cost of importing and building a URDF file, compared to MuJoCo's own reader. The file has 80 links, each with a mesh of 50
+000 triangles.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,11 @@ from costs import cost
 
 LINKS = 80
 ROUND, HIGH = 250, 101
-"""Numbers of vertices around and between the poles: 2 * 250 * 100 facets."""
+"""Number of vertices around the axis, and number of rows of vertices from pole to pole. A mesh has 2 * 250 * 100 triangles."""
 
 
 def write_eighty(folder: Path) -> Path:
-    """Write a chain of 80 links with meshes for display and collision, as bodies with dents [m]; return the file."""
+    """Write a URDF file with a chain of 80 links, and return its path. Each link has a mesh [m] for display and collision."""
     (folder / "meshes").mkdir(parents=True)
     lines = ['<robot name="eighty">', '  <mujoco><compiler discardvisual="false" strippath="false"/></mujoco>']
     for number in range(LINKS):
@@ -35,7 +37,7 @@ def write_eighty(folder: Path) -> Path:
 
 
 def _dented(number: int) -> trimesh.Trimesh:
-    """Return a closed egg of 5 cm with a wave that depends on the number."""
+    """Return a closed egg-shaped mesh with a radius of 5 cm [m]. The surface has waves that depend on the number."""
     around, down = numpy.meshgrid(numpy.linspace(0.0, 2.0 * numpy.pi, ROUND, endpoint=False), numpy.linspace(0.0, numpy.pi, HIGH)[1:-1])
     radius = 0.05 + 0.002 * numpy.sin((5 + number % 7) * down) * numpy.cos((3 + number % 11) * around) + 1e-5 * number
     rings = numpy.stack((radius * numpy.sin(down) * numpy.cos(around), radius * numpy.sin(down) * numpy.sin(around),
@@ -53,7 +55,9 @@ def _dented(number: int) -> trimesh.Trimesh:
 
 
 def rows(thingc: str, folder: Path, environment: dict[str, str], unit: float) -> list[tuple[str, float, str, float | None]]:
-    """Return names, values, units and upper bounds; `unit` is I [s]. Each command runs once, since they take long."""
+    """Return a name, value, unit and upper bound for each measurement. `unit` is the reference time I [s]. Each command runs only once,
+    because it takes long.
+    """
     file = write_eighty(folder / "eighty")
     theirs = cost([sys.executable, "-c", f"import mujoco; mujoco.MjModel.from_xml_path({str(file)!r})"], folder, environment)
     empty = cost([sys.executable, "-c", "import mujoco"], folder, environment)

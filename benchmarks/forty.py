@@ -1,4 +1,6 @@
-"""A robot of forty parts in one module: the cost of editing one of them, since the key of their code covers the module."""
+"""Write a robot of forty parts in one module, to measure the cost of editing one part. The cache key of each part covers the code of the
+whole module.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,7 @@ class Plate{number}(Thing):
 
 
 def write_forty(workspace: Path) -> str:
-    """Write the module and the document into a workspace; return the path of the document in it."""
+    """Write the module of the parts and the document to a workspace. Return the path of the document relative to the workspace."""
     (workspace / "parts" / "forty.py").write_text(_HEAD + "".join(_PART.format(number=k, thickness=3.0) for k in range(PARTS)))
     lines = ["thingc: assembly/1", "name: forty", "materials: {steel: {density: 7850 kg/m^3}}", "components:", "  base: {frame: true}"]
     for k in range(PARTS):

@@ -1,9 +1,9 @@
-"""`make bench`: the costs of thingc, as ratios within one run.
+"""`make bench`: measure the costs of thingc as ratios to a reference time I.
 
-I is the time of `python -c "import build123d"` in the same run: it represents the speed of the machine, so that ratios can be compared
-between machines. Every command is a whole process, from start to exit; memory is the largest resident set of a process that it started. The
-documents and parts of both robots are copied to a temporary workspace and edited there. If parts are counted, exactly those with changed
-parameters must have been modelled.
+I is the time of `python -c "import build123d"` in the same run. It represents the speed of the machine, so the ratios of different machines
+can be compared. Each command is measured as a whole process, from start to exit. Its memory is the largest resident set of any process that
+it starts. The documents and parts of both robots are copied to a temporary workspace, where the benchmark edits them. If a scenario counts
+parts, the build must model exactly the definitions whose parameters have changed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 class Workspace:
-    """A temporary copy of the arm with its own store, and edits that never repeat."""
+    """A temporary copy of the workspace with its own store. Each edit writes a value that was not used before."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -46,7 +46,7 @@ class Workspace:
         self.environment = {**os.environ, "THINGC_STORE": str(self.store), "PYTHONDONTWRITEBYTECODE": ""}
 
     def edit(self, file: str, pattern: str, values: Callable[[int], str]) -> None:
-        """Replace the only match by a new value."""
+        """Replace the value after the only match of a pattern in a file by a new value."""
         self.count += 1
         path = self.folder / file
         text, times = re.subn(pattern, lambda match: match.group(1) + values(self.count), path.read_text())
@@ -55,7 +55,7 @@ class Workspace:
         path.write_text(text)
 
     def write_thousand(self, file: str) -> None:
-        """Write a document of 1 000 components with comments and unordered keys."""
+        """Write a document with 1 000 components, with comments and with keys that are not in the canonical order."""
         lines = ["thingc: assembly/1", "components:", "  base: {frame: true}", "name: thousand"]
         components = []
         for n in range(1, 1000):
@@ -67,26 +67,26 @@ class Workspace:
         (self.folder / file).write_text("\n".join([*lines[:3], *components, lines[3], ""]))
 
     def known(self, document: str) -> None:
-        """Ensure that the store contains the parts of a document."""
+        """Check a document, so that the store contains its parts."""
         cost([str(Path(sys.executable).parent / "thingc"), "check", document], self.folder, self.environment)
 
     def lock_once(self) -> None:
-        """Write the lock unless it exists, and delete the store, so that --no-code uses only the lock."""
+        """Write the lock file if it does not exist. Delete the store, so that `--no-code` uses only the lock file."""
         if not (self.folder / "parts.lock.json").exists():
             cost([str(Path(sys.executable).parent / "thingc"), "lock"], self.folder, self.environment)
         self.empty()
 
     def unbuilt(self) -> None:
-        """Delete all builds, but not the parts."""
+        """Delete the build folder, but not the cached parts."""
         shutil.rmtree(self.folder / "build", ignore_errors=True)
 
     def empty(self) -> None:
-        """Delete all parts and builds."""
+        """Delete the build folder and the cached parts."""
         shutil.rmtree(self.store, ignore_errors=True)
         shutil.rmtree(self.folder / "build", ignore_errors=True)
 
     def two_revisions(self) -> None:
-        """Create a repository in which a limit was edited; the store has the parts of both revisions."""
+        """Create a git repository with two revisions that differ in a joint limit. The store then contains the parts of both revisions."""
         if (self.folder / ".git").exists():
             return
         arm = "assemblies/arm.yaml"
@@ -101,9 +101,10 @@ class Workspace:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A command, the preparation of each run, and its bounds: a ratio to I (None: only printed) and memory [MB].
+    """A command, a function that prepares each run, and two bounds. `reach` is the bound of the ratio to I (None: only printed), and
+    `memory` is the bound of the memory [MB].
 
-    If `counted`, it must model exactly the definitions that it did not have before.
+    If `counted` is True, the command must model exactly the definitions that the previous run did not have.
     """
 
     name: str
@@ -115,7 +116,7 @@ class Scenario:
 
 
 def scenarios(workspace: Workspace) -> list[Scenario]:
-    """Return the scenarios for the arm and MInchW: cold, unchanged and after one edit of each kind."""
+    """Return the scenarios for the arm and MInchW: a cold build, an unchanged build, and builds after an edit of each kind."""
     arm, minchw = "assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"
 
     def edited(file: str, pattern: str, value: Callable[[int], str]) -> Callable[[], None]:
@@ -162,10 +163,10 @@ def scenarios(workspace: Workspace) -> list[Scenario]:
 
 @dataclass(frozen=True)
 class Save:
-    """A save while `thingc watch DOC --emit mjcf` runs, and its bound: the ratio to I of the time from the save to the new folder, without
-    the time in which parts were modelled.
+    """A save of a file while `thingc watch DOC --emit mjcf` runs. `reach` is the bound of the time from the save to the new build folder,
+    as a ratio to I. This time does not include the modelling of parts.
 
-    Workers report that time, from the loaded class of a part to its record, so loading modules counts for the rest.
+    Workers report how long they modelled each part, after its class was loaded.
     """
 
     name: str
@@ -175,7 +176,7 @@ class Save:
 
 
 def saves(workspace: Workspace) -> list[Save]:
-    """Return the saves: one number and one part of both robots."""
+    """Return two saves for each robot: a changed number, and a changed part."""
     arm, minchw = "assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"
 
     def edited(file: str, pattern: str, value: Callable[[int], str]) -> Callable[[], None]:
@@ -195,7 +196,9 @@ def saves(workspace: Workspace) -> list[Save]:
 
 
 def watched(workspace: Workspace, saved: Save, times: int) -> tuple[list[float], list[float]]:
-    """Return the times [s] from each save to its new build folder, and the parts of them in which parts were modelled."""
+    """Return two lists of times [s], one item per save: the time until the new build folder exists, and the time in which workers modelled
+    parts.
+    """
     thingc = str(Path(sys.executable).parent / "thingc")
     folder = workspace.folder / "build" / Path(saved.document).stem
     command = [thingc, "watch", saved.document, "--emit", "mjcf", "--format", "json"]
@@ -224,13 +227,13 @@ def watched(workspace: Workspace, saved: Save, times: int) -> tuple[list[float],
 
 
 def definitions(out: str) -> tuple[set[str], set[str]]:
-    """Return the modelled and all definitions from the JSON output of a build."""
+    """Return two sets from the JSON output of a build: the definitions that were modelled, and all definitions."""
     answer = json.loads(out)
     return set(answer["modelled"]), {*answer["modelled"], *answer["reused"]}
 
 
 def main() -> int:
-    """Print the table; return 1 if a bound is exceeded."""
+    """Print the table of results. Return 1 if a bound is exceeded."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-n", type=int, default=5, help="number of runs per scenario; medians are printed")
     parser.add_argument("--only", default="", help="run only scenarios whose name contains this string")

@@ -1,4 +1,4 @@
-"""Latency in an editor: the time from a keystroke to its diagnostics, and from a request to its answer, with `thingc lsp`."""
+"""Measure the latency of `thingc lsp` in an editor: the time from a keystroke to its diagnostics, and from a request to its answer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 
 
 class Editor:
-    """An editor: `thingc lsp` over standard input and output, and its open texts."""
+    """An editor that is connected to `thingc lsp` through standard input and output."""
 
     def __init__(self, thingc: str, folder: Path, environment: dict[str, str]) -> None:
         self.process = subprocess.Popen([thingc, "lsp"], cwd=folder, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
@@ -29,7 +29,7 @@ class Editor:
         self.process.stdin.flush()
 
     def hear(self, wanted: Callable[[Any], bool]) -> Any:
-        """Return the next matching message."""
+        """Return the next message from the server for which `wanted` returns True."""
         assert self.process.stdout is not None
         while True:
             length = 0
@@ -48,7 +48,7 @@ class Editor:
         return self.hear(lambda one: one.get("id") == self.number)["result"]
 
     def put(self, path: Path, text: str) -> list[Any]:
-        """Open a file or change its text; return its diagnostics."""
+        """Open a file in the language server or change its text, and return the diagnostics of the file."""
         uri, version = path.as_uri(), self.versions.get(path.as_uri(), 0) + 1
         self.versions[uri] = version
         if version == 1:
@@ -63,13 +63,13 @@ class Editor:
         return diagnostics
 
     def quiet(self, path: Path) -> None:
-        """Wait until the server is idle: each request is answered after one more document."""
+        """Wait until the server is idle. The server processes one open document before it answers each request."""
         for _ in range(len(self.versions) + 1):
             beside = {"uri": f"{path.as_uri()}.txt"}
             self.ask("textDocument/formatting", {"textDocument": beside, "options": {"tabSize": 2, "insertSpaces": True}})
 
     def memory(self) -> float:
-        """The resident set of the server [MB]."""
+        """Return the resident memory of the server [MB]."""
         status = Path(f"/proc/{self.process.pid}/status")
         if not status.exists():
             return float("nan")
@@ -83,7 +83,9 @@ class Editor:
 
 
 def keystrokes(editor: Editor, path: Path, times: int) -> list[float]:
-    """Return the times [s] from 2 * `times` keystrokes to diagnostics: letters anywhere in the document are deleted and typed again."""
+    """Delete and retype random letters of a document, and return the time [s] from each keystroke to its diagnostics. The result has 2 *
+    `times` items.
+    """
     text = path.read_text()
     if any(one["severity"] == 1 for one in editor.put(path, text)):
         raise SystemExit(f"{path.name} is not sound")
@@ -102,7 +104,7 @@ def keystrokes(editor: Editor, path: Path, times: int) -> list[float]:
 
 
 def completions(editor: Editor, path: Path, times: int) -> list[float]:
-    """Return the times [s] of `times` completions anywhere in the document."""
+    """Request completions at random positions of a document. Return the time [s] of each request."""
     lines = path.read_text().split("\n")
     chance = random.Random(2)
     seconds = []
@@ -116,15 +118,15 @@ def completions(editor: Editor, path: Path, times: int) -> list[float]:
 
 
 def slowest(seconds: list[float]) -> float:
-    """Return the 99th percentile."""
+    """Return the 99th percentile of times [s]."""
     return statistics.quantiles(seconds, n=100)[98]
 
 
 def rows(
     thingc: str, folder: Path, environment: dict[str, str], document: Path, wide: list[Path], times: int,
 ) -> list[tuple[str, float, str, float | None]]:
-    """Return names, values, units and upper bounds: for a `document`, and for a `wide` workspace whose documents are all open; typing in
-    the last one is measured, too.
+    """Return a name, value, unit and upper bound for each measurement. First, only `document` is open. Then all documents of the workspace
+    `wide` are open, and keystrokes in the last document are measured.
     """
     editor = Editor(thingc, folder, environment)
     typed = keystrokes(editor, document, times)

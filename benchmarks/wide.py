@@ -1,4 +1,4 @@
-"""A machine of 1 000 components in 20 documents, each of which nests two others, to measure `check` of a large robot."""
+"""Write a robot of 1 000 components in 20 documents, to measure `check` of a large robot. Each document nests up to two other documents."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ COMPONENTS = 1000
 
 
 def write_wide(folder: Path) -> str:
-    """Write the documents to a folder; return the name of the one that nests all others."""
+    """Write the 20 documents to a folder. Return the name of the document that nests all other documents."""
     own = COMPONENTS // DOCUMENTS
     for number in range(DOCUMENTS):
         inner = [child for child in (2 * number + 1, 2 * number + 2) if child < DOCUMENTS]

@@ -1,4 +1,4 @@
-"""Random designs of MInchW: values of its parameters, and edits of its documents as a user might make them."""
+"""Generate random designs of MInchW: random values of its parameters, and random edits of its documents, as a user might make them."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ MINCHW, LEG, MATERIALS = "minchw.yaml", "leg.yaml", "materials.yaml"
 FOLDER = Path("assemblies") / "minchw"
 
 ASTRAY = 0.05
-"""Probability of a value outside of its range."""
+"""Probability that a value is outside of its range."""
 
 OWN = 0.5
-"""Probability that a leg has its own length."""
+"""Probability that a leg has a length of its own."""
 
 EDITED = 0.15
-"""Probability of each edit."""
+"""Probability that a design contains a given edit."""
 
 BRACE = (2.4, 6.0)
-"""The range [mm] of the thickness of `ThighBrace`; the document declares none."""
+"""Range of the thickness of `ThighBrace` [mm], for which the document does not declare bounds."""
 
 HIGHEST = 106.0
-"""The largest angle [deg] of a knee in the poses of the document."""
+"""Largest angle of a knee [deg] in the poses of the document."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edit:
-    """`old`, which occurs once in `file`, is replaced by `new`."""
+    """An edit of a document. It replaces the string `old`, which must occur exactly once in `file`, by `new`."""
 
     name: str
     file: str
@@ -43,10 +43,10 @@ class Edit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """A design.
+    """A random design of the robot.
 
-    `parameters` are texts as for `-p`; `broken` are the rules that it violates on purpose: the code to be reported, and a word of its
-    message.
+    `parameters` contains strings as for the option `-p`. `broken` lists the rules that the design violates on purpose: the expected
+    diagnostic code, and a word of its message.
     """
 
     number: int
@@ -60,7 +60,7 @@ class Design:
 
 @functools.cache
 def ranges() -> dict[str, tuple[float, float]]:
-    """Return every parameter of the document with its declared range [mm]; those of the legs are in their document."""
+    """Return the range [mm] of each parameter of the robot. The ranges of the leg lengths come from the document of the leg."""
     robot, leg = (yaml.safe_load((ROOT / FOLDER / file).read_text())["parameters"] for file in (MINCHW, LEG))
     declared = {name: one if isinstance(one, dict) else leg["leg_length"] for name, one in robot.items()}
     return {name: (_millimetres(one["min"]), _millimetres(one["max"])) for name, one in declared.items()}
@@ -74,7 +74,7 @@ def _millimetres(text: str) -> float:
 
 
 def design(number: int, seed: int) -> Design:
-    """Return the design with this number, which depends only on the seed."""
+    """Create the random design with this number. The result depends only on the number and the seed."""
     source = random.Random(f"{seed}/{number}")
     parameters: dict[str, str] = {}
     broken: list[tuple[str, str]] = []
@@ -97,7 +97,7 @@ def design(number: int, seed: int) -> Design:
 
 
 def _drawn(source: random.Random, low: float, high: float) -> float:
-    """Return a random value: within the range, at an end of it, or outside by up to a tenth of its width."""
+    """Return a random value. Usually the value is inside the range, but it can be at an end or outside by at most a tenth of the width."""
     if source.random() < ASTRAY:
         beyond = (high - low) * source.uniform(0.001, 0.1)
         return round(source.choice((low - beyond, high + beyond)), 3)
@@ -145,7 +145,7 @@ def _mass(source: random.Random) -> Drawn:
 
 
 def _inertia(source: random.Random) -> Drawn:
-    """Three moments of the foot; no solid has one that is larger than the sum of the others."""
+    """Return a random edit of the inertia of a foot. The moments are invalid if one moment is larger than the sum of the other two."""
     moments = sorted(round(source.uniform(10, 60), 1) for _ in range(3))
     words = ", ".join(f"{axis}: {value} kg*mm^2" for axis, value in zip(("ixx", "iyy", "izz"), moments, strict=True))
     old = "    attach: {servo_seat: ankle_servo.bottom}"
@@ -160,7 +160,7 @@ def _limit(source: random.Random) -> Drawn:
 
 
 def _hold(source: random.Random) -> Drawn:
-    """Return the edit that moves the rear foot in `bridge`; the solver decides whether the pose can be reached."""
+    """Return a random edit that moves the rear foot in the mode `bridge`. The solver decides whether the pose is possible."""
     old = """["=6 mm - 207.31 mm - body_length - (front_leg + rear_leg) * cos(100 deg)", 0, 8 mm]
         rpy: 0 3 180 deg"""
     new = old.replace("6 mm", f"{source.randint(-200, 60)} mm").replace("0, 8", f"{source.randint(-15, 15)} mm, {source.randint(-30, 60)}")
@@ -190,14 +190,16 @@ EDITS: tuple[Callable[[random.Random], Drawn], ...] = (
 
 
 def workspace(folder: Path) -> None:
-    """Copy documents and parts, to edit them."""
+    """Copy the documents and parts of the repository to a folder, where they can be edited."""
     for name in ("assemblies", "parts"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "thingc.toml", folder)
 
 
 def write(one: Design, folder: Path) -> Path:
-    """Write the documents of a design to a workspace; return the path of the robot. Raises if an edit does not match."""
+    """Write the documents of a design to a workspace, and return the path of the robot's document. Raises `ValueError` if the string of an
+    edit does not occur exactly once.
+    """
     texts = {file: (ROOT / FOLDER / file).read_text(encoding="utf-8") for file in (MINCHW, LEG, MATERIALS)}
     for edit in one.edits:
         if texts[edit.file].count(edit.old) != 1:

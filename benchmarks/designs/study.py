@@ -1,6 +1,7 @@
-"""`make bench-designs`: check that every random design of MInchW builds, or is rejected by a rule with a code.
+"""`make bench-designs`: check random designs of MInchW. Each design must build, or a rule with a diagnostic code must reject it.
 
-Prints the tables and writes them to `docs/studies/designs.md`. Counts depend only on the seed; times depend on the machine.
+The command prints the tables and writes them to `docs/studies/designs.md`. The counts depend only on the seed, and the times depend on the
+machine.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ COUNT, SEED = 200, 7
 
 
 def main() -> int:
-    """Draw and judge designs, print and write the tables; return 1 if a design crashed or has a fault."""
+    """Create and judge the designs, and write the tables. Return 1 if a design crashed the compiler or has a fault."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=COUNT, help="number of designs")
     parser.add_argument("--seed", type=int, default=SEED, help="random seed of the designs")
@@ -53,7 +54,7 @@ def main() -> int:
 
 
 def run(numbers: Sequence[int], seed: int, folder: Path, store: Path) -> list[Verdict]:
-    """Judge all designs in this process; print a line for each to standard error."""
+    """Judge all designs in this process, and print a line for each design to standard error."""
     workspace(folder)
     verdicts: list[Verdict] = []
     known: set[str] = set()
@@ -70,12 +71,12 @@ def run(numbers: Sequence[int], seed: int, folder: Path, store: Path) -> list[Ve
 
 
 def codes_of(verdict: Verdict) -> set[str]:
-    """Return the codes of the errors."""
+    """Return the diagnostic codes of the errors of a design."""
     return {d.code.code for d in verdict.diagnostics if d.severity is Severity.ERROR}
 
 
 def written(verdicts: list[Verdict], seed: int, wall: float) -> str:
-    """Format the page: the method and the tables."""
+    """Format the page, which describes the method and contains the tables."""
     lines = [
         "# Random designs", "", "```sh", command(len(verdicts), seed), "```", "",
         *MEASURED.format(count=len(verdicts), edits=len(EDITS)).strip().splitlines(), "",
@@ -88,7 +89,7 @@ def written(verdicts: list[Verdict], seed: int, wall: float) -> str:
 
 
 def command(count: int, seed: int) -> str:
-    """Return the command that creates this page."""
+    """Return the command that generates this page."""
     usual = (count, seed) == (COUNT, SEED)
     return f"python benchmarks/designs/study.py --count {count} --seed {seed}" + ("   # or: make bench-designs" if usual else "")
 
@@ -108,7 +109,7 @@ def outcome_table(verdicts: list[Verdict]) -> list[str]:
 
 
 def timing(verdicts: list[Verdict], wall: float) -> str:
-    """Format the number of parts and the times."""
+    """Format the number of parts that were modelled, and the times that the study took."""
     built = [v for v in verdicts if v.outcome == "built"]
     modelled, reused = sum(len(v.modelled) for v in built), sum(len(v.reused) for v in built)
     mean = sum(v.seconds for v in built) / len(built) if built else 0.0

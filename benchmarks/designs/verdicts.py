@@ -1,4 +1,6 @@
-"""Compile and judge one design: it is built, with the same robot in every mode, or rejected by a rule with a code."""
+"""Compile a design and judge the result. Either the design builds with the same robot in every mode, or a rule with a diagnostic code
+rejects it.
+"""
 
 from __future__ import annotations
 
@@ -20,24 +22,24 @@ from conformance import roots  # noqa: E402
 from thingc.base.diagnostics import Code, Diagnostic, Severity  # noqa: E402
 
 CRASHES = {Code.INTERNAL, Code.PART_CRASHED, Code.PART_HUNG}
-"""Codes that are not rules of the design: thingc or a part failed."""
+"""Diagnostic codes that report a failure of thingc or of a part, not a violated rule."""
 
 UNSOUND = {Code.PART_EMPTY, Code.PART_INVALID, Code.MJCF_REFUSED, Code.MJCF_WARNING}
-"""Codes that report a result of a design that another rule should have rejected before."""
+"""Diagnostic codes of faults that an earlier rule should have reported."""
 
 BOUNDS = {"TC315", "TC803"}
-"""Codes of values outside of their range."""
+"""Diagnostic codes of values outside of their range."""
 
 SAMPLES = 3
-"""Number of joint configurations per design."""
+"""Number of random joint configurations in which the modes of each design are compared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """`outcome` is `built`, `refused` or `crashed`.
+    """The result of a design. `outcome` is `built`, `refused` or `crashed`.
 
-    `faults` are failures: modes that differ, a violated rule that is not reported, an error without a location. `seconds` is the time to
-    compile and judge.
+    `faults` lists failures of thingc: modes that differ, violated rules that are not reported, and errors without a location. `seconds` is
+    the time to compile and judge the design [s].
     """
 
     design: Design
@@ -51,7 +53,7 @@ class Verdict:
 
 
 def judged(design: Design, document: Path, store: Path) -> Verdict:
-    """Compile the design, whose documents exist, and compare its modes. Raises nothing."""
+    """Compile a design, whose documents must exist, and compare its modes. All exceptions are caught and become part of the result."""
     start = time.perf_counter()
     outcome, said, faults = "crashed", (), ()
     modes, modelled, reused = 0, (), ()
@@ -74,7 +76,7 @@ def judged(design: Design, document: Path, store: Path) -> Verdict:
 
 
 def compared(models: roots.Models, seed: int) -> list[str]:
-    """Return the differences between modes for random joints and bases."""
+    """Return the differences between modes in random joint configurations and random poses of the base."""
     source = np.random.default_rng(seed)
     first = next(iter(models.values()))
     said = roots.links(models)
@@ -85,7 +87,9 @@ def compared(models: roots.Models, seed: int) -> list[str]:
 
 
 def unnamed(design: Design, said: Sequence[Diagnostic]) -> list[str]:
-    """Return violated rules that are not reported, reported bounds that are satisfied, and errors without message or location."""
+    """Return a description of each fault in the reported errors. Faults are violated rules that are not reported, bounds that are reported
+    but satisfied, and errors without a message or location.
+    """
     errors = [d for d in said if d.severity is Severity.ERROR]
     faults = [
         f"{code} `{word}` was not reported" for code, word in design.broken

@@ -1,18 +1,19 @@
-"""Change one expression of the compiler at a time, and report the changes that no test notices.
+"""Change one expression of the compiler at a time (a mutant), and report the mutants that no test notices.
 
     make mutation MUTANTS=300 SEED=1
 
-The tests run in a copy of the working tree. First, each test file runs once to create the map: the CPU time of the file, and the statements
-that it executes. Then each mutant runs test files that execute its line until one fails: those of its own room first, then the fastest,
-limited to `--seconds` in total. Tests marked `slow` never run. A test that did not run may still notice a survivor: before you write a
-test, make the change by hand and run `tests/cases` and other related tests.
+The tests run in a copy of the working tree. First, each test file runs once to create a map. The map contains the CPU time of each file,
+and the statements of the compiler that the file executes. Then, for each mutant, test files that execute the changed line run until one
+fails. Test files of the same room run first, then the fastest files. The option `--seconds` limits their total time. Tests that are marked
+`slow` do not run. A test that did not run may still notice a surviving mutant. Before you write a new test, make the change by hand and run
+`tests/cases` and other related tests.
 
-Tests run in forks of this process, which has imported the compiler; the fork then replaces the code of functions. Mutants that change code
-executed at import run in a new Python process.
+Tests run in forks of a process that has already imported the compiler. Each fork replaces the code of the changed functions. If a mutant
+changes code that runs during an import, its tests run in a new Python process.
 
-The map and the results are written as they come, so that an interrupted campaign continues. An entry of the map is updated when the test
-file, a `conftest.py` or the compiler has changed; with `--keep-map`, changes of the compiler are ignored, and line numbers may be wrong.
-Delete the results to start again; `--again` judges survivors again, after tests were added.
+The map and each result are written as soon as they are available, so an interrupted campaign can continue. An entry of the map is updated
+if the test file, a `conftest.py` or the compiler has changed. With `--keep-map`, changes of the compiler are ignored, and line numbers may
+be wrong. To start again, delete the results. To judge surviving mutants again after you have added tests, use `--again`.
 """
 
 from __future__ import annotations
@@ -39,14 +40,14 @@ from mutants import Mutant, mutants
 ROOT = Path(__file__).resolve().parents[2]
 PLUGINS = Path(__file__).resolve().parent / "plugins"
 LIMIT = 4.0
-"""Tests fail if they take this many times their usual CPU time."""
+"""A mutant counts as killed if its tests take this many times their usual CPU time."""
 PATIENCE = 15.0
-"""Time [s] that is always allowed in addition."""
+"""Additional time [s] that is always allowed."""
 CLOCK = count(int(time.time()), 2)
 
 
 def copied(target: Path) -> Path:
-    """Copy the files of the working tree that git does not ignore."""
+    """Copy all files of the working tree that git does not ignore to the folder `target`, and return the folder."""
     names = subprocess.run(
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], cwd=ROOT, check=True, capture_output=True, text=True,
     ).stdout
@@ -58,14 +59,14 @@ def copied(target: Path) -> Path:
 
 
 def write(path: Path, text: str) -> None:
-    """Write a module with a new modification time, so that Python does not use the compiled module of the previous one."""
+    """Write a module. Its modification time is always new, so that Python does not use bytecode of the previous text."""
     path.write_text(text)
     now = next(CLOCK)
     os.utime(path, (now, now))
 
 
 def judged(tree: Path, mutant: Mutant, tests: list[TestFile], functions: list[FunctionType], seconds: float) -> str | None:
-    """Return the test file that kills a mutant, or None."""
+    """Return the path of the test file that kills a mutant, or None if the mutant survives."""
     own = tuple(f"tests/{name}/" for room, names in ROOMS.items() if mutant.file.startswith(f"{room}/") for name in names)
     covering = sorted(
         (one for one in tests if one.path != IMPORT and one.covers(mutant)), key=lambda one: (not one.path.startswith(own), one.seconds),
@@ -86,7 +87,7 @@ def judged(tree: Path, mutant: Mutant, tests: list[TestFile], functions: list[Fu
 
 
 def chosen(tree: Path, rooms: list[str], number: int, seed: int) -> list[Mutant]:
-    """Return mutants of random lines, at most one per line; the first ones do not depend on the number."""
+    """Return mutants of random lines, at most one per line. A larger number only appends mutants."""
     by_line: dict[tuple[str, int], list[Mutant]] = {}
     for room in rooms:
         for path in sorted((tree / PACKAGE / room).rglob("*.py")):

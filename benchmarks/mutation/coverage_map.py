@@ -1,4 +1,4 @@
-"""The map of the tests: the CPU time of each test file, and the statements of the compiler that it executes."""
+"""Create the map of the tests: the CPU time of each test file, and the statements of the compiler that it executes."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ ROOMS = {
     "tools/importing": ("importing",), "targets": ("emit", "mjcf"), "model/resolve": ("resolve", "cases"),
     "model/assembly": ("graph", "links"), "model/robot": ("robot", "loops"), "batch/plans": ("plans", "families"),
 }
-"""Folders of compiler/thingc to mutate, with the folders of their tests in `tests/`."""
+"""Folders of `compiler/thingc` in which mutants are created, each with the folders of its tests in `tests/`."""
 OTHERS = ("units", "spec", "statics", "testing", "modes", "variants")
-"""Folders of `tests/` whose tests execute several rooms."""
+"""Folders of `tests/` whose tests execute code of several rooms."""
 IMPORTED = (*ROOMS, "driver", "tools/cli")
-"""Folders of compiler/thingc that most tests import."""
+"""Folders of `compiler/thingc` that most tests import."""
 IMPORT = "import"
-"""The entry of the map with the lines that are executed at import of the compiler."""
+"""Key of the map entry with the lines that run while the compiler is imported."""
 
 
 @dataclass
 class TestFile:
-    """A test file: its CPU time [s], and the lines of the statements that it executes, by file of the compiler."""
+    """A test file with its CPU time [s], and the lines of the compiler that it executes, by source file."""
 
     path: str
     seconds: float
@@ -52,7 +52,7 @@ def digest(paths: Iterable[Path]) -> str:
 
 
 def missing(tree: Path, known: dict[str, Any], rooms: Iterable[str], keep: bool) -> dict[str, dict[str, Any]]:
-    """Return empty entries for test files without a valid entry in a map; one file of each folder of the rooms comes first."""
+    """Return new entries for all test files that have no valid entry in the map. The files alternate between the folders."""
     compiler = digest(sorted((tree / PACKAGE).rglob("*.py")))
     own, others = (
         zip_longest(*(sorted((tree / "tests" / name).glob("test_*.py")) for name in names))
@@ -67,7 +67,9 @@ def missing(tree: Path, known: dict[str, Any], rooms: Iterable[str], keep: bool)
 
 
 def add_to_map(tree: Path, known: dict[str, Any], entries: dict[str, dict[str, Any]], path: Path, minutes: float, most: float) -> None:
-    """Run test files, with marks, and write their entries; a file that takes more than `most` seconds or fails gets no lines."""
+    """Run test files with recording, and write their map entries. A file that fails or takes more than `most` seconds gets an entry without
+    lines.
+    """
     folder = tree.parent / "lines"
     sys.pycache_prefix = str(tree.parent / "marked")
     os.environ.update(TRACED_FOLDER=str(tree / PACKAGE), TRACED_LINES=str(folder), TRACED_ROOMS=os.pathsep.join(ROOMS))
@@ -93,7 +95,7 @@ def add_to_map(tree: Path, known: dict[str, Any], entries: dict[str, dict[str, A
 
 
 def read_map(tree: Path, path: Path, rooms: Iterable[str], keep: bool, minutes: float, longest: float) -> list[TestFile]:
-    """Return all test files with their lines, using valid entries of an earlier run."""
+    """Return all test files with the lines that they execute. Valid entries of an earlier run are reused."""
     known = json.loads(path.read_text()) if path.exists() else {}
     entries = missing(tree, known, rooms, keep)
     if entries and minutes:

@@ -1,4 +1,6 @@
-"""Run test files in forks of a process that has imported the compiler, which saves importing it and can replace the code of functions."""
+"""Run test files in forks of a process that has imported the compiler. This saves the imports and allows a fork to replace the code of
+functions.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +22,11 @@ from types import CodeType, FunctionType
 import pytest
 
 WAITING = 20.0
-"""Tests fail after this many times their limit of CPU time, since other programs use the machine, too."""
+"""Ratio of the limit of wall time to the limit of CPU time. It is large because other programs use the machine, too."""
 
 
 def warmed(package: Path, rooms: Iterable[str]) -> list[FunctionType]:
-    """Import rooms of the compiler, so that forks of this process need not; return their functions."""
+    """Import rooms of the compiler, so that forks of this process do not have to import them. Return all functions of the compiler."""
     for room in rooms:
         for path in sorted((package / room).rglob("*.py")):
             import_module(".".join(path.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__"))
@@ -34,9 +36,10 @@ def warmed(package: Path, rooms: Iterable[str]) -> list[FunctionType]:
 
 
 def patched(functions: list[FunctionType], path: Path, text: str, imported: bool) -> None:
-    """Replace the code of the functions of a module by that in a changed text.
+    """Replace the code of the functions of a module by the code in a changed source text.
 
-    Raises ValueError or KeyError if this is not enough, for code that is executed at import (`imported`), or impossible.
+    Raises `ValueError` if the changed code runs during an import (`imported`). Raises `KeyError` or `ValueError` if a function cannot be
+    replaced.
     """
     if imported:
         raise ValueError
@@ -56,9 +59,11 @@ def patched(functions: list[FunctionType], path: Path, text: str, imported: bool
 
 
 def run(tree: Path, tests: list[str], most: float, prepare: Callable[[], None]) -> tuple[str | None, float]:
-    """Return the first test file that fails ("time" if they take more than `most` seconds), and the CPU time.
+    """Run tests. Return the first test file that fails and the CPU time [s]. The file is `"time"` if the tests take more than `most`
+    seconds.
 
-    The tests run in a fork of this process, after `prepare`; if that raises KeyError or ValueError, in a new Python process.
+    The tests run in a fork of this process, after a call of `prepare`. If `prepare` raises `KeyError` or `ValueError`, the tests run in a
+    new Python process.
     """
     said = tree.parent / "said"
     options = ["-x", "-p", "no:cacheprovider", "-p", "unshrunk", "--hypothesis-profile=unshrunk", f"--basetemp={tree.parent / 'tmp'}"]

@@ -1,4 +1,4 @@
-"""One-line mutants of Python source."""
+"""Create mutants of Python source code, each with one changed expression."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ COMPARISONS = {
 }
 CALLS = {"min": "max", "max": "min", "any": "all", "all": "any"}
 MESSAGES = {"message", "help", "notes", "what", "says"}
-"""Keyword arguments that are texts for people."""
+"""Names of keyword arguments that are messages for people."""
 TEXTS = {"fault", "note", "Note"}
-"""Functions whose arguments are texts for people; so are those of any function that gets a `Code`."""
+"""Names of functions whose arguments are messages for people. Calls whose first argument is a `Code` also contain messages."""
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """A change of one expression in `file` (relative to the package): the new text of the file, and the old and the new expression."""
+    """A mutant: a change of one expression in `file` (relative to the package). It contains the new text of the file, and the old and the
+    new expression.
+    """
 
     file: str
     line: int
@@ -32,7 +34,7 @@ class Mutant:
 
 
 def mutants(file: str, source: str) -> Iterator[Mutant]:
-    """Yield all mutants of a module."""
+    """Yield all mutants of a module, from its path and its source text."""
     lines = source.encode().splitlines(keepends=True)
     for node, statement in _expressions(ast.parse(source)):
         if node.lineno != node.end_lineno:
@@ -47,7 +49,9 @@ def mutants(file: str, source: str) -> Iterator[Mutant]:
 
 
 def _expressions(tree: ast.AST, statement: int = 0) -> Iterator[tuple[ast.expr, int]]:
-    """Yield expressions that compute something, with the first line of their statement: no annotations, types, decorators and messages."""
+    """Yield expressions that affect results, each with the first line of its statement. Annotations, types, decorators and messages are
+    skipped.
+    """
     for name, value in ast.iter_fields(tree):
         if name in ("annotation", "returns", "decorator_list", "bases", "type_params", "op", "ops"):
             continue

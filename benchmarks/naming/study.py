@@ -43,7 +43,7 @@ def main() -> int:
 
 
 def written(robots: dict[str, list[Result]], steps: int) -> str:
-    """Format the page: the method and the tables."""
+    """Format the page, which describes the method and contains the tables."""
     every = [result for results in robots.values() for result in results]
     lines = [
         "# Stability of names", "", "```sh", command(steps), "```", "", *_wrapped(MEASURED.format(steps=steps)), "",

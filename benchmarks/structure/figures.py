@@ -1,10 +1,10 @@
-"""Figures about the structure of the compiler, now and at earlier revisions: `make structure`, or with `SINCE=REVISION`.
+"""Print numbers that describe the structure of the compiler: `make structure`, or `make structure SINCE=REVISION`.
 
-    python benchmarks/structure/figures.py [REVISION ...]    # a column for each, and one for the working tree
+    python benchmarks/structure/figures.py [REVISION ...]    # a column for each revision, and a column for the working tree
 
-Lines are code lines, without comments, docstrings and empty lines. A cycle is a set of modules that all need each other at run time
-(imports inside functions count, those for type checkers do not). Parameters are counted without `self` and `cls`. Files of templates
-(`templates/*/`) do not count. Long functions, and names that many functions have, are listed below the table.
+Only lines of code are counted, without comments, docstrings and empty lines. An import cycle is a set of modules that all need each other
+at run time. Imports inside functions count, but imports for type checkers do not count. The numbers of parameters do not include `self` and
+`cls`. Template files (`templates/*/`) are not counted. Long functions, and names that many functions have, are listed below the table.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "compiler/thingc/"
 PARAMETERS, LINES, USES = 8, 50, 12
 Trees = dict[str, tuple[str, ast.Module]]
-"""Text and syntax tree of every module, by its path in the package."""
+"""The source text and the syntax tree of every module, by path in the package."""
 
 
 @dataclass(frozen=True)
 class Function:
-    """A function with its numbers of lines, without its docstring, and of parameters."""
+    """A function, with its number of lines (without the docstring) and its number of parameters."""
 
     where: str
     lines: int
@@ -39,7 +39,7 @@ class Function:
 
 @dataclass(frozen=True)
 class Structure:
-    """The figures of one revision."""
+    """Numbers that describe the structure of one revision of the compiler."""
 
     rooms: Counter[str]
     largest: tuple[int, str]
@@ -47,10 +47,10 @@ class Structure:
     functions: list[Function]
     twice: list[str]
     names: Counter[str]
-    """Number of functions and methods by name, without the `run` of commands."""
+    """Number of functions and methods for each name. The `run` functions of commands are not counted."""
 
     def rows(self) -> list[tuple[str, int]]:
-        """Return the rows of the table below those of rooms."""
+        """Return the rows of the table that follow the rows of the rooms."""
         return [
             ("code lines in all", self.rooms.total()),
             ("top-level entries", len(self.rooms)),
@@ -65,7 +65,7 @@ class Structure:
 
 
 def main(revisions: list[str]) -> int:
-    """Print the table, and outliers."""
+    """Print the table, followed by long functions, frequent function names, import cycles and duplicate class names."""
     states = [structure(committed(revision)) for revision in revisions] + [structure(lying_here())]
     now = states[-1]
     print("| | " + " | ".join([*revisions, "here"]) + " |\n|---|" + "--:|" * len(states))
@@ -83,24 +83,24 @@ def main(revisions: list[str]) -> int:
 
 
 def lying_here() -> dict[str, str]:
-    """Return the text of every module of the working tree, by its path in the package."""
+    """Return the source text of every module in the working tree, by path in the package."""
     folder = ROOT / PACKAGE
     return {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*.py")}
 
 
 def committed(revision: str) -> dict[str, str]:
-    """Return the text of every module of a revision."""
+    """Return the source text of every module in a git revision, by path in the package."""
     names = git("ls-tree", "-r", "--name-only", revision, PACKAGE).split()
     return {name.removeprefix(PACKAGE): git("show", f"{revision}:{name}") for name in names if name.endswith(".py")}
 
 
 def git(*words: str) -> str:
-    """Return the output of a git command."""
+    """Run git, and return its standard output."""
     return subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, check=True).stdout
 
 
 def is_template(path: str) -> bool:
-    """Return whether a module is a file of a template."""
+    """Return whether a module belongs to a template of a workspace."""
     return path.rpartition("templates/")[2].count("/") > 0 and "templates/" in path
 
 
@@ -124,7 +124,7 @@ def code_lines(text: str, tree: ast.Module) -> int:
 
 
 def structure(texts: dict[str, str]) -> Structure:
-    """Return the figures of modules with these texts."""
+    """Compute the numbers for a revision, from the source texts of its modules."""
     trees: Trees = {path: (text, ast.parse(text)) for path, text in texts.items() if not is_template(path)}
     sizes = {path: code_lines(text, tree) for path, (text, tree) in trees.items()}
     names: Counter[str] = Counter()
@@ -148,7 +148,7 @@ def structure(texts: dict[str, str]) -> Structure:
 
 
 def statements(tree: ast.Module) -> Iterator[ast.AST]:
-    """Yield a module and its statements, outer ones first, without expressions, which are most of a tree."""
+    """Yield a module and its statements, outer statements first. Expressions are skipped, because they make up most of a syntax tree."""
     waiting: deque[ast.AST] = deque([tree])
     while waiting:
         node = waiting.popleft()
@@ -157,7 +157,7 @@ def statements(tree: ast.Module) -> Iterator[ast.AST]:
 
 
 def functions(path: str, tree: ast.Module) -> Iterator[Function]:
-    """Yield the functions of a module, including methods and inner ones."""
+    """Yield the functions of a module, including methods and nested functions."""
     for node in statements(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             names = [argument.arg for argument in ast.walk(node.args) if isinstance(argument, ast.arg)]
@@ -168,7 +168,7 @@ def functions(path: str, tree: ast.Module) -> Iterator[Function]:
 
 
 def circles(trees: Trees) -> list[list[str]]:
-    """Return sets of modules that need each other."""
+    """Return all import cycles, each as a sorted list of modules."""
     names = {module(path): path for path in trees}
     graph = networkx.DiGraph()
     for name, path in names.items():
@@ -182,12 +182,12 @@ def circles(trees: Trees) -> list[list[str]]:
 
 
 def module(path: str) -> str:
-    """Return the import name of a module."""
+    """Return the import name of the module at a path."""
     return f"thingc.{path.removesuffix('.py').replace('/', '.')}".removesuffix(".__init__")
 
 
 def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
-    """Yield the statements below a node, without code for type checkers only."""
+    """Yield a node and the statements below it, except code that only type checkers read."""
     yield node
     for inner in node.orelse if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) else ast.iter_child_nodes(node):
         if not isinstance(inner, ast.expr):

@@ -1,11 +1,12 @@
-"""`make bench-viewer`: measure the pages of `--emit html`: size, time to the first picture, and script time per picture.
+"""`make bench-viewer`: measure the web pages that `--emit html` writes. The results are the size, the time to the first picture, and the
+script time per picture.
 
-Opened is the time from the request of the file to the first picture, in a Chromium that draws without a graphics card. The milliseconds of
-a picture are those of the page's script only (medians), while a joint moves and while the camera turns; the time of a graphics card cannot
-be measured without one.
+The column "opened" contains the time from the request of the page to the first picture, in a Chromium without a graphics card. The columns
+in milliseconds contain the median script time per picture, while a joint moves and while the camera turns. The time of a graphics card is
+not included.
 
-Saved is the time from the end of a write to a document or a file of parts, while `thingc view` shows the robot, to the second frame of the
-browser with the result, without the time in which workers modelled parts (see `Save` in `benchmarks/run.py`).
+The column "saved" contains the time from a save to the second frame of the browser with the result, while `thingc view` shows the robot.
+The time in which workers modelled parts is subtracted (see `Save` in `benchmarks/run.py`).
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from wide import write_wide  # noqa: E402
 
 @dataclass(frozen=True)
 class Bounds:
-    """The bounds of a page: size [bytes], time to the first picture [s], and script time per picture [ms]."""
+    """Upper bounds for a page: size [bytes], time to the first picture [s], and script time per picture [ms]."""
 
     size: float
     opened: float
@@ -42,10 +43,10 @@ class Bounds:
 
 
 ROBOTS = {"arm": Bounds(1.5e6, 1.0, 4.0), "minchw": Bounds(2e6, 1.0, 4.0), "level0": Bounds(float("inf"), float("inf"), 12.0)}
-"""The robots of the repository, and 1 000 occurrences in 20 documents."""
+"""Bounds for the pages of both robots, and for a robot with 1 000 occurrences in 20 documents."""
 
 SAVED = 0.3
-"""Maximum time [s] from a save until the page has drawn the result, without modelling parts."""
+"""Upper bound of the time [s] from a save until the page has drawn the result. This time does not include the modelling of parts."""
 
 REDRAWN = """() => {
   const { viewer } = thingc, before = viewer.robot;
@@ -85,13 +86,15 @@ TURNED = """() => {
 
 
 def build(document: Path, folder: Path) -> None:
-    """Build the page of a document in `folder`."""
+    """Build the web page of a document in `folder`."""
     command = [str(Path(sys.executable).parent / "thingc"), "build", str(document), "--output", str(folder), "--emit", "html"]
     subprocess.run(command, check=True, capture_output=True, cwd=document.parent)
 
 
 def measured(browser: Any, page: Path, runs: int) -> tuple[float, float, float, int]:
-    """Return the time to the first picture [s], script times [ms] while a joint and while the camera moves, and draw calls."""
+    """Measure a page. Return the time to the first picture [s], the script times [ms] while a joint moves and while the camera turns, and
+    the number of draw calls.
+    """
     times: list[float] = []
     for _ in range(runs):
         with opened(browser, address(page)) as shown:
@@ -104,7 +107,9 @@ def measured(browser: Any, page: Path, runs: int) -> tuple[float, float, float, 
 
 
 def redrawn(browser: Any, workspace: Workspace, saved: Save, times: int) -> tuple[list[float], list[float]]:
-    """Return the times [s] from each save until the page has drawn the result, and the parts of them in which parts were modelled."""
+    """Return two lists of times [s], one item per save: the time until the page has drawn the result, and the time in which workers
+    modelled parts.
+    """
     command = [str(Path(sys.executable).parent / "thingc"), "view", saved.document, "--no-open"]
     seconds: list[float] = []
     kernel: list[float] = []
@@ -134,7 +139,7 @@ def redrawn(browser: Any, workspace: Workspace, saved: Save, times: int) -> tupl
 
 
 def after_saves(browser: Any, runs: int) -> int:
-    """Print the times until saves are drawn; return the number that exceed their bound."""
+    """Print the times from saves to drawn pictures. Return the number of times that exceed the bound."""
     missed = 0
     print(f"{'':28} {'saved':>8} {'must':>7}")
     with tempfile.TemporaryDirectory() as folder:
@@ -150,7 +155,7 @@ def after_saves(browser: Any, runs: int) -> int:
 
 
 def main() -> int:
-    """Print the table; return 1 if a bound is exceeded."""
+    """Print the table of results. Return 1 if a bound is exceeded."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-n", type=int, default=5, help="number of times each page is opened; medians are printed")
     arguments = parser.parse_args()

@@ -1,8 +1,9 @@
 """Record which statements of the compiler a Python process executes.
 
-Python imports this module at startup if its folder is in PYTHONPATH, so child processes are recorded, too. TRACED_ROOMS are folders of the
-package TRACED_FOLDER; TRACED_LINES is the folder for the result: one JSON file per process. There is no trace function, which would slow
-down all other modules as well: when a module in one of the rooms is compiled, a mark is put before each of its statements.
+Python imports this module at startup if its folder is in `PYTHONPATH`. Therefore, child processes are recorded, too. The environment
+variable `TRACED_ROOMS` lists folders below the package folder `TRACED_FOLDER`. Each process writes a JSON file to the folder
+`TRACED_LINES`. A trace function is not used, because it would also slow down all other modules. Instead, each module of these folders is
+compiled with a mark before each statement.
 """
 
 import ast
@@ -15,17 +16,17 @@ from importlib.machinery import SourceFileLoader
 FOLDER, LINES = os.environ.get("TRACED_FOLDER"), os.environ.get("TRACED_LINES")
 ROOMS = tuple(f"{FOLDER}/{room}/" for room in os.environ.get("TRACED_ROOMS", "").split(os.pathsep))
 MARKS: dict = {}
-"""Per file, 1 for each line at which an executed statement starts."""
+"""A byte array for each file. The byte of a line is 1 if a statement that starts on this line has run."""
 compiled = SourceFileLoader.source_to_code
 
 
 def marks(file, number):
-    """Return the marks of a file; called by the instrumented file when it is imported."""
+    """Return the marks of a file. A file with marks calls this function when it is imported."""
     return MARKS.setdefault(file, bytearray(number))
 
 
 def marked(body):
-    """Return statements with a mark before each; docstrings and imports from `__future__` stay first."""
+    """Insert a mark before each statement. Docstrings and imports from `__future__` must remain first."""
     for k, statement in enumerate(body):
         text = k == 0 and isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
         if not text and not (isinstance(statement, ast.ImportFrom) and statement.module == "__future__"):
@@ -48,7 +49,7 @@ def source_to_code(loader, data, path, **options):
 
 
 def found():
-    """Return the lines at which executed statements start, by file."""
+    """Return the lines at which executed statements start, by source file."""
     return {file: [line for line, mark in enumerate(lines) if mark] for file, lines in MARKS.items()}
 
 

@@ -1,4 +1,6 @@
-"""A pytest plugin with a Hypothesis profile that does not minimise failing examples: a killed mutant needs no small example."""
+"""A pytest plugin with a Hypothesis profile that does not minimise failing examples, because a failing test is sufficient to kill a
+mutant.
+"""
 
 from hypothesis import HealthCheck, Phase, settings
 
