@@ -1,8 +1,10 @@
-"""The share of the border of sparse infill along which PrusaSlicer joins its lines: `JOINED` in `thingc.geometry.worker.kernel.slicing`.
+"""Compute the constant `JOINED` of `thingc.geometry.worker.kernel.slicing`: the fraction of the border of sparse infill along which
+PrusaSlicer joins infill lines.
 
-Lines of infill end at the border. Its rule [connect_infill]: gaps between neighbouring ends are closed, the shortest first, if both ends
-are free; then each remaining end is joined to the nearer neighbour. This simulates a long straight border, families of parallel lines at a
-distance, all angles between border and families, and all offsets of the lines.
+In a sparse region, infill lines end at the border. PrusaSlicer's setting `connect_infill` joins the ends. It first closes gaps between two
+neighbouring ends that are both free, the shortest gap first. Then each remaining end is joined to its nearer neighbour. The simulation uses
+a long straight border and families of parallel lines. It averages over all angles between border and lines, and over all offsets of the
+lines.
 """
 
 from __future__ import annotations
@@ -13,11 +15,13 @@ from typing import Any
 import numpy as np
 
 FAMILIES = {"grid": (0.0, 90.0), "stars": (0.0, 60.0, 120.0)}
-"""The directions of lines [deg] of patterns."""
+"""Directions of the infill lines [deg] for each pattern."""
 
 
 def joined(ends: np.ndarray[Any, np.dtype[np.float64]]) -> float:
-    """Return the joined share of a border on which lines end at these positions (n,), ascending."""
+    """Return the fraction of a border along which lines are joined. `ends` (n,) contains the positions at which lines end on the border, in
+    ascending order.
+    """
     gaps = np.diff(ends)
     free = np.ones(len(ends), dtype=bool)
     found = 0.0
@@ -31,7 +35,9 @@ def joined(ends: np.ndarray[Any, np.dtype[np.float64]]) -> float:
 
 
 def share(families: tuple[float, ...], directions: int, lines: int, seed: int) -> float:
-    """Return the mean over `directions` of a border that `lines` lines of a family would cross at right angles."""
+    """Return the mean joined fraction over `directions` angles. The border is so long that a family of lines at right angles would cross it
+    `lines` times.
+    """
     rng = np.random.default_rng(seed)
     shares = []
     for angle in np.pi * (np.arange(directions) + rng.uniform()) / directions:
@@ -44,7 +50,7 @@ def share(families: tuple[float, ...], directions: int, lines: int, seed: int) -
 
 
 def main() -> None:
-    """Print the share for each pattern."""
+    """Print the joined fraction for each pattern."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--directions", type=int, default=720)
     arguments = parser.parse_args()

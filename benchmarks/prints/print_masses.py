@@ -1,7 +1,8 @@
-"""`make print-masses`: compare estimated masses of prints with PrusaSlicer. Prints the tables and writes them to `docs/studies/prints.md`.
+"""`make print-masses`: compare the masses of printed parts that thingc estimates with PrusaSlicer. The command prints the tables and writes
+them to `docs/studies/prints.md`.
 
-Requires `prusa-slicer` (Debian: `apt install prusa-slicer`). Exit code 1 if a bound is exceeded. The ten printed parts of both robots and
-twelve reference solids are printed with four infills, three shells, and in two orientations.
+Requires `prusa-slicer` (Debian: `apt install prusa-slicer`). The exit status is 1 if a bound is exceeded. The study contains the ten
+printed parts of both robots and twelve reference solids. Each part is sliced with four infills, three shells, and in two orientations.
 """
 
 from __future__ import annotations
@@ -47,19 +48,24 @@ SOLIDS = {
 }
 INFILLS = (0.1, 0.15, 0.25, 0.5)
 SHELLS = ((2, 3), (3, 4), (4, 6))
-"""Number of lines of the walls, and of layers of each lid."""
+"""Number of lines in the walls, and number of solid layers at the top and at the bottom."""
 UPS = {"as modelled": (0.0, 0.0, 1.0), "on its side": (1.0, 0.0, 0.0)}
 
 MASS = (0.04, 0.07, 0.03)
-"""Bounds of the relative error of the mass: for nine of ten cases, for all, and of its root mean square."""
+"""Bounds of the relative error of the mass: the bound for 90 % of all cases, the bound for all cases, and the bound of the root mean
+square.
+"""
 CENTRE, MOMENTS = 0.01, 0.04
-"""Bounds for nine of ten cases: of the centre, relative to the extent of the part, and of the principal moments, relative."""
+"""Bounds for 90 % of all cases: the error of the centre relative to the extent of the part, and the relative error of the principal
+moments.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """A print of a part (`module:Class`) in an orientation, with settings: both masses, relative errors of the mass and the principal
-    moments, and the error of the centre relative to the extent along each axis.
+    """One print of a part (`module:Class`), in an orientation and with settings. It contains the mass from thingc and from PrusaSlicer, and
+    the relative errors of the mass and of the principal moments. The error of the centre is relative to the extent of the part along each
+    axis.
     """
 
     part: str
@@ -74,7 +80,9 @@ class Case:
 
 @contextmanager
 def session(folder: Path, store: str) -> Iterator[Session]:
-    """Open a session with `print.yaml`, the parts of the robots and the solids, in a temporary workspace."""
+    """Create a temporary workspace with the parts of both robots, the reference solids and a document `print.yaml`, and return a context
+    manager with a session.
+    """
     shutil.copytree(ROOT / "parts", folder / "parts")
     shutil.copy(HERE / "solids.py", folder / "parts")
     shutil.copy(HERE / "print.yaml", folder)
@@ -84,7 +92,9 @@ def session(folder: Path, store: str) -> Iterator[Session]:
 
 
 def said(opened: Session, part: str, up: Sequence[float], settings: prusa.Settings) -> tuple[MassProperties, bytes]:
-    """Return the mass properties and the print file from thingc. Raises `RuntimeError` with its message if it rejects the part."""
+    """Return the mass properties and the print file (STL) that thingc computes for a part. Raises `RuntimeError` with the error message if
+    thingc rejects the part.
+    """
     parameters = {"infill": f"{100 * settings.infill:g} %", "walls": str(settings.walls), "lids": str(settings.lids)}
     parameters |= {axis: f"{value:g}" for axis, value in zip("xyz", up, strict=True)}
     found = opened.compile(Settings(parameters=parameters, choices={"components.part.part": part}))
@@ -97,7 +107,7 @@ def said(opened: Session, part: str, up: Sequence[float], settings: prusa.Settin
 
 
 def turned(stl: bytes, turn: np.ndarray[Any, np.dtype[np.float64]]) -> bytes:
-    """Rotate the vertices of a binary STL file."""
+    """Return a binary STL file whose vertices are rotated by the matrix `turn`."""
     kind = np.dtype([("n", "<f4", 3), ("p", "<f4", (3, 3)), ("a", "<u2")])
     triangles = np.frombuffer(stl, offset=84, dtype=kind).copy()
     triangles["p"] = (triangles["p"].astype(float) @ turn.T).astype(np.float32)
@@ -106,7 +116,7 @@ def turned(stl: bytes, turn: np.ndarray[Any, np.dtype[np.float64]]) -> bytes:
 
 
 def case(opened: Session, part: str, name: str, settings: prusa.Settings, kept: Path | None) -> Case:
-    """Compare one case in the frame of the printer."""
+    """Slice a part with thingc and with PrusaSlicer, and compare the results in the frame of the printer."""
     up = UPS[name]
     ours, stl = said(opened, part, up, settings)
     # a quarter turn about y, which moves x to z
@@ -120,7 +130,9 @@ def compared(
     part: str, up: str, settings: prusa.Settings, ours: MassProperties, theirs: Printed,
     turn: np.ndarray[Any, np.dtype[np.float64]], stl: bytes,
 ) -> Case:
-    """Return the errors of thingc's properties (SI, frame of the part) relative to the slicer's (mm, frame of the printer)."""
+    """Return the errors of thingc's mass properties relative to PrusaSlicer's. Values of thingc are in SI units and in the frame of the
+    part. Values of PrusaSlicer are in mm and in the frame of the printer.
+    """
     corners = np.frombuffer(stl, offset=84, dtype=np.dtype([("n", "<f4", 3), ("p", "<f4", (3, 3)), ("a", "<u2")]))["p"].reshape(-1, 3)
     extent = corners.max(axis=0).astype(float) - corners.min(axis=0)
     centre = turn @ np.array(ours.centre) * 1e3
@@ -134,7 +146,9 @@ def compared(
 
 
 def cases(parts: Iterable[str], kept: Path | None, progress: Callable[[str], None], unsliced: list[str]) -> Iterator[Case]:
-    """Yield every part with every infill and shell, in every orientation; cases that the slicer rejects are added to `unsliced`."""
+    """Yield the result of each part with each infill and shell, in each orientation. Prints that PrusaSlicer rejects are added to the list
+    `unsliced`.
+    """
     with tempfile.TemporaryDirectory() as folder, session(Path(folder), str(KEPT / "store")) as opened:
         for part in parts:
             for up, (walls, lids), infill in product(UPS, SHELLS, INFILLS):
@@ -154,19 +168,19 @@ def cases(parts: Iterable[str], kept: Path | None, progress: Callable[[str], Non
 
 
 def rms(values: Iterable[float]) -> float:
-    """Return the root mean square."""
+    """Return the root mean square of values."""
     held = list(values)
     return math.sqrt(sum(value * value for value in held) / len(held))
 
 
 def ninth(values: Iterable[float]) -> float:
-    """Return the value that nine of ten do not exceed."""
+    """Return the value that 90 % of the values do not exceed."""
     held = sorted(values)
     return held[math.ceil(0.9 * len(held)) - 1]
 
 
 def kept_bounds(found: Sequence[Case]) -> bool:
-    """Return whether all bounds are satisfied."""
+    """Return whether the results satisfy all bounds."""
     masses = [abs(one.mass) for one in found]
     return (
         ninth(masses) <= MASS[0] and max(masses) <= MASS[1] and rms(masses) <= MASS[2]
@@ -175,7 +189,9 @@ def kept_bounds(found: Sequence[Case]) -> bool:
 
 
 def summary(found: Sequence[Case]) -> list[str]:
-    """Format the errors of mass, centre and moments: mean, root mean square, nine of ten, largest, and the number within the bound."""
+    """Format a table of the errors of mass, centre and moments. Its columns are the mean, the root mean square, the value that 90 % do not
+    exceed, the largest value, and the number of values within the bound.
+    """
     rows = {
         "mass": ([one.mass for one in found], MASS[0]), "centre, of the extent": ([one.centre for one in found], CENTRE),
         "principal moments": ([moment for one in found for moment in one.moments], MOMENTS),
@@ -192,7 +208,9 @@ def summary(found: Sequence[Case]) -> list[str]:
 
 
 def by_part(found: Sequence[Case]) -> list[str]:
-    """Format a row per part: the mass at 15 percent with three walls and four lids, and the errors over all settings."""
+    """Format a table with one row per part. A row contains the masses at 15 % infill with three walls and four solid layers, and the errors
+    over all settings.
+    """
     lines = [
         "| part | as modelled | sliced | on its side | sliced | mass: mean | RMS | worst | centre: worst | moments: RMS | worst |",
         "|---|---|---|---|---|---|---|---|---|---|---|",
@@ -214,7 +232,7 @@ def by_part(found: Sequence[Case]) -> list[str]:
 
 
 def by_setting(found: Sequence[Case]) -> list[str]:
-    """Format the errors of the mass by infill, shell and orientation."""
+    """Format a table of the errors of the mass, grouped by infill, by shell and by orientation."""
     groups: list[tuple[str, Callable[[Case], bool]]] = [
         *((f"infill {infill:.0%}", lambda one, i=infill: one.settings.infill == i) for infill in INFILLS),
         *((f"{walls} walls, {lids} solid layers", lambda one, w=walls: one.settings.walls == w) for walls, lids in SHELLS),
@@ -236,7 +254,7 @@ def _percent(value: float) -> str:
 
 
 def tables(found: Sequence[Case], unsliced: Sequence[str]) -> str:
-    """Format the part of the page between its markers."""
+    """Format the generated section of the page."""
     refused = {(name.partition(",")[0], words) for name, _, words in (line.partition(": ") for line in unsliced)}
     lines = [f"- {name}: {words}" for name, words in sorted(refused)]
     return "\n".join([
@@ -250,7 +268,7 @@ BEGIN, END = "<!-- print-masses -->\n", "\n<!-- end of print-masses -->"
 
 
 def main() -> int:
-    """Slice, compare, print and write; return 1 if a bound is exceeded, 2 without the slicer."""
+    """Slice all parts, compare the results and write the tables. Return 1 if a bound is exceeded, and 2 if PrusaSlicer is not installed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--print", action="store_true", help="print the results without updating the page")
     parser.add_argument("--keep", action="store_true", help="cache sliced prints in build/prints")

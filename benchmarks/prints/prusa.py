@@ -1,4 +1,4 @@
-"""Slice a mesh with PrusaSlicer and matching settings, and integrate the extrusions of the G-code."""
+"""Slice a mesh with PrusaSlicer, and integrate the extruded material in the G-code."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 FILAMENT = 1.75
-"""Diameter [mm] of the filament in the G-code."""
+"""Diameter of the filament [mm] that the G-code assumes."""
 BED = 400.0
-"""Edge of the bed [mm]; parts are placed in its middle."""
+"""Length of the sides of the print bed [mm]. Parts are placed in the middle of the bed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """Settings of a print: widths and heights in mm, infill between 0 and 1; PrusaSlicer's defaults for the rest."""
+    """Print settings, with widths and heights in mm and an infill between 0 and 1. All other settings have PrusaSlicer's defaults."""
 
     walls: int
     lids: int
@@ -34,7 +34,9 @@ class Settings:
 
     @property
     def ini(self) -> str:
-        """Format the settings for PrusaSlicer: no skirt, brim and support, and a first layer like all others."""
+        """Format the settings as a configuration file for PrusaSlicer. Skirt, brim and support are disabled, and the first layer has the
+        same height and width as all other layers.
+        """
         widths = ("", "first_layer_", "perimeter_", "external_perimeter_", "infill_", "solid_infill_", "top_infill_")
         said: dict[str, object] = {
             "layer_height": self.layer, "first_layer_height": self.layer, "perimeters": self.walls, "top_solid_layers": self.lids,
@@ -49,8 +51,8 @@ class Settings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Printed:
-    """The extruded material in the frame of the mesh: volume [mm^3], centre [mm], inertia about it at density 1 [mm^5], and the volume by
-    kind of line.
+    """The extruded material in the frame of the mesh: its volume [mm^3], its centre [mm], and its inertia about the centre at density 1
+    [mm^5]. The volume is also given for each kind of line.
     """
 
     volume: float
@@ -60,16 +62,16 @@ class Printed:
 
 
 class NotSliced(Exception):
-    """The slicer creates no G-code; the message is its own."""
+    """Raised if PrusaSlicer does not create G-code. The message is the error message of PrusaSlicer."""
 
 
 def program() -> str | None:
-    """Return the path of the slicer; None if it is not installed."""
+    """Return the path of PrusaSlicer, or None if it is not installed."""
     return shutil.which("prusa-slicer")
 
 
 def version() -> str:
-    """Return the name and version that the slicer writes into files."""
+    """Return the name and version of PrusaSlicer, as it writes them into files."""
     with tempfile.TemporaryDirectory() as folder:
         saved = Path(folder, "settings.ini")
         subprocess.run([str(program()), "--save", str(saved)], check=True, capture_output=True)
@@ -78,9 +80,10 @@ def version() -> str:
 
 
 def printed(stl: bytes, settings: Settings, kept: Path | None = None) -> Printed:
-    """Return the extruded material for a binary STL file [mm], unrotated. Results in the folder `kept` are reused.
+    """Slice a binary STL file [mm] without rotating it, and return the extruded material. If the folder `kept` contains an earlier result
+    for the same input, this result is returned.
 
-    Raises `NotSliced`.
+    Raises `NotSliced` if PrusaSlicer cannot slice the mesh.
     """
     key = hashlib.sha256(stl + settings.ini.encode()).hexdigest()[:32]
     place = kept / f"{key}.json" if kept is not None else None
@@ -108,8 +111,8 @@ def _gcode(stl: bytes, settings: Settings) -> str:
 
 
 def _shift(stl: bytes) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return the position of the mesh's origin in the G-code (3,): the centre of its box is moved to the centre of the bed, its bottom onto
-    it.
+    """Return the position of the mesh's origin in the G-code (3,) [mm]. PrusaSlicer moves the mesh to the centre of the bed, with its
+    bottom on the bed.
     """
     triangles = np.frombuffer(stl, offset=84, dtype=np.dtype([("n", "<f4", 3), ("p", "<f4", (3, 3)), ("a", "<u2")]))
     corners = triangles["p"].reshape(-1, 3).astype(float)
@@ -118,7 +121,9 @@ def _shift(stl: bytes) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 
 def extrusions(lines: Iterable[str]) -> Iterator[tuple[float, float, float, float, float, float, str]]:
-    """Yield x and y of both ends, z [mm], volume [mm^3] and kind of each extruded line of G-code with relative extrusion."""
+    """Yield each extruded line of G-code with relative extrusion. The items are x and y of both ends, z [mm], the volume [mm^3], and the
+    kind of the line.
+    """
     section = math.pi / 4 * FILAMENT**2
     x = y = z = 0.0
     kind = ""
@@ -135,7 +140,7 @@ def extrusions(lines: Iterable[str]) -> Iterator[tuple[float, float, float, floa
 
 
 def _integrated(gcode: str, layer: float, shift: np.ndarray[Any, np.dtype[np.float64]]) -> Printed:
-    """Integrate the extrusions, each as a line of material in the middle of its layer."""
+    """Integrate the extruded material. Each line is treated as a line of mass in the middle of its layer."""
     rows = list(extrusions(gcode.splitlines()))
     numbers = np.array([row[:6] for row in rows])
     middle = numbers[:, 4] - layer / 2

@@ -1,4 +1,6 @@
-"""Twelve solids to print: full, flat, hollow, leaning, round, bridged and thin. Each stands on z = 0."""
+"""Twelve reference solids to print, with features such as thin walls, flat tops, cavities, overhangs and bridges. All solids stand on the
+plane z = 0.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ from thingc import Length, Thing
 
 
 class _Solid(Thing):
-    """A solid of PETG."""
+    """Base class of the reference solids, whose material is PETG."""
 
     body: Part
 
@@ -17,12 +19,12 @@ class _Solid(Thing):
         super().__init__(material="petg")
 
     def result(self) -> Part:
-        """The solid."""
+        """Return the geometry of the solid."""
         return self.body
 
 
 class Block(_Solid):
-    """A box."""
+    """A solid box."""
 
     def __init__(self, length: Length = 40, width: Length = 30, height: Length = 20) -> None:
         super().__init__()
@@ -30,7 +32,7 @@ class Block(_Solid):
 
 
 class Plate(_Solid):
-    """A thin box with round corners and holes."""
+    """A thin plate with round corners and holes."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -39,7 +41,7 @@ class Plate(_Solid):
 
 
 class Rod(_Solid):
-    """A cylinder."""
+    """A solid cylinder."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -47,7 +49,7 @@ class Rod(_Solid):
 
 
 class Frustum(_Solid):
-    """Walls that lean inwards."""
+    """A cone frustum whose walls lean inwards."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -55,7 +57,7 @@ class Frustum(_Solid):
 
 
 class Funnel(_Solid):
-    """Walls that lean outwards."""
+    """A cone frustum whose walls lean outwards."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -63,7 +65,7 @@ class Funnel(_Solid):
 
 
 class Ball(_Solid):
-    """Tops and bottoms that grow flat."""
+    """A sphere, whose surface becomes flat at the top and at the bottom."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -71,7 +73,7 @@ class Ball(_Solid):
 
 
 class Ring(_Solid):
-    """A torus."""
+    """A torus, with the shape of a ring."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -79,7 +81,7 @@ class Ring(_Solid):
 
 
 class Tube(_Solid):
-    """A wall between two cylinders, 5 mm thick."""
+    """A tube with a wall thickness of 5 mm."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -87,7 +89,7 @@ class Tube(_Solid):
 
 
 class Tray(_Solid):
-    """A floor and four walls, 6 mm thick."""
+    """A tray with a floor and four walls, each 6 mm thick."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -95,7 +97,7 @@ class Tray(_Solid):
 
 
 class Table(_Solid):
-    """A top on two legs: a bridge."""
+    """A table top on two legs, which is printed as a bridge."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -104,7 +106,7 @@ class Table(_Solid):
 
 
 class Wedge(_Solid):
-    """A ramp of 18 degrees on an angle."""
+    """A wedge with a slope of 18 degrees."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -113,7 +115,7 @@ class Wedge(_Solid):
 
 
 class Comb(_Solid):
-    """Fins from 0.8 to 4 mm on a thin back."""
+    """A comb with fins from 0.8 to 4 mm on a thin back."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,6 +1,7 @@
-"""The same model with one body per component, with rigid ones as children without joints, as in the prototype.
+"""Create a model with one MJCF body per component, as in the earlier prototype. Rigidly connected components become child bodies without
+joints.
 
-The tree is walked over the mates of the assembly, from the root occurrence; thingc's links and rooted tree are not used.
+The bodies are created by following the mates of the assembly from the root component. The links and the rooted tree of thingc are not used.
 """
 
 from __future__ import annotations
@@ -14,11 +15,13 @@ from thingc.model.assembly.types import Assembly, Mate
 from thingc.model.robot.types import Robot
 
 SECTIONS = ("keyframe", "worldbody")
-"""Sections that are not copied, because the order of positions differs."""
+"""Sections that are not copied from the original model, because they depend on the bodies or on the order of joints."""
 
 
 def component_model(robot: Robot, mjcf: str) -> str:
-    """Rewrite the MJCF of a mode. Joints, geoms, sites, drives and options keep names and values."""
+    """Rewrite the MJCF text of a mode so that each component is a body. Joints, geoms, sites, drives and options keep their names and
+    values.
+    """
     assembly = robot.assembly
     fused = ElementTree.fromstring(mjcf)
     bodies = {body.get("name"): body for body in fused.iter("body")}
@@ -45,13 +48,13 @@ def component_model(robot: Robot, mjcf: str) -> str:
 
 
 def body_name(assembly: Assembly, link: str) -> str:
-    """Return the body for a link: that of its first member."""
+    """Return the name of the body that represents a link: the path of the first component of the link."""
     found = next(candidate for candidate in assembly.links if candidate.name == link)
     return assembly.occurrences[found.members[0]].path
 
 
 def _walk(robot: Robot, world: ElementTree.Element) -> dict[int, ElementTree.Element]:
-    """Return a body for each occurrence, by index."""
+    """Create a body for each occurrence, and return the bodies by the index of the occurrence."""
     assembly = robot.assembly
     root = robot.mode.root.occurrence
     link = assembly.links[assembly.link_of[root]]
@@ -108,7 +111,9 @@ def _walk(robot: Robot, world: ElementTree.Element) -> dict[int, ElementTree.Ele
 
 
 def _crossed(mate: Mate, forward: bool) -> tuple[Pose, tuple[float, ...], tuple[float, ...]]:
-    """Return the pose of the far occurrence at q = 0, and axis and anchor of the joint in its frame."""
+    """Return the pose of the next occurrence at q = 0 across a mate, and the axis and the anchor of the joint in the frame of this
+    occurrence.
+    """
     pose = mate.X_PJ @ moved(tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)) @ mate.X_JC
     joint = mate.X_JC.inverse() if forward else mate.X_PJ
     axis = rotate(joint.rotation, (0.0, 0.0, 1.0))
@@ -116,7 +121,9 @@ def _crossed(mate: Mate, forward: bool) -> tuple[Pose, tuple[float, ...], tuple[
 
 
 def _renamed(section: ElementTree.Element, assembly: Assembly) -> ElementTree.Element:
-    """Return a section with the names of links replaced; an excluded pair of links becomes all pairs of their components."""
+    """Return a section in which names of links are replaced by paths of components. An excluded pair of links becomes all pairs of their
+    components.
+    """
     if section.tag != "contact":
         for element in section:
             if element.tag == "adhesion":

@@ -1,7 +1,8 @@
-"""A robot held by its front foot in three formulations: a soft weld, a stiff weld, and the foot as the root.
+"""Models of a robot that is held by its front foot, in three formulations: a soft weld, a stiff weld, and the foot as the root.
 
-All are compiled from one document. The welded ones are its `crawl` mode (free base at the body) with a MuJoCo `weld` of the foot to the
-world; the rooted one is `front_foot`. Contacts are off, since only the attachment is compared.
+All models are compiled from one document. The models with a weld use the mode `crawl`, which has a free base, and add a MuJoCo `weld`
+between the foot and the world. The rooted model is the mode `front_foot`. Contacts are disabled, because only the attachment of the foot is
+compared.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import thingc
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENT = ROOT / "assemblies" / "minchw" / "minchw.yaml"
 FOOT, SOLE, TIP = "front/foot", "front/sole", "rear/sole"
-"""The held body, the site at which it is held, and the site whose error is that of the robot."""
+"""The body that is held, the site at which it is held, and the site at which the error of the robot is measured."""
 
 INTEGRATORS = {
     "Euler": mujoco.mjtIntegrator.mjINT_EULER,
@@ -30,17 +31,17 @@ TIMESTEPS = (0.0005, 0.001, 0.002, 0.005)
 SOFT, STIFF, ROOTED = "weld, default", "weld, stiff", "rooted"
 FORMULATIONS = (SOFT, STIFF, ROOTED)
 SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-"""Parameters of the stiff weld: the largest impedance that MuJoCo accepts, at any violation."""
+"""The MuJoCo parameter `solimp` of the stiff weld, with the largest impedance that MuJoCo accepts."""
 
 REACHING = {"front/yaw": 35, "front/knee": 40, "front/ankle": 60, "rear/yaw": -50, "rear/knee": 70, "rear/ankle": 20}
-"""A posture that is not a named pose, with no joint in a plane [deg]."""
+"""Joint angles [deg] of an additional posture in which the legs are not in one plane."""
 
 Vector = np.ndarray
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Options: timestep [s], name of the integrator, and time constant of the stiff weld in timesteps."""
+    """Settings of a simulation: the timestep [s], the name of the integrator, and the time constant of the stiff weld in timesteps."""
 
     timestep: float
     integrator: str
@@ -48,7 +49,9 @@ class Settings:
 
 
 class Formulation:
-    """A model of the robot on its foot. Joint vectors (q, v, torque) are in the order of `Study.joints` for every tree."""
+    """A MuJoCo model of the robot that stands on its front foot. Vectors of joint values (q, v, torque) are in the order of `Study.joints`
+    in each formulation.
+    """
 
     def __init__(self, name: str, model: mujoco.MjModel, study: Study) -> None:
         self.name, self.model, self.study = name, model, study
@@ -61,7 +64,7 @@ class Formulation:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
 
     def configure(self, settings: Settings, gravity: str, friction: bool, drives: bool = False) -> None:
-        """Set the options of the run. The rest is as in the document, including damping and armature."""
+        """Set the simulation options of the model. All other options are those of the document, including damping and armature."""
         option, flag = self.model.opt, int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
         option.timestep, option.integrator = settings.timestep, INTEGRATORS[settings.integrator]
         option.gravity = self.study.gravity[gravity]
@@ -74,7 +77,7 @@ class Formulation:
             self.model.eq_solimp[0] = SOLIMP
 
     def stand(self, q: Vector) -> mujoco.MjData:
-        """Return the state at rest at joint positions `q`, with the foot exactly where it is held."""
+        """Return the simulation state at rest at joint positions `q` [rad], with the foot exactly at its held pose."""
         data = mujoco.MjData(self.model)
         self.place(data, q)
         data.ctrl[self.drives] = q
@@ -82,18 +85,20 @@ class Formulation:
         return data
 
     def place(self, data: mujoco.MjData, q: Vector) -> None:
-        """Write joint positions; a free base is placed where the rooted model has the body."""
+        """Write joint positions. If the base is free, also write the pose of the base that the rooted model has at these joint
+        positions.
+        """
         data.qpos[self.q] = q
         if self.free:
             data.qpos[:7] = self.study.body_pose(q)
 
     def torque(self, data: mujoco.MjData, torque: Vector) -> None:
-        """Apply joint torques [N m], none at a free base."""
+        """Apply joint torques [N m]. No forces are applied to a free base."""
         data.qfrc_applied[self.v] = torque
 
     def places(self, data: mujoco.MjData) -> tuple[Vector, Vector]:
-        """Return positions in the current state, of the held sole, the frame of its body, and the free sole (3 x 3, a row each) [m]; and
-        the rotation matrix of the held body.
+        """Return positions (3, 3) [m] and the rotation matrix of the held body. The rows are the held sole, the frame of the held body, and
+        the free sole.
         """
         mujoco.mj_kinematics(self.model, data)
         points = np.array([data.site_xpos[self.sole], data.xpos[self.foot], data.site_xpos[self.tip]])
@@ -101,7 +106,7 @@ class Formulation:
 
 
 class Study:
-    """The document, compiled once, and shared data of the formulations: joints, postures, exact kinematics and torques."""
+    """The compiled document, and data that all formulations share: joints, postures, exact kinematics and torques."""
 
     def __init__(self, store: str | None = None) -> None:
         compiled = thingc.compile(str(DOCUMENT), modes=["front_foot", "front_foot_wall", "crawl"], store=store)
@@ -120,15 +125,17 @@ class Study:
         self.postures["reaching"] = self.vector({joint: radians(angle) for joint, angle in REACHING.items()})
 
     def vector(self, values: Mapping[str, float]) -> Vector:
-        """Convert values by joint to a vector, 0 if missing."""
+        """Convert values by joint name to a vector. Missing joints have the value 0."""
         return np.array([values.get(joint, 0.0) for joint in self.joints])
 
     def rooted_model(self) -> mujoco.MjModel:
-        """Return the `front_foot` model as built."""
+        """Return the MuJoCo model of the mode `front_foot`, without changes."""
         return self.modes["front_foot"].model()
 
     def weld_xml(self, xml: str, foot: str = FOOT) -> str:
-        """Return a model with a free base whose foot is welded to the world (default softness) where the rooted model holds it."""
+        """Add a weld between the foot and the world to a model with a free base, and return its MJCF text. The foot is welded at the pose
+        of the rooted model, with MuJoCo's default softness.
+        """
         foot_pose = np.concatenate([self.exact.body(FOOT).pos, self.exact.body(FOOT).quat])
         back, turn = np.zeros(3), np.zeros(4)
         mujoco.mju_negPose(back, turn, foot_pose[:3], foot_pose[3:])
@@ -137,29 +144,31 @@ class Study:
         return xml.replace("</mujoco>", f"{weld}</mujoco>")
 
     def welded_model(self) -> mujoco.MjModel:
-        """Return the `crawl` model with the weld. The anchor of the weld, the origin of the world, is the middle of the sole."""
+        """Return the MuJoCo model of the mode `crawl` with the weld. The anchor of the weld is the middle of the sole, at the origin of the
+        world.
+        """
         crawl = self.modes["crawl"]
         return mujoco.MjModel.from_xml_string(self.weld_xml(crawl.mjcf()), crawl.assets())
 
     def formulation(self, name: str) -> Formulation:
-        """Return a new model of one of `FORMULATIONS`."""
+        """Return a new model of the formulation with this name, one of `FORMULATIONS`."""
         return Formulation(name, self.rooted_model() if name == ROOTED else self.welded_model(), self)
 
     def body_pose(self, q: Vector) -> Vector:
-        """Return the exact position and quaternion of the body in the world when the foot is held."""
+        """Return the exact position [m] and quaternion of the main body in the world when the foot is held."""
         self.scratch.qpos[:] = q
         mujoco.mj_kinematics(self.exact, self.scratch)
         body = self.scratch.body("body")
         return np.concatenate([body.xpos, body.xquat])
 
     def tip(self, q: Vector) -> Vector:
-        """Return the exact position [m] of the sole of the free foot."""
+        """Return the exact position (3,) [m] of the sole of the free foot."""
         self.scratch.qpos[:] = q
         mujoco.mj_kinematics(self.exact, self.scratch)
         return self.scratch.site(TIP).xpos.copy()
 
     def inverse(self, q: Vector, v: Vector, a: Vector, gravity: str, friction: bool) -> Vector:
-        """Return the joint torques [N m] of a motion by one inverse dynamics of the rooted model."""
+        """Return the joint torques [N m] of a motion, computed with inverse dynamics of the rooted model."""
         self.exact.opt.gravity = self.gravity[gravity]
         self.exact.dof_frictionloss[:] = self.friction if friction else 0.0
         data = self.scratch
@@ -168,6 +177,6 @@ class Study:
         return data.qfrc_inverse.copy()
 
     def holding(self, q: Vector, gravity: str) -> Vector:
-        """Return the joint torques [N m] that hold a posture."""
+        """Return the joint torques [N m] that keep a posture at rest."""
         rest = np.zeros_like(q)
         return self.inverse(q, rest, rest, gravity, friction=False)

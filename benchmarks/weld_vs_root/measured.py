@@ -1,4 +1,4 @@
-"""All measurements of the study as plain numbers, for the page and the figure."""
+"""All measurements of the study as plain numbers, which the page and the figure use."""
 
 from __future__ import annotations
 
@@ -14,38 +14,39 @@ from swinging import Swing, plan, swing
 GRAVITIES = ("floor", "wall")
 FRICTION, FREE, DRIVES = "dry friction", "no friction", "drives"
 CONDITIONS = {FRICTION: (True, False), FREE: (False, False), DRIVES: (False, True)}
-"""Whether joints have their dry friction, and whether drives hold them, by condition."""
+"""For each condition: whether joints have dry friction, and whether the drives hold the posture."""
 SWUNG = (0.00025, *TIMESTEPS, 0.01)
-"""Timesteps of the swing [s]."""
+"""Timesteps of the simulated swings [s]."""
 USUAL = (0.002, "implicitfast")
-"""The timestep [s] and integrator of the document."""
+"""The timestep [s] and the integrator that the document specifies."""
 OFF = 1e-9
-"""Error of the torques [N m], to test whether a posture is stable."""
+"""Torque error [N m] that is added to test whether a posture is stable."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """All measurements.
-
-    `limits` is the shortest stable time constant of a weld, and `factors` the one chosen (in timesteps), by integrator and timestep.
-    `stands` are by condition, gravity, posture, integrator, timestep and formulation; `disturbed` are final speeds of the rooted model with
-    torques wrong by `OFF`, by condition; `inverses` are by gravity, posture and formulation; `swings` by feedback, gravity, integrator,
-    timestep and formulation; `steps` by contacts: name, bodies and wall time [s] of a step; `costs` [s] of a step by integrator and
-    formulation.
-    """
+    """All measurements of the study. Each field is a dictionary with the settings of a measurement as keys."""
 
     limits: dict[tuple[str, float], float] = field(default_factory=dict)
+    """Shortest stable time constant of the stiff weld [timesteps], by integrator and timestep."""
     factors: dict[tuple[str, float], float] = field(default_factory=dict)
+    """Time constant of the stiff weld that the study uses [timesteps], by integrator and timestep."""
     stands: dict[tuple[str, str, str, str, float, str], Stand] = field(default_factory=dict)
+    """Results of standing still, by condition, gravity, posture, integrator, timestep and formulation."""
     disturbed: dict[str, float] = field(default_factory=dict)
+    """Largest final speed of the rooted model if its torques are wrong by `OFF`, by condition."""
     inverses: dict[tuple[str, str, str], Inverse] = field(default_factory=dict)
+    """Results of inverse dynamics, by gravity, posture and formulation."""
     swings: dict[tuple[bool, str, str, float, str], Swing] = field(default_factory=dict)
+    """Errors of the swing, by feedback, gravity, integrator, timestep and formulation."""
     steps: dict[bool, list[tuple[str, int, float]]] = field(default_factory=dict)
+    """Name, number of bodies and wall time of a step [s] of each model, with contacts enabled (True) or disabled (False)."""
     costs: dict[tuple[str, str], float] = field(default_factory=dict)
+    """Wall time of a step [s], by integrator and formulation."""
 
 
 def measure(study: Study) -> Measured:
-    """Measure everything, in about two minutes."""
+    """Run all measurements of the study, which takes about two minutes."""
     found = Measured()
     models = {name: study.formulation(name) for name in FORMULATIONS}
     _stiffness(found, study, models[STIFF])
@@ -60,7 +61,9 @@ def _say(text: str) -> None:
 
 
 def _stiffness(found: Measured, study: Study, formulation: Formulation) -> None:
-    """Find the time constant that is best for the weld, so that the comparison is with the best weld."""
+    """For each integrator and timestep, find the time constant of the weld with the smallest error. The comparison then uses the best
+    possible weld.
+    """
     _say("the best stiff weld of each integrator and timestep")
     for timestep in SWUNG:
         paths = {gravity: plan(study, timestep, gravity) for gravity in GRAVITIES}
@@ -127,7 +130,9 @@ def _stepping(found: Measured, study: Study) -> None:
 
 
 def _prepared(study: Study, formulation: Formulation, q: Vector, integrator: str, found: Measured) -> Timed:
-    """Return a formulation held by its drives, with the settings of the study; the cost of a step depends little on the timestep."""
+    """Return a model and a state in which the drives hold the robot. The timestep is that of the document, because the time of a step
+    hardly depends on it.
+    """
     timestep = USUAL[0]
     settings = Settings(timestep, integrator, found.factors[integrator, timestep])
     formulation.configure(settings, "floor", friction=False, drives=True)
@@ -135,14 +140,14 @@ def _prepared(study: Study, formulation: Formulation, q: Vector, integrator: str
 
 
 def worst_swing(found: Measured, feedback: bool, integrator: str, timestep: float, name: str) -> Swing:
-    """Return the worst swing of both gravities."""
+    """Return the largest errors of a swing over both directions of gravity."""
     runs = [found.swings[feedback, gravity, integrator, timestep, name] for gravity in GRAVITIES]
     return Swing(max(run.joint for run in runs), max(run.tip for run in runs))
 
 
 @dataclass(frozen=True)
 class Cheapest:
-    """The smallest wall time [s] per simulated second within an error, and its integrator and timestep [s]."""
+    """The smallest wall time [s] per simulated second for which the error is within a bound, with its integrator and its timestep [s]."""
 
     wall: float
     integrator: str
@@ -150,8 +155,8 @@ class Cheapest:
 
 
 def cheapest(found: Measured, feedback: bool, bound: float, name: str) -> Cheapest | None:
-    """Return the cheapest settings for an error of the free sole of `bound` mm in the swing, under both gravities; None if no tried
-    settings reach it.
+    """Return the settings with the smallest wall time for which the error of the free sole in the swing is at most `bound` [mm], under both
+    gravities. Return None if no settings satisfy the bound.
     """
     within = [
         Cheapest(found.costs[integrator, name] / timestep, integrator, timestep)
@@ -164,7 +169,7 @@ def cheapest(found: Measured, feedback: bool, bound: float, name: str) -> Cheape
 def runs_of(
     found: Measured, condition: str, integrator: str, timestep: float, name: str, gravity: str | None = None
 ) -> list[Stand]:
-    """Return the runs of every posture, under one gravity or both."""
+    """Return the results of all postures at rest, for one direction of gravity or for both."""
     return [
         run for key, run in found.stands.items()
         if key[0] == condition and key[3:] == (integrator, timestep, name) and gravity in (None, key[1])
@@ -172,5 +177,5 @@ def runs_of(
 
 
 def fastest(runs: list[Stand]) -> float:
-    """Return the largest speed in any step of any run [rad/s, m/s]."""
+    """Return the largest joint speed [rad/s, m/s] over all steps of the given simulations."""
     return float(np.max([run.speeds.max() for run in runs]))

@@ -1,4 +1,4 @@
-"""Standing still: with the foot held and gravity torques applied, nothing should move."""
+"""Simulate a robot that stands still. The foot is held, and the applied torques balance gravity, so nothing should move."""
 
 from __future__ import annotations
 
@@ -10,21 +10,23 @@ import numpy as np
 from formulations import Formulation, Settings, Vector
 
 REST, NEARLY = 1e-6, 1e-3
-"""Limits of max |qvel| for a model at rest, and nearly at rest [rad/s, m/s]."""
+"""Upper bounds of max |qvel| [rad/s, m/s] below which the robot counts as at rest, and as nearly at rest."""
 HORIZON = 4.0
-"""Simulated time of a run [s]."""
+"""Simulated time [s]."""
 TRIED = (0.3, 0.4, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
-"""Time constants of the stiff weld, in timesteps. MuJoCo's own guard (`refsafe`) limits them to 2."""
+"""Time constants of the stiff weld that are tried, in timesteps. By default, MuJoCo uses a time constant of at least 2 timesteps
+(`refsafe`). The study disables this limit.
+"""
 
 
 @dataclass(frozen=True)
 class Stand:
-    """A run.
+    """Results of one simulation of a robot that stands still.
 
-    `steps` and `nearly` are the numbers of steps after which max |qvel| stays below `REST` and `NEARLY` (None: not within the run). The
-    others are the largest motions in the run: of the middle of the held sole (`drift` [mm]), the rotation of its foot (`turn` [deg]), the
-    frame of the body of the foot, at the ankle (`ankle` [mm]), the free sole (`tip` [mm]), and the energy [mJ]. `speeds` is max |qvel|
-    after each step.
+    `steps` and `nearly` are the numbers of steps after which max |qvel| stays below the two bounds `REST` and `NEARLY`. They are None if
+    max |qvel| does not stay below the bound. The next fields are the largest deviations from the initial state: of the held sole (`drift`
+    [mm]), of its rotation (`turn` [deg]), of the ankle (`ankle` [mm]), of the free sole (`tip` [mm]), and of the energy [mJ]. `speeds`
+    contains max |qvel| after each step.
     """
 
     steps: int | None
@@ -47,7 +49,7 @@ def stand(
     formulation: Formulation, q: Vector, torque: Vector, settings: Settings, gravity: str, friction: bool, drives: bool = False,
     horizon: float = HORIZON, kick: float = 0.0,
 ) -> Stand:
-    """Simulate `horizon` seconds from rest at `q`, or with initial joint speeds of `kick` [rad/s]."""
+    """Simulate `horizon` seconds, beginning at rest at joint positions `q`. If `kick` is set, all joints begin with this speed [rad/s]."""
     formulation.configure(settings, gravity, friction, drives)
     model, data = formulation.model, formulation.stand(q)
     formulation.torque(data, torque)
@@ -77,14 +79,14 @@ def stand(
 
 
 def angle(rotation: Vector) -> float:
-    """Return the angle of a rotation matrix [deg], with all digits for small ones."""
+    """Return the angle of a rotation matrix [deg], which is also accurate for small angles."""
     axis = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
     return degrees(atan2(float(np.linalg.norm(axis)), float(np.trace(rotation)) - 1.0))
 
 
 def is_stable(formulation: Formulation, settings: Settings) -> bool:
-    """Return whether every posture stands after a kick of 0.2 rad/s, under both gravities, with the friction of the document: the foot
-    moves less than a millimetre, and after half a second speeds are below a hundredth.
+    """Return whether every posture remains stable after an initial joint speed of 0.2 rad/s, under both gravities and with dry friction.
+    The foot must move less than 1 mm, and the final joint speeds must be below 1 % of the initial speed.
     """
     study = formulation.study
     for gravity in ("floor", "wall"):
@@ -97,11 +99,11 @@ def is_stable(formulation: Formulation, settings: Settings) -> bool:
 
 @dataclass(frozen=True)
 class Inverse:
-    """The result of one `mj_inverse` at rest.
+    """The result of MuJoCo's inverse dynamics (`mj_inverse`) for a robot at rest.
 
-    `exact` is the largest joint torque [N m] by the rooted model. `error` is the largest error of a joint torque of this model [N m],
-    `base` [N] the force that it needs at a base on which nothing acts, and `projected` the error [N m] after solving for weld forces that
-    need no force at the base.
+    `exact` is the largest joint torque [N m] of the rooted model. `error` is the largest error of a joint torque [N m] of the model. `base`
+    is the force [N] that the model requires at its free base, where no force acts. `projected` is the error [N m] after the weld forces are
+    chosen such that the base requires no force.
     """
 
     exact: float
@@ -111,7 +113,7 @@ class Inverse:
 
 
 def inverse(formulation: Formulation, q: Vector, gravity: str) -> Inverse:
-    """Compare the inverse dynamics of a model standing at `q` with that of the rooted model."""
+    """Compare the inverse dynamics of a model at rest at joint positions `q` with the inverse dynamics of the rooted model."""
     exact = formulation.study.holding(q, gravity)
     formulation.configure(Settings(0.002, "implicitfast"), gravity, friction=False)
     model, data = formulation.model, formulation.stand(q)

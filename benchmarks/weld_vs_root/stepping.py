@@ -1,4 +1,4 @@
-"""The speed of the formulations: steps per second and wall time, the best of many short interleaved runs."""
+"""Measure the speed of the formulations as the wall time per step. Each value is the shortest of many short, interleaved runs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROUNDS = 800
 
 @dataclass(frozen=True)
 class Timed:
-    """A model, and a state to step from."""
+    """A MuJoCo model, and the simulation state at which the measurement begins."""
 
     name: str
     model: mujoco.MjModel
@@ -25,13 +25,13 @@ class Timed:
 
 
 def component_rooted(study: Study) -> mujoco.MjModel:
-    """Return the `front_foot` model with one body per component."""
+    """Return the model of the mode `front_foot` with one body per component."""
     mode = study.modes["front_foot"]
     return mujoco.MjModel.from_xml_string(component_model(mode.robot, mode.mjcf()), mode.assets())
 
 
 def component_welded(study: Study) -> mujoco.MjModel:
-    """Return the `crawl` model with one body per component, and the weld, as in the prototype."""
+    """Return the model of the mode `crawl` with one body per component and with the weld, as in the prototype."""
     mode = study.modes["crawl"]
     xml = component_model(mode.robot, mode.mjcf())
     foot = body_name(study.assembly, FOOT)
@@ -40,8 +40,8 @@ def component_welded(study: Study) -> mujoco.MjModel:
 
 
 def ways(study: Study, q: Vector, contacts: bool) -> list[Timed]:
-    """Return fused models and models with one body per component, rooted and welded; drives hold posture `q`, options are those of the
-    document.
+    """Return the models to measure, rooted and welded, each with one body per link and with one body per component. The drives hold the
+    posture `q`, and the options are those of the document.
     """
     found = []
     for name, model in (
@@ -57,7 +57,9 @@ def ways(study: Study, q: Vector, contacts: bool) -> list[Timed]:
 
 
 def posed(study: Study, model: mujoco.MjModel, q: Vector) -> mujoco.MjData:
-    """Return a model in posture `q`, with its drives at it and its foot where it is held."""
+    """Return a simulation state of the model in posture `q`. The drives are commanded to hold this posture, and the foot is at its held
+    pose.
+    """
     data = mujoco.MjData(model)
     for joint, value in zip(study.joints, q, strict=True):
         data.joint(joint).qpos[0] = value
@@ -69,7 +71,9 @@ def posed(study: Study, model: mujoco.MjModel, q: Vector) -> mujoco.MjData:
 
 
 def seconds_per_step(runs: Sequence[Timed], count: int = 100) -> list[float]:
-    """Return the wall time [s] of one `mj_step`, looped inside MuJoCo; runs take turns, so that other load affects all."""
+    """Return the wall time [s] of one simulation step for each model. The steps are executed in a loop inside MuJoCo. The models alternate,
+    so that other load on the machine affects all models.
+    """
     best = [np.inf] * len(runs)
     for _ in range(ROUNDS):
         for k, run in enumerate(runs):

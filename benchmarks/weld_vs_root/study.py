@@ -1,6 +1,6 @@
-"""`make bench-weld`: compare a robot held by its foot, welded or rooted.
+"""`make bench-weld`: compare a robot whose foot is welded to the world with a robot whose foot is the root.
 
-Prints `docs/studies/weld_vs_root.md`, and writes it and its figure.
+The command prints the page `docs/studies/weld_vs_root.md`, and writes the page and its figure.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The figure of the study: a posture that should be at rest, the motion of the foot, and the error of a swing."""
+"""Draw the figure of the study. Its plots show a posture that should be at rest, the motion of the foot, and the error of a swing."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from matplotlib import pyplot  # after its backend, which needs no display
 
 COLOURS = {SOFT: "#c44e52", STIFF: "#dd8452", ROOTED: "#1f77b4"}
 NOTHING = 1e-17
-"""Position of 0 in the figure."""
+"""Position at which the logarithmic axis shows the value 0."""
 
 
 def draw(found: Measured, file: Path) -> None:
-    """Write the figure as PNG."""
+    """Write the figure as a PNG file."""
     timestep, integrator = USUAL
     figure, grid = pyplot.subplots(2, 2, figsize=(10.5, 8.0), layout="constrained")
     axes = grid.ravel()

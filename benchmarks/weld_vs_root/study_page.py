@@ -1,4 +1,4 @@
-"""The page of the study in Markdown: `page.md` with its tables and numbers filled in."""
+"""Create the page of the study in Markdown: the template `page.md` with tables and numbers."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from swinging import DURATION, KD, KP
 
 TEMPLATE = Path(__file__).with_name("page.md")
 BOUNDS = (10.0, 1.0, 0.1, 0.01)
-"""Errors of the free sole [mm]."""
+"""Bounds of the error of the free sole [mm] that the page compares."""
 
 
 def page(found: Measured) -> str:
-    """Format the whole page. Raises KeyError if a value of the template is missing."""
+    """Return the text of the whole page. Raises `KeyError` if a value of the template is missing."""
     conditions = {"friction": FRICTION, "free": FREE, "drives": DRIVES}
     return Template(TEMPLATE.read_text()).substitute(
         cores=os.cpu_count(), python=platform.python_version(), mujoco=mujoco.__version__,
@@ -53,7 +53,7 @@ def page(found: Measured) -> str:
 
 
 def number(value: float) -> str:
-    """Format with three digits, 0 as it is."""
+    """Format a number with three significant digits, and 0 as `0`."""
     if value == 0.0:
         return "0"
     return f"{value:.3g}" if value < float("inf") else "diverged"
@@ -66,7 +66,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def span(values: Sequence[int | None]) -> str:
-    """Format the steps of several runs: `12`, `12 to 40`, `12 to never`."""
+    """Format the numbers of steps of several runs as a range, such as `12`, `12 to 40` or `12 to never`."""
     low = min((value for value in values if value is not None), default=None)
     if low is None:
         return "never"
@@ -75,12 +75,12 @@ def span(values: Sequence[int | None]) -> str:
 
 
 def longest(values: Sequence[int | None]) -> str:
-    """Format the most steps of several runs."""
+    """Format the largest number of steps of several runs."""
     return "never" if None in values else str(max(value for value in values if value is not None))
 
 
 def _short(found: Measured) -> dict[str, str]:
-    """Return the numbers of the summary, over all postures and both gravities."""
+    """Return the numbers in the summary of the page, over all postures and both gravities."""
     timestep, integrator = USUAL
     soft, stiff = (runs_of(found, DRIVES, integrator, timestep, name) for name in (SOFT, STIFF))
     errors = {name: worst_swing(found, True, "RK4", timestep, name).tip for name in (STIFF, ROOTED)}
@@ -100,7 +100,7 @@ def _short(found: Measured) -> dict[str, str]:
 
 
 def _factors(factors: Mapping[tuple[str, float], float]) -> str:
-    """Format `Euler 1.25, RK4 1 to 1.5`: the range over the timesteps."""
+    """Format a text such as `Euler 1.25, RK4 1 to 1.5`, which shows the range over the timesteps."""
     texts = []
     for integrator in INTEGRATORS:
         values = [factors[integrator, timestep] for timestep in SWUNG]

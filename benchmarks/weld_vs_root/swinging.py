@@ -1,4 +1,4 @@
-"""A swing of the rear leg with the front foot held, driven by torques from inverse dynamics of the rooted model."""
+"""Simulate a swing of the rear leg with the front foot held. The applied torques come from inverse dynamics of the rooted model."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ DURATION = 1.0
 """Duration of the swing [s]."""
 START, END = "stretched", "step_rear"
 TURN = {"rear/yaw": radians(20.0)}
-"""Additional motion of the swing between the two named poses [rad]."""
+"""Additional rotation of joints [rad] during the swing between the two named poses."""
 KP, KD = 5.0, 0.5
-"""Light feedback [N m/rad, N m s/rad]: a tenth of the drives' own stiffness."""
+"""Gains of a weak feedback [N m/rad, N m s/rad], a tenth of the gains of the drives."""
 
 
 @dataclass(frozen=True)
 class Swing:
-    """The largest errors in a swing: of a joint [deg] and of the sole of the free foot [mm]; infinite if it is unstable."""
+    """The largest errors during a swing, of any joint [deg] and of the sole of the free foot [mm]. The errors are infinite if the
+    simulation is unstable.
+    """
 
     joint: float
     tip: float
@@ -28,8 +30,9 @@ class Swing:
 
 @dataclass(frozen=True)
 class Plan:
-    """A trajectory sampled for a timestep: positions and speeds at the start of each step and at the end, exact positions of the sole
-    there, and torques in the middle of each step (constant over it, they are correct to second order).
+    """A planned trajectory for a timestep. `q`, `v` and `tip` contain joint positions, joint velocities and exact positions of the free
+    sole at the start of each step, and at the end. `torque` contains the torques in the middle of each step, which are applied during the
+    whole step (second-order accurate).
     """
 
     q: Vector
@@ -39,7 +42,8 @@ class Plan:
 
 
 def minimum_jerk(s: float) -> tuple[float, float, float]:
-    """Return position, first and second derivative of a motion from 0 to 1 over s in [0, 1], at rest at both ends (Flash and Hogan, 1985).
+    """Return the position and its first and second derivative on a minimum-jerk path from 0 to 1 (Flash and Hogan, 1985). The parameter s
+    is in [0, 1], and both ends are at rest.
     """
     return (
         s**3 * (10.0 - 15.0 * s + 6.0 * s * s),
@@ -49,7 +53,7 @@ def minimum_jerk(s: float) -> tuple[float, float, float]:
 
 
 def plan(study: Study, timestep: float, gravity: str) -> Plan:
-    """Return the swing, and its feed-forward without dry friction."""
+    """Plan the swing, with feed-forward torques for joints without dry friction."""
     start = study.postures[START]
     step = study.postures[END] + study.vector(TURN) - start
 
@@ -65,7 +69,7 @@ def plan(study: Study, timestep: float, gravity: str) -> Plan:
 
 
 def swing(formulation: Formulation, path: Plan, settings: Settings, gravity: str, feedback: bool) -> Swing:
-    """Follow a plan for this timestep, without dry friction and drives."""
+    """Simulate a planned swing, without dry friction and without drives, and return its errors."""
     formulation.configure(settings, gravity, friction=False)
     model, data = formulation.model, formulation.stand(path.q[0])
     joint = tip = 0.0
