@@ -1,16 +1,14 @@
-"""Compare a family with other ways to create variants: `python benchmarks/variants/beside.py [--count N] [--rounds N]`.
+"""Compare `thingc.family` with other ways to create variants: `python benchmarks/variants/beside.py [--count N] [--rounds N]`.
 
-A planar arm of frames whose link lengths and drive gain differ in each variant; masses and centres depend on the lengths. Models per second
-of CPU time, one after the other:
+The robot is a planar arm without parts. Its link lengths and its drive gain differ in each variant, and masses and centres of mass depend
+on the lengths. Each lane creates models one after the other, and the result is the number of models per second of CPU time. The lane `own`
+uses `thingc.family(DOC).models(many)`, and the lane `lent` uses the same method with `share=True`. The lane `MjSpec` writes the new values
+into one `MjSpec` of the built file and compiles it. The lane `PyMJCF` does the same with elements of dm_control in another process
+(`edit_pymjcf.py`), in the environment that `make conformance` creates.
 
-- `own`: `thingc.family(DOC).models(many)`;
-- `lent`: the same with `share=True`;
-- `MjSpec`: one `MjSpec` of the built file, recompiled after a function has written the dependent values of bodies, site and actuators;
-- `PyMJCF`: the same with elements of dm_control and `mjcf.Physics.from_mjcf_model` (`edit_pymjcf.py`, another process, in the environment
-  that `make conformance` creates).
-
-They take turns, in rounds; the table has the median, the worst and the best. Before that, the models of some settings are compared with
-those of thingc, in all arrays of numbers. Exits with 1 if any differs by more than 1e-12.
+The lanes run in turn, for several rounds. The table contains the median, the smallest and the largest rate. Before the measurement, some
+models of each lane are compared with the models of thingc, in all arrays of numbers. The program exits with 1 if a number differs by more
+than 1e-12.
 """
 
 from __future__ import annotations
@@ -68,22 +66,22 @@ PLANAR = """
 GAIN = "defaults.joint.drive.kp"
 BOUND = 1e-12
 SLOW = {"own": 0.3, "MjSpec": 0.1, "PyMJCF": 0.01}
-"""Share of the variants for the slower ways."""
+"""Fraction of the variants that each slow lane creates."""
 
 
 def numbers(index: int) -> tuple[float, float, float]:
-    """Return two lengths [m] and a gain [N m/rad], never the same twice."""
+    """Return two lengths [m] and a gain [N m/rad] for an index. The numbers differ for each index."""
     part = (index * 0.6180339887498949) % 1.0
     return 0.2 + 0.3 * part, 0.5 - 0.3 * part, 40.0 + 20.0 * part
 
 
 def settings(index: int) -> dict[str, float]:
-    """Return the numbers as settings of a family."""
+    """Return the lengths and the gain for an index as settings of a robot family."""
     return dict(zip(("upper", "fore", GAIN), numbers(index)))
 
 
 def edited(spec: mujoco.MjSpec, upper: float, fore: float, gain: float) -> mujoco.MjModel:
-    """Return the model of an `MjSpec` with these numbers and dependent values."""
+    """Write the numbers and the values that depend on them into an `MjSpec`, and return the compiled model."""
     for name, length, mass in (("upper_arm", upper, 0.1 + 0.9 * upper), ("forearm", fore, 0.08 + 0.7 * fore)):
         body = spec.body(name)
         body.mass = mass
@@ -96,7 +94,7 @@ def edited(spec: mujoco.MjSpec, upper: float, fore: float, gain: float) -> mujoc
 
 
 def apart(model: mujoco.MjModel, other: mujoco.MjModel) -> float:
-    """Return the largest difference of a number in any array of two models; infinite if their structures differ."""
+    """Return the largest difference between two models in any array of floats. Return infinity if arrays have different shapes."""
     worst = 0.0
     for name in dir(model):
         ours, theirs = getattr(model, name, None), getattr(other, name, None)
@@ -108,14 +106,14 @@ def apart(model: mujoco.MjModel, other: mujoco.MjModel) -> float:
 
 
 class PyMJCF:
-    """The process `edit_pymjcf.py`, which creates models on request."""
+    """A client of the process `edit_pymjcf.py`, which creates models with PyMJCF."""
 
     def __init__(self, python: Path, model: Path) -> None:
         words = [str(python), str(Path(__file__).with_name("edit_pymjcf.py")), str(model)]
         self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
 
     def ask(self, *words: object) -> str:
-        """Return the answer to a line."""
+        """Send a line to the process, and return its answer."""
         assert self.process.stdin is not None and self.process.stdout is not None
         print(*words, file=self.process.stdin, flush=True)
         answer = self.process.stdout.readline()
@@ -124,18 +122,18 @@ class PyMJCF:
         return answer
 
     def model(self, index: int, scratch: Path) -> mujoco.MjModel:
-        """Return the model for an index."""
+        """Return the model with the numbers for an index."""
         self.ask("save", *numbers(index), scratch / "model.mjb")
         return mujoco.MjModel.from_binary_path(str(scratch / "model.mjb"))
 
     def seconds(self, indices: list[int]) -> float:
-        """Return the CPU time [s] for models."""
+        """Create models for several indices, and return the CPU time [s] of the process."""
         return float(self.ask("time", *itertools.chain.from_iterable(map(numbers, indices))))
 
 
 @contextlib.contextmanager
 def pymjcf(model: Path) -> Iterator[PyMJCF]:
-    """Start the process for a model. Exits if PyMJCF is not available."""
+    """Return a context manager that starts the process `edit_pymjcf.py` with a model. Raises `SystemExit` if PyMJCF is not available."""
     sys.path.insert(0, str(ROOT / "benchmarks" / "conformance"))
     from study import READERS, environment
 
@@ -153,7 +151,7 @@ def pymjcf(model: Path) -> Iterator[PyMJCF]:
 
 
 def built(folder: Path, *words: str) -> Path:
-    """Return the MuJoCo model of a build."""
+    """Build the planar arm, and return the path of its MuJoCo model."""
     done = subprocess.run(
         [sys.executable, "-m", "thingc", "build", "planar.yaml", "--emit", "mjcf", *words], cwd=folder, capture_output=True, text=True,
     )
@@ -163,14 +161,14 @@ def built(folder: Path, *words: str) -> Path:
 
 
 def timed(make: Callable[[list[int]], Any], indices: list[int]) -> float:
-    """Return the CPU time [s] of this process."""
+    """Call a function with the indices of variants, and return the CPU time [s] of this process."""
     begun = time.process_time()
     make(indices)
     return time.process_time() - begun
 
 
 def main() -> int:
-    """Compare, measure and print; return 1 if models differ."""
+    """Compare the models of all lanes and measure the rates. Return 1 if models differ."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=4000, help="number of variants per round for the fastest lane (default: %(default)s)")
     parser.add_argument("--rounds", type=int, default=5, help="measurements per lane, after one warm-up")

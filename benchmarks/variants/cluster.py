@@ -1,8 +1,8 @@
-"""The overhead of dask: `python benchmarks/variants/cluster.py [--count N]`.
+"""Measure the overhead of running a batch with dask: `python benchmarks/variants/cluster.py [--count N]`.
 
-Builds the same variants with four local runners and with four worker processes of a dask scheduler on this machine, and prints the
-additional milliseconds per variant. The robot is a pendulum of frames, so that no parts are modelled and the share of the engine is
-largest. The time to connect, once per batch, is printed separately. Fails above 10 ms.
+The same variants are built by four local processes, and by four worker processes of a dask scheduler on this machine. The program prints
+the additional time per variant. The robot is a pendulum without parts, so that building takes as little time as possible. The time to
+connect to the scheduler is printed separately. The program exits with 1 if the overhead is more than 10 ms per variant.
 """
 
 from __future__ import annotations

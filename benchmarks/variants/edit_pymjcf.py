@@ -1,6 +1,7 @@
 """Create variants of a planar arm with PyMJCF (`dm_control.mjcf`), for `beside.py`: `python edit_pymjcf.py MODEL`.
 
-Lines of standard input: `save UPPER FORE GAIN FILE` saves a model; `time UPPER FORE GAIN ...` creates models and prints the CPU time [s].
+Each line of standard input is a request. The request `save UPPER FORE GAIN FILE` saves a model. The request `time UPPER FORE GAIN ...`
+creates a model for each group of three numbers, and prints the CPU time [s].
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from dm_control import mjcf  # noqa: E402
 
 
 def edited(root, upper, fore, gain):
-    """Return the model with these numbers and dependent values."""
+    """Set the numbers and the values that depend on them in a PyMJCF model, and return the compiled model."""
     for name, length, mass in (("upper_arm", upper, 0.1 + 0.9 * upper), ("forearm", fore, 0.08 + 0.7 * fore)):
         inertial = root.find("body", name).inertial
         inertial.mass = mass
@@ -29,7 +30,7 @@ def edited(root, upper, fore, gain):
 
 
 def main():
-    """Answer lines until the end of the input."""
+    """Answer the requests on standard input until its end."""
     root = mjcf.from_path(sys.argv[1])
     for line in sys.stdin:
         what, *words = line.split()

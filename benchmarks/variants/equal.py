@@ -1,15 +1,16 @@
-"""Compare variants with single builds of the same settings: `python benchmarks/variants/equal.py [KIND ...] [--count N] [--layout L]`.
+"""Compare the variants of a batch with single builds of the same settings: `python benchmarks/variants/equal.py [KIND ...] [--count N]
+[--layout L]`.
 
-N sampled variants of each kind are built as a batch; then each is built alone, by the command in the table of the batch, in a separate
-process, and the folders are compared byte by byte. A refused variant must be refused alone with the same code. Kinds, by the difference
-between variants:
+A batch builds N random variants of each kind. Then the command in the table of the batch builds each variant again, in a separate process.
+The folders of both builds must be equal, byte by byte. If the batch rejected a variant, the single build must reject it with the same
+diagnostic code.
 
-- `dimension`: the lengths of legs and body of MInchW, and the wall, so that every variant has its own parts;
-- `numbers`: numbers of the arm that parts do not depend on, by path;
-- `mesh`: the pen of the arm, one of sixteen whose parts are modelled once, and the mass of a board;
-- `structure`: contacts and shapes of the arm, the roots of its modes, their poses, an integrator and a material.
+The kinds differ in the settings that vary. In the kind `dimension`, the lengths of legs and body and the wall thickness of MInchW vary, so
+that every variant has different parts. In the kind `numbers`, numbers of the arm vary on which parts do not depend. In the kind `mesh`, the
+pen of the arm and the mass of a board vary. There are sixteen pens, whose parts are modelled once. In the kind `structure`, contacts,
+collision shapes, a material, an integrator, and the roots and poses of modes of the arm vary.
 
-`make kills` (`tests/conformance/kills.py`) interrupts batches and resumes them.
+To test interrupted batches, use `make kills` (`tests/conformance/kills.py`).
 """
 
 from __future__ import annotations
@@ -71,11 +72,11 @@ KINDS = {
           components.humerus.material: [petg, petg_red]
     """,
 }
-"""The variants document of each kind."""
+"""The text of the variants document of each kind."""
 
 
 def main() -> int:
-    """Build, compare and print; return 1 if anything differs."""
+    """Build and compare the variants of each kind. Return 1 if a variant differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"{', '.join(KINDS)} (default: all)")
     parser.add_argument("--count", type=int, default=300, help="number of variants of each kind (default: %(default)s)")
@@ -99,7 +100,7 @@ def main() -> int:
 
 
 def study(kind: str, folder: Path, environment: dict[str, str], arguments: argparse.Namespace) -> int:
-    """Build and compare the variants of a kind in a workspace; return the number of differences."""
+    """Build the variants of one kind in a workspace, and compare them with single builds. Return the number of variants that differ."""
     said = textwrap.dedent(KINDS[kind].format(count=arguments.count, seed=arguments.seed)).lstrip()
     (folder / f"{kind}.yaml").write_text(f"thingc: variants/1\nname: {kind}\n{said}emit: [mjcf, bom]\n")
     begun = time.monotonic()
@@ -128,8 +129,8 @@ def study(kind: str, folder: Path, environment: dict[str, str], arguments: argpa
 
 
 def compared(row: dict[str, str], place: Path | None, folder: Path, environment: dict[str, str]) -> tuple[str, str]:
-    """Compare a variant, whose folder is `place` if it was built, with the build of its command: return `equal`, `refused alike` or
-    `differs`, and the difference.
+    """Compare a variant with a single build, and return the outcome and a description of the difference. The outcome is `equal, byte for
+    byte`, `refused alike` or `differs`. `place` is the folder of the variant, or None if it was not built.
     """
     words = shlex.split(row["command"])[1:]
     alone = folder / "alone" / row["id"]
@@ -148,12 +149,12 @@ def compared(row: dict[str, str], place: Path | None, folder: Path, environment:
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """Return every file below a folder."""
+    """Return the content of every file below a folder, by relative path."""
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def thingc(words: list[str], folder: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
-    """Run one command."""
+    """Run one command of thingc, and return its result."""
     return subprocess.run([sys.executable, "-m", "thingc", *words], cwd=folder, env=environment, capture_output=True, text=True)
 
 

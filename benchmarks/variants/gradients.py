@@ -1,25 +1,22 @@
-"""Check and time families as functions: `make gradients`.
+"""Check and measure functions of robot families, and their derivatives: `make gradients`.
 
-For each robot, with numbers of its document and results that depend on them:
+The first table has a row for each robot, with parameters of its document and results that depend on these parameters. The column `bits`
+contains the number of settings for which the vectorized function returns exactly the same bits as `evaluate`. The column `value` is the
+speed of `function.value` for all settings at once, relative to calls of `evaluate` one after the other. The column `jacobian` is the time
+of a Jacobian, relative to the time of an evaluation. The column `error` is the largest difference between a derivative and a difference
+quotient with 60 digits, relative to the largest derivative with respect to the same parameter. For these quotients, mpmath evaluates the
+program of the function again, so the rules for derivatives are not used.
 
-- `bits`: settings whose results over columns have the bits of `evaluate`, of all;
-- `value`: settings per second by `function.value` for all at once, in those of `evaluate` for one after the other;
-- `jacobian`: time of a Jacobian in evaluations;
-- `error`: greatest difference between a derivative and a difference quotient with 60 digits, relative to the greatest derivative by the
-  same number. The program is repeated with numbers of mpmath for this, so only its rules for derivatives are not used twice.
+The next rows contain derivatives with respect to parameters on which modelled parts depend. They are compared with finite differences of
+other step sizes. The rows show the largest relative difference, and the number of settings for which all differences are within the stated
+errors.
 
-Then derivatives by numbers on which modelled parts depend: the greatest difference from those of differences with other steps, relative to
-the derivative, and at how many settings all of them are within the stated errors of both.
+The third table compares models of MJX with models that MuJoCo compiles, for 50 settings (4096 for the rates). The columns `f64` and `f32`
+are the largest difference of a field, relative to the largest entry of the field. The column `models` is the speed of creating all models
+in one call, relative to `models(share=False)`. The column `XML` is this speed relative to MuJoCo's compilation of the XML.
 
-Then models of MJX for 50 settings (4096 for the rates):
-
-- `f64` and `f32`: greatest difference between a field and that of the model that MuJoCo compiles, relative to the greatest entry;
-- `models` and `XML`: models per second in one call, in those of `models(share=False)` and of MuJoCo for the XML.
-
-Last, the derivatives of a height after 200 steps in MJX, and the greatest difference from those of differences in MuJoCo, relative to the
-greatest one by the same number.
-
-Exits with 1 if a figure misses its bound.
+The last row differentiates a height after 200 simulation steps in MJX, and compares the derivatives with finite differences in MuJoCo. The
+program exits with 1 if a result exceeds its bound.
 """
 
 from __future__ import annotations
@@ -62,7 +59,9 @@ ROBOTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
         ("components.harness.mass", "components.harness.at.xyz.0", "components.magnet_driver.mass"), (*ALL, "box"),
     ),
 }
-"""Documents by name, with numbers and results. A torque margin of a robot with tendons has no plan, and a box of parts none of boards."""
+"""For each robot: its document, the names of parameters, and the names of results. Plans do not support torque margins of robots with
+tendons, or boxes around parts of robots with boards.
+"""
 MODELLED = {
     "assemblies/minchw/minchw.yaml": {"leg_length": (0.0653, 0.071, 0.0777)},
     "assemblies/arm.yaml": {
@@ -70,8 +69,9 @@ MODELLED = {
         "components.humerus.params.length": (0.0931, 0.1007, 0.1123), "components.humerus.params.thickness": (0.00313, 0.0037),
     },
 }
-"""Values of numbers on which modelled parts depend, by document. The steps of the differences are small, because the results jump where a
-print has one more layer."""
+"""For each document: parameters on which modelled parts depend, and the values at which derivatives are computed. The finite differences
+use small steps, because results change discontinuously where the number of printed layers changes.
+"""
 ERROR, COST, RATIO, ESTIMATED = 1e-13, 3.0, 20.0, 1e-4
 IN_MJX: dict[str, tuple[str, tuple[str, ...], str]] = {
     "boom": ("boom.yaml", ("length", "load", "joints.lift.drive.kp"), "standing"),
@@ -79,9 +79,9 @@ IN_MJX: dict[str, tuple[str, tuple[str, ...], str]] = {
     "loops": ("everything.yaml", ("load", "length", "stiff"), "loose"),
     "arm": (str(ROOT / "assemblies/arm.yaml"), ("components.bus_board.mass", "components.bus_board.at.xyz.2"), "bench"),
 }
-"""Documents by name, with numbers and a mode."""
+"""For each robot: its document, the names of parameters, and a mode."""
 EULER = {"simulation.integrator": "euler"}
-"""For MJX, which integrates damped drives differently with `implicitfast`."""
+"""Settings that select the Euler integrator, because MJX integrates damped drives differently from MuJoCo with `implicitfast`."""
 SINGLE, MODELS, XML, SLOPE = 1e-6, 10.0, 30.0, 1e-6
 
 
@@ -114,7 +114,7 @@ def main() -> int:
 
 
 def write_documents(folder: Path) -> None:
-    """Write the documents of robots that are not in the repository."""
+    """Write the documents of the robots that have no file in the repository."""
     boom = re.search(r"```yaml\n(# boom\.yaml.*?)```", (ROOT / "docs/learning.md").read_text(), re.DOTALL)
     assert boom is not None
     for name, text in {**WORKSPACE, "boom.yaml": boom[1]}.items():
@@ -122,7 +122,7 @@ def write_documents(folder: Path) -> None:
 
 
 def report(name: str, family: thingc.RobotFamily, function: FamilyFunction, count: int) -> list[str]:
-    """Print the row of a robot, and return what misses its bound."""
+    """Print the row of a robot. Return a description of each result that exceeds its bound."""
     rows = function.start * np.random.default_rng(1).uniform(0.98, 1.02, (count, len(function.names)))
     settings = [dict(zip(function.names, row, strict=True)) for row in rows.tolist()]
     function.value(rows[:64])
@@ -146,7 +146,7 @@ def report(name: str, family: thingc.RobotFamily, function: FamilyFunction, coun
 
 
 def report_mjx(count: int) -> list[str]:
-    """Print the rows of MJX, and return what misses its bound."""
+    """Print the rows of MJX. Return a description of each result that exceeds its bound."""
     missed = []
     print(f"{'MJX':9} {'f64':>8} {'f32':>8} {'models':>8} {'XML':>8}")
     with tempfile.TemporaryDirectory() as folder:
@@ -161,7 +161,7 @@ def report_mjx(count: int) -> list[str]:
 
 
 def report_models(name: str, family: thingc.RobotFamily, names: Sequence[str], count: int, at: dict[str, str]) -> list[str]:
-    """Print the row of a robot, and return what misses its bound."""
+    """Print the row of a robot. Return a description of each result that exceeds its bound."""
     errors = {}
     for dtype in ("float32", "float64"):
         jax.config.update("jax_enable_x64", dtype == "float64")
@@ -193,13 +193,15 @@ def report_models(name: str, family: thingc.RobotFamily, names: Sequence[str], c
 
 
 def difference(found: np.ndarray, expected: np.ndarray) -> float:
-    """Return the greatest difference of two fields, relative to the greatest entry; absolute if all entries are 0 but for rounding."""
+    """Return the largest difference between two arrays, relative to the largest entry. If all expected entries are 0 except for rounding
+    errors, the difference is absolute.
+    """
     scale = np.abs(expected).max(initial=0.0)
     return float(np.abs(found.astype(float) - expected).max(initial=0.0) / (scale if scale > 1e-12 else 1.0))
 
 
 def report_simulation(family: thingc.RobotFamily) -> list[str]:
-    """Print the error of derivatives of a simulation, and return what misses its bound."""
+    """Print the error of the derivatives of a simulation. Return a description of the error if it exceeds its bound."""
     names = ["length", "load", "joints.lift.drive.kp", "joints.lift.dynamics.damping"]
     robots = family.mjx(names)
     state = mujoco.MjData(family.model({}, visual=False))
@@ -227,7 +229,7 @@ def report_simulation(family: thingc.RobotFamily) -> list[str]:
 
 
 def seconds_of(job: Callable[[], Any]) -> float:
-    """Return the median time of a job."""
+    """Return the median wall time [s] of five calls of a function."""
     times = []
     for _ in range(5):
         before = time.perf_counter()
@@ -237,7 +239,7 @@ def seconds_of(job: Callable[[], Any]) -> float:
 
 
 def error_of(function: FamilyFunction, x: np.ndarray) -> float:
-    """Return the greatest relative error of the derivatives at `x`."""
+    """Return the largest relative error of the derivatives at `x`."""
     found = function.jacobian(x)
     assert found.error is not None and not found.error.any(), function._evaluation.plan_at(function._item(x)[1])[1]
     read = function._item(x)[1]
@@ -259,7 +261,7 @@ def error_of(function: FamilyFunction, x: np.ndarray) -> float:
 
 
 def in_many_digits(program: Program) -> Callable[..., Sequence[Any]]:
-    """Return a program that computes its outputs with numbers of mpmath."""
+    """Convert a program to a function that computes with numbers of mpmath."""
     lines = [one for one in program.statements if isinstance(one, Operation) and one.target in program.needed]
     text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
     text += [f" v{one.target} = {expression(one.operation, one.arguments)}" for one in lines]
@@ -277,7 +279,9 @@ def in_many_digits(program: Program) -> Callable[..., Sequence[Any]]:
 
 
 def estimated(function: FamilyFunction, values: Sequence[float]) -> list[str]:
-    """Print the row of derivatives by a number on which modelled parts depend, and return what misses its bound."""
+    """Print the row of derivatives with respect to a parameter on which modelled parts depend. Return a description of each result that
+    exceeds its bound.
+    """
     greatest, within = 0.0, 0
     for value in values:
         found = function.jacobian([value])
@@ -293,7 +297,9 @@ def estimated(function: FamilyFunction, values: Sequence[float]) -> list[str]:
 
 
 def richardson(function: FamilyFunction, value: float, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the derivatives at a value by differences of the fourth order, and their relative errors, from another step."""
+    """Compute derivatives at a value by fourth-order finite differences. Return the derivatives, and their relative errors estimated from
+    another step size.
+    """
     slopes = []
     for size in (0.6 * step, step):
         f = np.asarray(function.value([[value + k * size] for k in (-2.0, -1.0, 1.0, 2.0)]))

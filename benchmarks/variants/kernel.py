@@ -1,7 +1,8 @@
-"""The time of the CAD kernel alone for a part, for `memory.py`: `python benchmarks/variants/kernel.py PARTS`.
+"""Measure how long the CAD kernel needs for one part, without the rest of thingc: `python benchmarks/variants/kernel.py PARTS`.
 
-For every number on a line of standard input, it creates that many braces of the arm, each with another reach: with the code of their class,
-volume and moments of inertia, and the two meshes of a build. Nothing is sliced, written or cached. Then it prints a line.
+The program is used by `memory.py`. Each line of standard input contains a number. For each line, the program creates this number of braces
+of the arm, each with a different length, and then prints a line. For each brace, it runs the code of the part class, computes volume and
+moments of inertia, and creates the two meshes of a build. Slices, files and cache entries are not created.
 """
 
 from __future__ import annotations
@@ -11,13 +12,13 @@ import math
 import sys
 
 FINE, COARSE = math.radians(10.0), math.radians(30.0)
-"""Angles [rad] between neighbouring triangles, the defaults of `thingc.toml`."""
+"""Maximum angles [rad] between neighbouring triangles of the two meshes, the defaults of `thingc.toml`."""
 LINEAR = 0.1
-"""Maximum distance [mm] of triangles from a surface."""
+"""Maximum distance [mm] between triangles and the surface of the part."""
 
 
 def main() -> None:
-    """Create parts until the end of the input."""
+    """Create parts until standard input ends."""
     from thingc.geometry.worker.lazy_build123d import import_cheaply
 
     import_cheaply("build123d")  # as the processes that model parts

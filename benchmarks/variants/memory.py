@@ -1,33 +1,24 @@
-"""Variants per second in memory: `python benchmarks/variants/memory.py [--count N] [--scale N]`.
+"""Measure how many variants per second are created in memory: `python benchmarks/variants/memory.py [--count N] [--scale N]`.
 
-The arm of `throughput.py`, one mode, models without visual geometry; per second of CPU time. Four numbers differ in each variant (a mass, a
-damping, a limit, a pose):
+The robot is the arm of `throughput.py` in one mode, and models have no visual geometry. Rates are per second of CPU time. In most lanes,
+four numbers differ in each variant: a mass, a damping, a limit and a pose. The lane `lent` uses `thingc.family(DOC).models(many,
+share=True)`. The lane `own` creates a new model for each variant (without `share`). The lane `results` uses `evaluate(many)` without
+models, and the lane `fields` uses `batched(many)`, which returns only the arrays that differ. In the lane `a mesh`, each variant has
+another pen. The records of the pens are in the store, but their models are not cached. In the lane `a part`, each variant has a reach that
+was not used before, so another process models one part per variant. The CPU time of this process counts. The lane `seen` creates the model
+of a variant that was compiled before, as an environment does at a reset.
 
-- `lent`: `thingc.family(DOC).models(many, share=True)`;
-- `own`: the same without `share`, a new model each;
-- `results`: `evaluate(many)`, no model;
-- `fields`: `batched(many)`, the arrays in which they differ;
-- `a mesh`: another pen in each variant, one of a few whose records are in the store and whose models are not cached;
-- `a part`: another reach in each variant, never the same twice, so that one part is modelled for each (by another process, whose CPU time
-  counts);
-- `seen`: the model of a variant that was compiled before, as an environment needs it at a reset;
+The other lanes are programs without thingc, for comparison. In the lane `template`, MuJoCo compiles a text with another mass and with
+meshes that were loaded once. The lane `edited` changes the mass of a body in an `MjSpec` and compiles it again, and the lane `exchanged`
+replaces the meshes of a pen in an `MjSpec`. The lane `patched` writes the four numbers of `lent` into the fields of one model and calls
+`mj_setConst`. Other values that depend on the mass are not changed. The lane `copied` copies a model. In the lane `kernel`, another process
+(`kernel.py`) creates, measures and meshes the part of `a part`, which is the minimum cost of modelling.
 
-and by hand:
-
-- `template`: a text with another mass, compiled by MuJoCo with meshes that were passed once;
-- `edited`: an `MjSpec` whose body has another mass, recompiled;
-- `exchanged`: an `MjSpec` with the meshes of another pen of `a mesh`, recompiled;
-- `patched`: as many fields of one model as `lent` has numbers for (a mass, a damping, limits and control ranges, a pose with its controls),
-  and `mj_setConst`; other values that depend on a mass are not changed;
-- `copied`: a copy of one model;
-- `kernel`: the part of `a part` created by its class, measured and meshed, in another process (`kernel.py`): the minimum cost of modelling.
-
-Machines differ by more than the measured effects, so each way has a ratio: its rate relative to the way by hand that does most of the same
-work, in the same round. `must` and `aim` are the ratios of the required rates to those by hand on the machine on which they were set
-(`MUSTS`, `BY_HAND`).
-
-They take turns, in rounds; the table has the median, the worst and the best. `--scale N` lends models to 1000, 10 000, ... N variants of
-one family, and prints the growth of CPU time per variant and of memory.
+Machines differ by more than the effects that are measured. Therefore, each rate is also given relative to the program that does most of the
+same work, measured in the same round. The columns `must` and `aim` contain the required ratio and the target ratio, computed from rates on
+a reference machine (`MUSTS`, `BY_HAND`). The lanes run in turn, for several rounds, and the table contains the median, the smallest and the
+largest rate. `--scale N` creates 1000, 10 000, ... N variants of one family, and prints the growth of the CPU time per variant and of the
+memory.
 """
 
 from __future__ import annotations
@@ -60,23 +51,23 @@ MODE = "bench"
 
 
 def numbers(index: int) -> dict[str, float]:
-    """Return settings that parts do not depend on, never the same twice."""
+    """Return settings on which parts do not depend. The settings differ for each index."""
     part = (index * 0.6180339887498949) % 1.0
     return {"board_mass": 0.010 + 0.010 * part, "damping": 0.01 + 0.02 * part, "bend": 2.2 + 0.25 * part, "lift": 0.17 * part}
 
 
 def pen(index: int) -> dict[str, float]:
-    """Return one of a few pens."""
+    """Return the settings that select one of a few pens."""
     return {"pen_diameter": 0.010 + 0.0005 * index}
 
 
 def reach(index: int) -> dict[str, float]:
-    """Return a reach that was never modelled before, on any machine."""
+    """Return the settings for a reach that has not been modelled before, on any machine."""
     return {"reach": 0.070 + 0.045 * ((index + FRESH) * 0.6180339887498949 % 1.0)}
 
 
 def source(session: Session, settings: Settings) -> tuple[str, dict[str, bytes]]:
-    """Return the text of a model without visual geometry, and its meshes by file."""
+    """Return the MJCF text of a model without visual geometry, and its mesh files by name."""
     compilation = session.compile(settings, (MODE,))
     texts, assets = model_sources(request_of(session.environment, compilation, verify=False))
     files = {file: session.environment.store.read(stored.sha256) for file, stored in assets.items()}
@@ -84,7 +75,7 @@ def source(session: Session, settings: Settings) -> tuple[str, dict[str, bytes]]
 
 
 def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[int], many: int) -> dict[str, Callable[[int], None]]:
-    """Return the function of each lane for a number of variants, which use `many` pens."""
+    """Return a function for each lane. The function creates a given number of variants, which use `many` different pens."""
     session = family._session
     text, held = source(session, Settings())
     pens = [source(session, Settings(parameters={name: f"{value} m" for name, value in pen(index).items()})) for index in range(many)]
@@ -164,7 +155,7 @@ def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[in
 
 @contextlib.contextmanager
 def kernel(parts: Path) -> Iterator[Callable[[int], None]]:
-    """The lane of `kernel.py`."""
+    """Return a context manager for the lane that uses the process `kernel.py`."""
     command = [sys.executable, str(Path(__file__).with_name("kernel.py")), str(parts)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdin is not None and process.stdout is not None
@@ -180,29 +171,31 @@ def kernel(parts: Path) -> Iterator[Callable[[int], None]]:
 
 
 def check(found: list[Any]) -> None:
-    """Check that all are valid."""
+    """Raise `SystemExit` if a result is not valid."""
     assert all(one.sound for one in found)
 
 
 SLOW = {
     "a mesh": 0.05, "a part": 0.004, "kernel": 0.004, "template": 0.05, "edited": 0.1, "exchanged": 0.05, "own": 0.3, "copied": 0.3,
 }
-"""Share of the variants for the slower lanes."""
+"""Fraction of the variants that each slow lane creates."""
 ELSEWHERE = ("a part", "kernel")
-"""Lanes whose work is done by another process."""
+"""Lanes in which another process does the work."""
 
 BY_HAND = {"exchanged": 639.0, "patched": 46_000.0, "copied": 3_990.0, "kernel": 8.0}
-"""Rates by hand [1/s] on the machine on which the required rates were set."""
+"""Rates of the programs without thingc [1/s] on the reference machine."""
 MUSTS = {
     "lent": ("patched", 10_000.0, 20_000.0), "own": ("copied", 2_000.0, 3_000.0), "results": ("patched", 2_000.0, 10_000.0),
     "fields": ("patched", 1_000.0, 1_000.0), "a mesh": ("exchanged", 300.0, 600.0), "a part": ("kernel", 7.0, 8.0),
     "seen": ("patched", 20_000.0, 20_000.0),
 }
-"""The lane by hand for comparison (the strictest if there are several), the required rate and the target rate [1/s] on that machine."""
+"""For each lane of thingc: the comparable program, and the required and the target rate [1/s] on the reference machine. If several programs
+are comparable, the fastest one counts.
+"""
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure all lanes, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=4000, help="number of variants per round for the fastest lanes (default: %(default)s)")
     parser.add_argument("--rounds", type=int, default=5, help="measurements per lane, after one warm-up")
@@ -234,14 +227,16 @@ def main() -> None:
 
 
 def row(found: list[float]) -> str:
-    """Format the median, the worst and the best."""
+    """Format the median, the smallest and the largest of several rates."""
     digits = 0 if min(found) > 20 else 1
     median, *ends = (f"{rate:.{digits}f}" for rate in (statistics.median(found), min(found), max(found)))
     return f"{median:>10} ({' to '.join(ends)})"
 
 
 def judged(label: str, rates: dict[str, list[float]]) -> str:
-    """Format the ratio to the rate by hand, the required and the target ratio; empty for a lane by hand."""
+    """Format the ratio of a lane to the comparable program, with the required and the target ratio. Return an empty string for the programs
+    themselves.
+    """
     if label not in MUSTS:
         return ""
     beside, must, aim = MUSTS[label]
@@ -250,7 +245,7 @@ def judged(label: str, rates: dict[str, list[float]]) -> str:
 
 
 def grown(family: thingc.RobotFamily, largest: int) -> None:
-    """Lend models to 1000, 10 000, ... `largest` variants; print the CPU time per variant, and the growth of memory."""
+    """Create 1000, 10 000, ... `largest` variants of one family. Print the CPU time per variant, and the growth of memory."""
     count = 1000
     while count <= largest:
         before, begun = resident(), time.process_time()

@@ -1,4 +1,4 @@
-"""The fields of models in MJX, to compare them."""
+"""Extract the fields of MJX models, so that models can be compared."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ import numpy as np
 from mujoco import mjx
 
 UNUSED = ("key_", "meanmass", "meansize", "extent", "center")
-"""Fields that MJX does not use."""
+"""Prefixes of the fields that MJX does not use."""
 
 
 def leaves(model: mjx.Model) -> dict[str, np.ndarray]:
-    """Every array of a model of MJX; of inertias, the matrices, since the order and the signs of principal axes are free."""
+    """Return every array of an MJX model by name. Inertias are converted to matrices, because the order and the signs of principal axes are
+    arbitrary.
+    """
     found = {}
     for prefix, group in (("", model), ("opt.", model.opt), ("stat.", model.stat)):
         for field in dataclasses.fields(group):
@@ -36,5 +38,5 @@ def mujoco_matrix(quat: np.ndarray) -> np.ndarray:
 
 
 def one_of(model: mjx.Model, varied: Iterable[str], row: int) -> mjx.Model:
-    """One of the models of a batch."""
+    """Return one model of a batch of MJX models."""
     return model.tree_replace({name: attrgetter(name)(model)[row] for name in varied})

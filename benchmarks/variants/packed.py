@@ -1,11 +1,12 @@
-"""Many variants on disk: `python benchmarks/variants/packed.py [--count N] [--arm N]`.
+"""Measure batches with many variants on disk: `python benchmarks/variants/packed.py [--count N] [--arm N]`.
 
-The arm of `throughput.py` (three modes; only numbers change) is built as a batch in each layout; it prints the disk usage of a variant, in
-inodes and bytes (`du`: blocks of the file system), without tables and page, whose share is printed separately. Some variants are unpacked
-and compared with the folders, byte by byte.
+First, a batch of the arm of `throughput.py` is built in each layout. The arm has three modes, and only numbers vary. The program prints the
+disk usage per variant, in inodes and in bytes of disk blocks. Tables and pages are not included in this number, but printed separately.
+Some packed variants are unpacked, and must equal the folders of the other layout, byte by byte.
 
-Then `--count` masses of a pendulum of frames, without parts, are built packed; it prints the time, the peak memory of the driver, the time
-of `--resume` of the finished batch, of reading the batch, and of creating models of random variants.
+Then the program builds `--count` pendulums with different masses in the packed layout. The pendulum has no parts. The program prints the
+time, the peak memory of the driver, the time of `--resume` for the finished batch, the time to read the batch, and the time to create
+models of random variants.
 """
 
 from __future__ import annotations
@@ -68,11 +69,11 @@ MASSES = """
     sample: {{method: sobol, count: {count}, seed: 3, ranges: {{bob: [1 g, 2 kg], rod: [10 g, 1 kg]}}}}
 """
 DRAWN = 500
-"""Number of random variants."""
+"""Number of random variants whose models are created."""
 
 
 def thingc(folder: Path, *words: str) -> float:
-    """Run a command; return its time [s]."""
+    """Run a command of thingc, and return its wall time [s]."""
     begun = time.perf_counter()
     done = subprocess.run([sys.executable, "-m", "thingc", *words], cwd=folder, capture_output=True, text=True)
     if done.returncode:
@@ -81,7 +82,7 @@ def thingc(folder: Path, *words: str) -> float:
 
 
 def occupied(folder: Path, *names: str) -> tuple[int, int]:
-    """Return inodes and bytes on disk below folders of a batch; a file with several names counts once."""
+    """Return the number of inodes and the number of bytes on disk below folders of a batch. A file with several names counts once."""
     seen: dict[int, int] = {}
     for name in names:
         for path in (folder / name).rglob("*"):
@@ -91,12 +92,12 @@ def occupied(folder: Path, *names: str) -> tuple[int, int]:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Return every file below a folder."""
+    """Return the content of every file below a folder, by relative path."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def arm(folder: Path, count: int) -> None:
-    """Build the arm in both layouts and print the disk usage."""
+    """Build the batch of the arm in both layouts, and print the disk usage."""
     workspace(folder)
     (folder / "numbers.yaml").write_text(textwrap.dedent(ARM.format(count=count)).lstrip())
     thingc(folder, "build", "assemblies/arm.yaml")  # fills the store
@@ -113,7 +114,7 @@ def arm(folder: Path, count: int) -> None:
 
 
 def masses(folder: Path, count: int) -> None:
-    """Build many pendulums, packed, and print the results."""
+    """Build the batch of pendulums in the packed layout, and print the results."""
     (folder / "pendulum.yaml").write_text(textwrap.dedent(PENDULUM).lstrip())
     (folder / "masses.yaml").write_text(textwrap.dedent(MASSES.format(count=count)).lstrip())
     seconds = thingc(folder, "batch", "masses.yaml", "--layout", "packed")
@@ -137,7 +138,7 @@ def masses(folder: Path, count: int) -> None:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure all lanes, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=100_000, help="number of masses (default: %(default)s)")
     parser.add_argument("--arm", type=int, default=1024, help="number of arms (default: %(default)s)")

@@ -1,10 +1,14 @@
-"""Compare models without a compilation with compiled ones: `python benchmarks/variants/patched.py [--count N] [DOCUMENT ...]`.
+"""Compare models that thingc computes without a compilation with models that are compiled: `python benchmarks/variants/patched.py [--count
+N] [DOCUMENT ...]`.
 
-Every number in a document that parts do not depend on is set by its path, a few at a time, to N random values near its own (at most a
-twentieth off); one in ten is set to its own value, to 0 or to a bound in the document, where decisions may change. For valid settings, the
-model of `thingc.family(DOCUMENT).models` is compared with the one compiled by MuJoCo: every array, and every number of `opt`, `stat` and
-`vis`, in all modes. By default, the documents are the arm, MInchW and those of `tests/families`, which have what these have not. With
-`--parts`, one of the numbers is one that parts depend on, with one of three values.
+The settings change every number of a document on which parts do not depend, a few numbers at a time. A number gets N random values that
+differ by at most 5 % from its value in the document. In 10 % of all cases, it gets its own value, 0, or a bound of the document instead,
+because the compiler may take a different branch there. For valid settings, the model of `thingc.family(DOCUMENT).models` must equal the
+model that MuJoCo compiles. The comparison covers every array and every number of `opt`, `stat` and `vis`, in all modes. With `--parts`, the
+settings also change a number on which parts depend, to one of three values.
+
+The default documents are those of the arm and of MInchW, and two documents of `tests/families` that use features which the robots do not
+use.
 """
 
 from __future__ import annotations
@@ -35,9 +39,9 @@ from families.documents import WORKSPACE  # noqa: E402
 SECTIONS = ("parameters", "components", "joints", "tendons", "poses", "modes", "simulation", "defaults")
 AT_ONCE = 4
 SHARES = (0.97, 1.0, 1.04)
-"""Factors for a number that parts depend on."""
+"""Factors by which a number on which parts depend is multiplied."""
 MEETING = 0.1
-"""Probability of its own value, 0 or a bound."""
+"""Probability that a number gets its own value, 0, or a bound."""
 NESTED = {
     f"components.{leg}.joints.{joint}.{path}": value
     for leg in ("front", "rear") for joint in ("yaw", "knee", "ankle")
@@ -46,11 +50,11 @@ NESTED = {
         ("limit.lower", "-1.57 rad"), ("limit.upper", "1.57 rad"), ("limit.effort", "4 N*m"),
     )
 }
-"""Numbers inside the legs of MInchW, which are not in its own document."""
+"""Numbers in the legs of MInchW, which are defined in the document of the leg."""
 
 
 def numbers(family: thingc.RobotFamily) -> dict[str, float]:
-    """Return every number of the document by name or path, SI."""
+    """Return the value of every number in the document in SI units. The keys are names of parameters or paths."""
     tree = family._sources.documents.root.tree
     found: dict[str, float] = {}
     for section in SECTIONS:
@@ -65,7 +69,7 @@ def numbers(family: thingc.RobotFamily) -> dict[str, float]:
 
 
 def where_branches_meet(family: thingc.RobotFamily, known: dict[str, float]) -> dict[str, list[float]]:
-    """Return for each number its own value, 0, and the bounds of a parameter; SI."""
+    """Return special values for each number, in SI units: its own value, 0, and the bounds of a parameter."""
     bounds = {name: [family._reader.kind(f"parameters.{name}.{key}") for key in ("min", "max")] for name in known if "." not in name}
     return {
         name: [value, 0.0, *(bound.value for bound in bounds.get(name, ()) if isinstance(bound, Quantity))] for name, value in known.items()
@@ -73,7 +77,7 @@ def where_branches_meet(family: thingc.RobotFamily, known: dict[str, float]) -> 
 
 
 def scalars(node: Node | None, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ScalarNode]]:
-    """Yield every scalar below a node."""
+    """Yield every scalar node below a node, with its path."""
     if isinstance(node, ScalarNode):
         yield path, node
     elif isinstance(node, MappingNode):
@@ -84,7 +88,9 @@ def scalars(node: Node | None, path: tuple[str, ...]) -> Iterator[tuple[tuple[st
 def drawn(
     known: dict[str, float], meeting: dict[str, list[float]], geometry: set[str], modelling: list[str], count: int, source: random.Random,
 ) -> Iterator[list[dict[str, Any]]]:
-    """Yield lists of settings with the same names: none of `geometry`, and one of `modelling`, if there are any."""
+    """Yield lists of settings. All settings of a list have the same keys: random numbers except those in `geometry`, and one number of
+    `modelling`, if any.
+    """
     def value(name: str) -> float:
         if source.random() < MEETING:
             return source.choice(meeting[name])
@@ -103,7 +109,7 @@ def drawn(
 
 
 def compared(document: str, count: int, store: str | None, visual: bool, parts: bool) -> Counter[str]:
-    """Return the number of equal models by the way they were computed, and the differences."""
+    """Return the number of equal models by the way in which thingc computed them, and the number of different models."""
     tally: Counter[str] = Counter()
     source = random.Random(1)
     with thingc.family(document, store=store, verify=0) as family:
@@ -135,7 +141,7 @@ def compared(document: str, count: int, store: str | None, visual: bool, parts: 
 
 
 def main() -> int:
-    """Compare and print; return 1 if anything differs."""
+    """Compare the models of all documents. Return 1 if a model differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("documents", nargs="*", metavar="DOCUMENT")
     parser.add_argument("--count", type=int, default=2000, help="number of settings per document (default: %(default)s)")
@@ -150,7 +156,7 @@ def main() -> int:
 
 
 def usual(folder: Path) -> list[str]:
-    """Return the default documents; those of tests are written into `folder`."""
+    """Return the paths of the default documents. The documents of tests are written to `folder`."""
     for name, text in WORKSPACE.items():
         (folder / name).write_text(text)
     own = [str(folder / name) for name in ("everything.yaml", "strung.yaml")]
@@ -158,7 +164,7 @@ def usual(folder: Path) -> list[str]:
 
 
 def printed(document: str, arguments: argparse.Namespace) -> int:
-    """Print the result for a document; return the number of wrong models."""
+    """Compare the models of one document, and print the result. Return the number of wrong models."""
     begun = time.monotonic()
     tally = compared(document, arguments.count, arguments.store, arguments.visual, arguments.parts)
     words = ", ".join(f"{number} {what}" for what, number in sorted(tally.items()))

@@ -1,4 +1,4 @@
-"""Step worlds for `worlds.py`, in the environment of MuJoCo Warp: `python step_worlds.py MODEL.mjb FIELDS.npz FOUND.npy WORLDS STEPS`."""
+"""Simulate many worlds for `worlds.py` in MuJoCo Warp: `python step_worlds.py MODEL.mjb FIELDS.npz FOUND.npy WORLDS STEPS`."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import warp as wp
 
 
 def main() -> None:
-    """Step all worlds from the first keyframe with joints at 1 rad/s, each with its rows of the fields; write the coordinates after every
-    step.
+    """Simulate all worlds from the first keyframe with joints at 1 rad/s, and write the joint positions after every step. Each world uses
+    its row of the fields.
     """
     file, fields, found = sys.argv[1:4]
     worlds, steps = map(int, sys.argv[4:])

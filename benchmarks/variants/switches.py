@@ -1,16 +1,15 @@
-"""Time mode switches of MInchW and the arm: part of `make gradients`.
+"""Measure mode switches of MInchW and the arm; a part of `make gradients`.
 
-For pairs of modes, with the motion of the new root link dropped or caught:
+Each row is a pair of modes. The motion of the new root link is either removed (`drop`) or stopped by an impact (`impact`). The column
+`steps` is the time of `Modes.switch` between two `MjData` objects, in simulation steps of the old mode. The column `jax` is the speed of
+`thingc.modes.jax` for many worlds at once, relative to calls of `Modes.switch` one after the other. The column `error` is the largest
+difference between the two results, relative to the largest number of the result or to 1.
 
-- `steps`: time of `Modes.switch` from one `MjData` to another, in simulation steps of the old mode;
-- `jax`: switches per second by `thingc.modes.jax` for many worlds at once, in those by `Modes.switch` of states, one after the other;
-- `error`: greatest difference between both, relative to the greatest number of the result, or to 1.
+The last row measures an environment in MJX (`MjxEnv`) whose actions switch between two modes of a small robot. It shows the time of a step
+relative to an environment with one mode, and the largest difference from the observations of the same environment in MuJoCo (`make_env`).
 
-Then an environment in MJX whose actions switch between two modes of a small robot (`MjxEnv`): the time of a step in those of an
-environment with one mode, and the greatest difference of observations from those of the environment in MuJoCo (`make_env`).
-
-Times are of the processor. Exits with 1 if a figure of a switch without other holds misses its bound. With other holds, a nearly singular
-posture has more rounding errors, and the singular values of its constraints take longer.
+All times are CPU times. The program exits with 1 if a result exceeds its bound. Modes with additional holds have no bounds. Their postures
+can be nearly singular, which increases rounding errors, and the singular values of their constraints take longer to compute.
 """
 
 from __future__ import annotations
@@ -83,7 +82,7 @@ def main() -> int:
 
 
 def report_environment(count: int) -> list[str]:
-    """Print the cost and the error of an environment with two modes in MJX, and return what misses its bound."""
+    """Print the cost and the error of an environment with two modes in MJX. Return a description of each result that exceeds its bound."""
     loads, times, error = np.linspace(0.1, 0.9, count), [], 0.0
     with tempfile.TemporaryDirectory() as folder:
         for name, text in {**WORKSPACE, "feet.yaml": TWO_FEET}.items():
@@ -109,12 +108,12 @@ def report_environment(count: int) -> list[str]:
 
 
 def settled(job: Callable[[], Any]) -> None:
-    """Run a job of JAX, and wait for its result."""
+    """Run a JAX function, and wait for its result."""
     jax.block_until_ready(job())
 
 
 def seconds_of(job: Callable[[], Any], times: int) -> float:
-    """Return the least time of a job in seven series."""
+    """Return the shortest CPU time [s] per call, in seven series of calls."""
     found = []
     job()
     for _ in range(7):
@@ -126,7 +125,7 @@ def seconds_of(job: Callable[[], Any], times: int) -> float:
 
 
 def in_jax(robot: Modes, old: Mode, new: Mode, on_motion: Any, count: int) -> tuple[float, float, float]:
-    """Return seconds per world in JAX, the ratio to numpy, and the greatest difference."""
+    """Return the time [s] per world in JAX, the speed relative to numpy, and the largest difference between the results."""
     rng, joints = np.random.default_rng(1), len(old.coordinates)
     poses = np.array([pose(rotation_of(rng.normal(size=4)), rng.normal(size=3)) for _ in range(count)])
     twists = rng.normal(size=(count, 6)) * (old.base == "free")

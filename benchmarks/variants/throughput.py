@@ -1,24 +1,23 @@
-"""Variants per second in one process: `python benchmarks/variants/throughput.py [--count N] [--scale N]`.
+"""Measure how many variants per second one process writes: `python benchmarks/variants/throughput.py [--count N] [--scale N]`.
 
-The arm with three modes, from a temporary copy in which a mass, a damping, a limit and a pose are parameters, too. With a warm store and
-one process, a session for each of:
+The robot is the arm with three modes. In a temporary copy of its document, a mass, a damping, a limit and a pose are parameters, too. Each
+lane has its own session with one process, and all parts except those of `modelled` are in the store. In the lane `plain`, the four numbers
+differ in each variant, so no part is modelled. The MJCF of the three modes, `modes.json` and the manifest are written to disk, as by
+`thingc batch` and `family.write`. They are computed by a plan, and every 64th variant is also compiled for comparison. The lane `passed`
+compiles every variant instead, and MuJoCo compiles every model, as with `--verify all`. Meshes that MuJoCo has accepted before are replaced
+by tetrahedra.
 
-- `plain`: these four numbers differ in each variant, so that no part is modelled; the MJCF of three modes, `modes.json` and the manifest
-  are written to disk, as by `thingc batch` and `family.write`: by a plan, which is compared with a compilation for one in 64;
-- `passed`: the same by a compilation, and MuJoCo compiles every model, as with `--verify all`: with a tetrahedron instead of meshes that it
-  has compiled before;
-- `loaded`: the same as `plain`; after the variants of a round were written, every model is read as a new `mujoco.MjModel` with all meshes,
-  as by `models` of `thingc.batch.load`: arrays are written for texts that differ in numbers only;
-- `compiled`: the same, but MuJoCo compiles every model, without threads (`model` of a variant);
-- `unseen`: the same as `compiled` without visual geometry (`model(visual=False)`);
-- `by hand`: a script that edits the files of the arm: it replaces a mass in the text of each model, writes the same files, and MuJoCo
-  compiles the three models with all meshes;
-- `modelled`: the reach differs in each variant, so that one part is modelled for each, and the same files are written.
+The lane `loaded` writes the same files as `plain`. After each round, it reads every model as a new `mujoco.MjModel` with all meshes, as
+`models` of `thingc.batch.load` does. If texts differ only in numbers, the numbers are written into arrays. In the lane `compiled`, MuJoCo
+compiles every model instead, without threads. The lane `unseen` is the same as `compiled`, but without visual geometry. The lane `by hand`
+is a script that replaces a mass in the text of each model and writes the same files, and MuJoCo compiles the three models with all meshes.
+In the lane `modelled`, the reach differs in each variant, so one part is modelled for each variant, and the same files are written.
 
-They take turns, in rounds, since the speed of a machine varies; the table has the median, the worst and the best, per second of CPU time,
-including the process that models parts, and the ratio of `loaded` and `compiled` to the script. `--scale N` runs `plain` for 10, 100, ... N
-variants, and prints the growth of time and memory. `--refused N` only compares the times of N good and N refused settings of families: an
-arm, and a gripper with loops, each by plans and by compilations, with equal diagnostics and results.
+The lanes run in turn, for several rounds, because the speed of a machine varies. The table contains the median, the smallest and the
+largest rate per second of CPU time. The time of the process that models parts is included. The rates of `loaded` and `compiled` are also
+given relative to `by hand`. `--scale N` runs the lane `plain` for 10, 100, ... N variants, and prints the growth of time and memory.
+`--refused N` only compares the times for N valid and N invalid settings, by plans and by compilations. It uses an arm and a gripper with
+loops, and checks that diagnostics and results are equal.
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ EDITS = {
 
 
 def workspace(folder: Path) -> Path:
-    """Create the temporary copy; return the path of its document."""
+    """Create a temporary copy of the workspace, and return the path of the document."""
     for name in ("assemblies", "parts"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "thingc.toml", folder)
@@ -79,7 +78,7 @@ def workspace(folder: Path) -> Path:
 
 
 def plain(index: int) -> Settings:
-    """Return numbers that parts do not depend on, never the same twice."""
+    """Return settings with numbers on which parts do not depend. The numbers differ for each index."""
     part = (index * 0.6180339887498949) % 1.0
     return Settings(parameters={
         "board_mass": f"{10 + 10 * part} g", "damping": f"{0.01 + 0.02 * part} N*m*s/rad", "bend": f"{125 + 15 * part} deg",
@@ -88,7 +87,7 @@ def plain(index: int) -> Settings:
 
 
 def modelled(index: int) -> Settings:
-    """Return a reach that was never modelled before, on any machine."""
+    """Return the settings for a reach that has not been modelled before, on any machine."""
     return Settings(parameters={"reach": f"{70 + 45 * ((index + FRESH) * 0.6180339887498949 % 1.0)} mm"})
 
 
@@ -96,13 +95,15 @@ FRESH = int.from_bytes(os.urandom(3), "big") / 2**24
 
 
 def builds(session: Session) -> Builds:
-    """Return the `Builds` of a session, as for batches."""
+    """Return the `Builds` object of a session, which batches use to build variants."""
     assert session.sources is not None
     return Builds(session, SettingsReader(session.sources), modes=(), targets=("mjcf",), verify=SHARE)
 
 
 def build(made: Builds, settings: Settings, folder: Path, *, plans: bool = True) -> None:
-    """Build one variant and write its files; without `plans`, by a compilation. Raises for any diagnostics."""
+    """Build one variant and write its files. If `plans` is False, the variant is compiled without a plan. Raises `SystemExit` if a
+    diagnostic is reported.
+    """
     planned = made.planned(settings) if plans else None
     files, problems = made.passed(settings) if planned is None else (planned.files(), planned.problems)
     if problems:
@@ -115,7 +116,7 @@ def build(made: Builds, settings: Settings, folder: Path, *, plans: bool = True)
 
 
 class Models:
-    """MuJoCo's models of written variants. The meshes, which are the same for all, are passed once."""
+    """Creates MuJoCo models from the files of variants. The meshes are loaded only once, because all variants have the same meshes."""
 
     def __init__(self, session: Session, *, visual: bool, compiled: bool) -> None:
         import mujoco
@@ -131,7 +132,7 @@ class Models:
                 self.files[file] = self.meshes[file] = session.environment.store.read(held.sha256)
 
     def load(self, folders: Iterable[Path]) -> None:
-        """Create the models of variants, and drop them."""
+        """Create the models of variants, and discard the models."""
         texts = (path.read_text(encoding="utf-8") for folder in folders for path in sorted((folder / "mjcf").glob("arm_*.xml")))
         if self.compiled:
             for text in texts:
@@ -141,11 +142,11 @@ class Models:
                 pass
 
     def source(self, text: str) -> ModelText:
-        """Return a text as `thingc.batch.load` does."""
+        """Return a `ModelText` of an MJCF text, as `thingc.batch.load` creates it."""
         return ModelText(text=text, meshes=(), assets=lambda: self.meshes, compiled=lambda: self.compile(text))
 
     def compile(self, text: str) -> Any:
-        """Compile a text."""
+        """Compile an MJCF text with MuJoCo."""
         import mujoco
 
         asked = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
@@ -154,7 +155,7 @@ class Models:
 
 
 class Lane:
-    """One way to create variants."""
+    """A lane of the benchmark: one way to create variants."""
 
     def __init__(self, made: Builds, folder: Path, settings: Callable[[int], Settings], *, plans: bool, models: Models | None) -> None:
         self.made = made
@@ -164,7 +165,7 @@ class Lane:
         self.models = models
 
     def make(self, indices: range) -> None:
-        """Create variants."""
+        """Create the variants with the given indices."""
         for index in indices:
             build(self.made, self.settings(index), self.folder / str(index), plans=self.plans)
         if self.models is not None:
@@ -172,10 +173,10 @@ class Lane:
 
 
 class ByHand(Lane):
-    """A script that edits the files of one variant."""
+    """A lane that edits the files of one variant with a script, without thingc."""
 
     def make(self, indices: range) -> None:
-        """Create variants, each with another mass of the second link."""
+        """Create the variants with the given indices. In each variant, the second link has a different mass."""
         import mujoco
 
         texts = {path.name: path.read_text(encoding="utf-8") for path in (self.folder / "first" / "mjcf").iterdir()}
@@ -193,7 +194,7 @@ class ByHand(Lane):
 
 
 def children(process: int | str) -> list[str]:
-    """Return the running child processes of a process."""
+    """Return the process ids of the running children of a process."""
     with open(f"/proc/{process}/task/{process}/children", encoding="ascii") as stream:
         return stream.read().split()
 
@@ -201,7 +202,7 @@ def children(process: int | str) -> list[str]:
 def processor() -> float:
     """Return the CPU time [s] of this process, its worker, and the worker's children.
 
-    A child that has answered takes a while to end, and counts only then, so this waits for it.
+    A child counts only after it has ended, so the function waits until all children have ended.
     """
     workers, ticks = children(os.getpid()), 0
     while any(map(children, workers)):
@@ -219,7 +220,9 @@ def resident() -> float:
 
 
 def grown(document: Path, store: str | None, folder: Path, count: int) -> tuple[float, float, float]:
-    """Create `count` variants of `plain` in one session; return wall time [s], CPU time [s], and memory growth [MB] after the first ten."""
+    """Create `count` variants of the lane `plain` in one session. Return the wall time [s], the CPU time [s], and the memory growth [MB]
+    after the first ten variants.
+    """
     with Session(str(document), Options(store=store, jobs=1)) as session:
         made = builds(session)
         for index in range(3):
@@ -233,7 +236,7 @@ def grown(document: Path, store: str | None, folder: Path, count: int) -> tuple[
 
 
 def lanes(document: Path, store: str | None, folder: Path, stack: contextlib.ExitStack) -> Iterator[tuple[str, Lane]]:
-    """Yield every lane, warmed up."""
+    """Yield the label and the object of every lane, after a warm-up."""
     for label, settings, plans, load, visual in (
         ("plain", plain, True, False, False), ("passed", plain, False, False, False), ("loaded", plain, True, True, True),
         ("compiled", plain, True, True, True), ("unseen", plain, True, True, False), ("by hand", plain, True, True, True),
@@ -258,11 +261,11 @@ FAMILIES: dict[str, tuple[str, Callable[[float], dict[str, Any]], Callable[[floa
         lambda part: {"poses.half.open": 0.4 + 0.2 * part, "joints.open.limit.upper": 0.2 + 0.15 * part},
     ),
 }
-"""The document, and good and refused settings for a number between 0 and 1."""
+"""For each robot: its document, and functions that return valid and invalid settings for a number between 0 and 1."""
 
 
 def refusals(count: int, store: str | None) -> None:
-    """Measure good and refused settings by plans and by compilations, after a warm-up, and print the ratios."""
+    """Measure valid and invalid settings, by plans and by compilations, and print the ratios."""
     for name, (document, good, bad) in FAMILIES.items():
         with RobotFamily(ROOT / document, store=store, verify=0) as made:
             compiled, times = made._evaluation_of(made.mode), {}
@@ -296,7 +299,7 @@ def scales(largest: int) -> Iterator[int]:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure all lanes, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=400, help="number of variants without new parts (default: %(default)s)")
     parser.add_argument("--models", type=int, default=40, help="number of variants with a new part each (default: %(default)s)")

@@ -1,9 +1,9 @@
-"""Compare arms in MuJoCo Warp with MuJoCo: `python benchmarks/variants/worlds.py [--count N] [--steps N]`.
+"""Compare simulations of arms in MuJoCo Warp and in MuJoCo: `python benchmarks/variants/worlds.py [--count N] [--steps N]`.
 
-N settings of the arm (one of sixteen pens, and another mass, in each) become one model and arrays (`thingc.family(DOC).batched`). MuJoCo
-Warp steps them all at once on a CPU, in the environment that `make conformance` creates; MuJoCo steps each model. All start in the first
-keyframe, every joint at 1 rad/s. Prints the largest difference of a coordinate; exits with 1 if it is more than 1e-5 rad. At the first run,
-Warp compiles its kernels for some minutes.
+N settings of the arm become one model with arrays (`thingc.family(DOC).batched`). Each setting has one of sixteen pens and another mass.
+MuJoCo Warp simulates all arms at once on a CPU, in the environment that `make conformance` creates. MuJoCo simulates one model per arm. All
+simulations start in the first keyframe, with every joint at 1 rad/s. The program prints the largest difference of a joint position, and
+exits with 1 if it is more than 1e-5 rad. In its first run, Warp needs some minutes to compile its kernels.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ BOUND = 1e-5
 
 
 def settings(index: int) -> dict[str, Any]:
-    """Return one of sixteen pens, and a mass."""
+    """Return settings with one of sixteen pens and a different mass for each index."""
     return {"pen_diameter": 0.008 + 0.0005 * (index % 16), "components.bus_board.mass": f"{5 + index} g"}
 
 
 def alone(model: mujoco.MjModel, steps: int) -> Any:
-    """Return the joint positions of one arm after every step."""
+    """Simulate one arm in MuJoCo, and return its joint positions after every step (steps, coordinates)."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     data.qvel[:] = 1.0
@@ -45,7 +45,9 @@ def alone(model: mujoco.MjModel, steps: int) -> Any:
 
 
 def together(model: mujoco.MjModel, fields: Mapping[str, Any], count: int, steps: int) -> Any:
-    """Return the joint positions of all arms from MuJoCo Warp, shape (arms, steps, coordinates). Exits if it is not available."""
+    """Simulate all arms in MuJoCo Warp, and return their joint positions (arms, steps, coordinates). Raises `SystemExit` if MuJoCo Warp is
+    not available.
+    """
     sys.path.insert(0, str(ROOT / "benchmarks" / "conformance"))
     from study import READERS, environment
 
@@ -65,7 +67,7 @@ def together(model: mujoco.MjModel, fields: Mapping[str, Any], count: int, steps
 
 
 def main() -> int:
-    """Step both ways and compare; return 1 if they differ."""
+    """Simulate the arms in both programs, and compare the results. Return 1 if they differ."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=64, help="number of arms (default: %(default)s)")
     parser.add_argument("--steps", type=int, default=100, help="number of steps of 2 ms (default: %(default)s)")

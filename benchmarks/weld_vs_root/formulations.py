@@ -49,7 +49,7 @@ class Settings:
 
 
 class Formulation:
-    """A MuJoCo model of the robot that stands on its front foot. Vectors of joint values (q, v, torque) are in the order of `Study.joints`
+    """A MuJoCo model of the robot on its front foot. Vectors of joint values (q, v, torque) are in the order of `Study.joints`
     in each formulation.
     """
 

@@ -1,4 +1,4 @@
-"""Simulate a robot that stands still. The foot is held, and the applied torques balance gravity, so nothing should move."""
+"""Simulate a robot at rest. The foot is held, and the applied torques balance gravity, so nothing should move."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TRIED = (0.3, 0.4, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
 
 @dataclass(frozen=True)
 class Stand:
-    """Results of one simulation of a robot that stands still.
+    """Results of one simulation of a robot at rest.
 
     `steps` and `nearly` are the numbers of steps after which max |qvel| stays below the two bounds `REST` and `NEARLY`. They are None if
     max |qvel| does not stay below the bound. The next fields are the largest deviations from the initial state: of the held sole (`drift`
