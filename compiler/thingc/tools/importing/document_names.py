@@ -1,4 +1,4 @@
-"""Choose a name in the generated document for each element of an imported robot, and pair its visual shapes with its collision shapes."""
+"""Choose the names of the elements of an imported robot in the generated document, and pair visual shapes with equal collision shapes."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from thingc.tools.importing.tree import by_parent, downwards
 from thingc.tools.importing.update_import import PreviousImport
 
 LONGEST = 100
-"""Maximum length of a name; longer names are cut."""
+"""Maximum number of characters of a name. Longer names are cut."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 def plain_name(name: str, kind: str) -> str:
     """Convert a name to a valid document name, which consists of letters, digits and `_`.
 
-    The function prepends `kind` to a name that does not start with a letter. It appends `kind` to a reserved word, and to a name that YAML
-    does not parse as a string.
+    If the name does not start with a letter, the function prepends `kind`. If the name is reserved, or if YAML does not parse the name as a
+    string, the function appends `kind`.
     """
     word = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")[:LONGEST] or kind
     if not _NAME.fullmatch(word):
@@ -35,8 +35,8 @@ def plain_name(name: str, kind: str) -> str:
 def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier: Mapping[str, str] | None = None) -> dict[str, str]:
     """Map each name in `names` to a unique document name that is not in `taken`. Names that differ only in case count as equal.
 
-    Elements that an `earlier` import already named get the same document name again. A valid name does not change, even if the conversion
-    of another name gives the same name.
+    A name in the mapping `earlier`, from an earlier import, keeps its document name. Valid names do not change, and take precedence over
+    equal converted names.
     """
     used, wanted = {one.lower() for one in taken}, list(dict.fromkeys(names))
     words: dict[str, str] = {}
@@ -59,12 +59,11 @@ def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier
 
 
 class DocumentNaming:
-    """The names that the elements of an imported robot get in the generated document.
+    """The names of the elements of an imported robot in the generated document.
 
-    Most attributes map a source name to a document name. `links` are the links that become components, and `frames` are the links that
+    Most attributes map a source name to a document name. `links` contains the links that become components, and `frames` the links that
     become mounts of their parents. `order` lists the attachments of the kinematic tree, starting at the root. `shown` lists the mounts that
-    the document exports. `meshes` maps the mesh URIs of shapes to file paths. Elements that an `earlier` import already named keep their
-    names.
+    the document exports. `meshes` maps the mesh URIs of shapes to file paths. Elements keep their names from an `earlier` import.
     """
 
     def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: PreviousImport | None) -> None:
@@ -84,13 +83,13 @@ class DocumentNaming:
         moving = [joint.name for one in self.order for joint in one.joints]
         self.joints = distinct(moving, "joint", earlier=None if earlier is None else earlier.joints)
         self.loops = distinct([loop.name for loop in robot.loops], "loop", taken=self.joints.values())
-        # a component has mounts of joints and exported mounts, so their names must differ
+        # the mounts of joints and the exported mounts of a component must have different names
         self.shown = [*self.frames.values(), *self.sites.values()]
         self.mounts = distinct(moving, "joint", taken=self.shown, earlier=self.joints)
         self.ends = distinct(self.loops.values(), "loop", taken=[*self.shown, *self.mounts.values()])
         taken = [*self.shown, *self.mounts.values(), *self.ends.values()]
         self.magnets: dict[str, str] = {}
-        for link in self.links:  # mounts of joints are not exported, so mounts of two links may have the same name
+        for link in self.links:  # mounts of joints are not exported, so the mounts of two links can have the same name
             on = [one.name for one in robot.adhesions if one.link == link]
             self.magnets |= distinct(on, "magnet", taken=taken, earlier=self._paths(on))
         taken += self.magnets.values()
@@ -117,7 +116,7 @@ class DocumentNaming:
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
 
     def _points(self, taken: Collection[str]) -> dict[str, str]:
-        """Return the component names of the point masses of links that have a mass and shapes, but no inertia."""
+        """Return component names for the point masses of the links that have a mass and shapes, but no inertia."""
         named: dict[str, str] = {}
         for link in self.robot.links:
             if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self.is_shown, link.shapes)):
@@ -128,7 +127,7 @@ class DocumentNaming:
     def _added(self, drives: list[str]) -> dict[tuple[str, str], str]:
         """Return the names of the elements that are added to the MuJoCo model unchanged, keyed by section and source name.
 
-        The name of an actuator must differ from the names of all drives in `drives`.
+        Actuators do not get names of drives in `drives`.
         """
         added: dict[tuple[str, str], str] = {}
         for element in self.robot.added:
@@ -138,9 +137,10 @@ class DocumentNaming:
         return added
 
     def _paths(self, names: Sequence[str]) -> dict[str, str]:
-        """Return the mounts for the sites whose names are paths, such as `hand/tip`. Models that thingc wrote contain such sites.
+        """Return the mount names of the sites whose source names are paths, such as `hand/tip`.
 
-        The site `hand/tip` becomes the mount `tip` of the link `hand`, unless the name `tip` is taken or reserved.
+        Models that thingc wrote contain such sites. The site `hand/tip` becomes the mount `tip` of the link `hand`, unless the name `tip`
+        is taken or reserved.
         """
         prefixes = tuple(f"{word}/" for word in self.links.values())
         mounts = {name: name.rpartition("/")[2] for name in names if name.startswith(prefixes)}
@@ -148,9 +148,9 @@ class DocumentNaming:
         return {name: mount for name, mount in mounts.items() if wanted[mount] == 1 and mount.lower() not in RESERVED}
 
     def _placed(self, places: Mapping[str, tuple[str, Pose]], kind: str, taken: Iterable[str]) -> dict[str, str]:
-        """Return the name of a mount for each pose in `places`. If a site or link already has this pose, its mount is reused.
+        """Return the name of a mount for each pose in `places`. If a mount with the same pose exists, its name is returned.
 
-        `places` maps a source name to a link and a pose in the frame of this link.
+        `places` maps source names to a link and a pose in the frame of the link.
         """
         there = {
             name: next((word for word, at in self._shown_on(link) if same_place(at, pose)), None) for name, (link, pose) in places.items()
@@ -168,10 +168,11 @@ class DocumentNaming:
         return not (one.joints or link.weight or link.shapes or one.child in self.below)
 
     def in_files(self) -> dict[str, dict[str, str]]:
-        """Return the section `names` of the document: for each kind of element, a mapping from document names to names in generated models.
+        """Return the section `names` of the document.
 
-        The section contains only elements whose source name differs from the name that thingc gives them by default. If two elements
-        request the same name in a model, the first element gets the name. Links precede sites.
+        For each kind of element, the section maps document names to names in generated models. The section contains only elements whose
+        source name differs from their default name in generated models. If two elements have the same source name, only the first element
+        is included. Links precede sites.
         """
         moving = {one.name: self.loops[one.name] for one in self.robot.loops if one.kind != "fixed"}  # welds are not joints
         kinds: dict[str, list[tuple[str, str, str]]] = {  # entries: document name, source name, default name in models
@@ -201,7 +202,7 @@ class DocumentNaming:
     def others(self) -> dict[str, dict[str, str]]:
         """Return the document names of sites, loops, tendons, actuators, equalities, sensors, poses and geoms.
 
-        The result maps each kind to a mapping from source names to document names.
+        The result maps each kind of element to a mapping from source names to document names.
         """
         drives = {drive.name: word for word, _, drive in self.driven}
         magnets = {one.name: f"{self.links[one.link]}/{self.magnets[one.name]}" for one in self.robot.adhesions}
@@ -220,7 +221,7 @@ class DocumentNaming:
         return {kind: dict(names) for kind, names in kinds.items() if names}
 
     def _usual(self, link: str) -> Iterator[tuple[SourceShape, str]]:
-        """Yield each imported shape of a link, and the name that the shape gets in generated models if the document does not name it."""
+        """Yield each imported shape of a link, and the default name of the shape in generated models."""
         shown = [shape for shape in self.link_of[link].shapes if self.is_shown(shape)]
         for use in ("visual", "collision"):
             for number, shape in enumerate(shape for shape in shown if shape.use == use):
@@ -228,35 +229,33 @@ class DocumentNaming:
                 yield shape, self.links[link] if usual.endswith(":visual") else usual
 
     def title(self, shape: SourceShape) -> str | None:
-        """Return the name that the document must specify for a shape, or None if no name is necessary or if its source name cannot be used.
+        """Return the source name of a shape if the document must specify this name, else None.
 
-        A source name cannot be used if several shapes have this name, because names are unique in MuJoCo models.
+        A source name that several shapes have cannot be used, because names are unique in MuJoCo models.
         """
         name = shape.name
         return name if name is not None and name not in self.repeated and name != self.usual[id(shape)] and is_file_name(name) else None
 
     def _tied(self) -> dict[str, str]:
-        """Map the source name of each MuJoCo equality to the name that the equality gets in generated models by default."""
+        """Map the source name of each MuJoCo equality to the default name of the equality in generated models."""
         tied = {one.follows.name: f"{self.joints[one.name]}:mimic" for hanging in self.order for one in hanging.joints if one.follows}
         tied |= {one.equality: f"{self.loops[one.name]}:loop" for one in self.robot.loops} | self._of("equality")
         return {name: word for name, word in tied.items() if name}
 
     def _of(self, section: str) -> dict[str, str]:
-        """Return the names of the elements that are added to a section of the MuJoCo model, as a mapping from source names to document
-        names.
-        """
+        """Map the source names of the elements that are added to a section of the MuJoCo model to document names."""
         return {name: word for (of, name), word in self.added.items() if of == section}
 
     def items(self, link: SourceLink) -> Iterator[tuple[SourceShape, SourceShape | None]]:
-        """Yield the items of the list `shapes` of a link. Each item is a shape, and the collision shape that it represents or None.
+        """Yield the items of the list `shapes` of a link. Each item is a shape, and an equal collision shape or None.
 
-        A visual shape and a collision shape become one item if they have the same kind, size, pose and mesh. The order of visual shapes and
-        the order of collision shapes do not change.
+        A visual shape and a collision shape become one item if they have the same kind, size, pose and mesh. The order of the visual shapes
+        and the order of the collision shapes do not change.
         """
         shown = [shape for shape in link.shapes if self.is_shown(shape)]
         alone = [shape for shape in shown if shape.use == "collision"]
         drawn_as: dict[int, SourceShape] = {}
-        for same in (True, False):  # first pair shapes of the same element of the source, then shapes of the same form
+        for same in (True, False):  # first pair shapes from the same source element, and then other equal shapes
             for number, shape in enumerate(shown):
                 like = [
                     one for one in alone if _form(one) == _form(shape) and (one.where == shape.where or not same)
@@ -276,13 +275,13 @@ class DocumentNaming:
                 yield shape, alone.pop(0)
 
     def is_shown(self, shape: SourceShape) -> bool:
-        """Return whether the document contains a shape. The document contains all shapes except meshes that were not imported."""
+        """Return whether the document contains a shape of the source. Only meshes that were not imported are missing from the document."""
         return shape.mesh is None or shape.mesh in self.meshes
 
 
 def _form(shape: SourceShape) -> tuple[object, ...]:
     """Return the kind, size, pose and mesh of a shape.
 
-    If they are equal, a visual shape and a collision shape become one item in the document.
+    A visual and a collision shape for which these values are equal become one item in the document.
     """
     return shape.kind, shape.size, shape.pose, shape.mesh

@@ -1,4 +1,4 @@
-"""Import a robot from a file of another format.
+"""Import a robot from a file in another format.
 
 The import creates the files of a workspace, and reports errors and information that was lost.
 """
@@ -37,8 +37,7 @@ _METRES = "check the unit: lengths are in metres"
 
 
 def refuse_endless(robot: SourceRobot, report: Report) -> None:
-    """Report an error for each mass that is not finite, and for sizes, distances and masses so large that computations with them overflow.
-    """
+    """Report an error for each mass that is not finite, and for each size, distance or mass that is so large that computations overflow."""
     for link in robot.links:
         far = {shape.where: shape for shape in link.shapes if shape.kind != "mesh" and not max(map(abs, shape.size)) <= FARTHEST}
         for where, shape in far.items():
@@ -69,7 +68,7 @@ ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")
 
 
 class Imported(FrozenStruct):
-    """An imported robot, and the contents of the workspace files to write for it.
+    """An imported robot, and the contents of the workspace files that the import writes.
 
     `files` maps paths to contents. `document` is the path of the generated document. `earlier` is the previous import, if any.
     """
@@ -89,12 +88,12 @@ def import_robot(
     arguments: Mapping[str, str] | None = None, meshes: bool = True, earlier: Callable[[str], PreviousImport | None] = lambda _: None,
     update: bool = False, mesh_roots: Sequence[str] = (),
 ) -> Imported | None:
-    """Import the robot in the file `path`. If the file has errors, add them to `report` and return None.
+    """Import the robot in the file `path`. If the file has errors, add the errors to `report` and return None.
 
-    The generated document has an additional mode for each link in `roots`, with this link as the root. `repair` is the method for repairing
-    invalid inertias. `packages` maps the names of ROS packages to folders. `arguments` are the arguments of a xacro file. `mesh_roots` are
-    additional folders to search for meshes. If `meshes` is false, meshes are not imported. The function `earlier` returns the previous
-    import of the robot with the given name.
+    For each link in `roots`, the generated document has an additional mode whose root is this link. `repair` is the method for repairing
+    invalid inertias. `packages` maps the names of ROS packages to folders. `arguments` are the arguments for a xacro file. Meshes are also
+    searched in the folders `mesh_roots`. If `meshes` is false, meshes are not imported. The function `earlier` returns the previous import
+    of the robot with the given name.
     """
     data = _content(path, report)
     path = os.path.abspath(path)
@@ -139,7 +138,7 @@ def import_robot(
 
 
 def _content(path: str, report: Report) -> bytes | None:
-    """Return the content of a file. Return None after reporting that the file cannot be read, or that its suffix is not supported."""
+    """Return the content of a file. If the file cannot be read or has an unsupported suffix, report an error and return None."""
     if not path.lower().endswith(ENDINGS):
         known = ", ".join(f"`{one}`" for one in ENDINGS)
         what = "a folder, not a file" if os.path.isdir(path) else "not of a supported format"
@@ -169,8 +168,8 @@ def _load_source(
 def _record(imported: Imported, written: WrittenDocument, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
     """Return the JSON data of the file `import.json`, which describes an import.
 
-    The next import of the same robot reads this file. It contains the source, the options, the names, the repairs, the losses, and the
-    document as it was generated.
+    The next import of the same robot reads this file. The data contain the source, the options, the names, the repairs, the losses, and the
+    generated document.
     """
     losses = [
         {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in imported.losses

@@ -1,12 +1,12 @@
-"""Check that the inertias of an imported robot are physically possible, and repair the inertias that are not.
+"""Check that the inertias of an imported robot are physically possible, and repair invalid inertias.
 
 Links that are rigidly connected form one body, and the total inertia of the body is checked. Invalid inertias are errors unless a repair
-method is given. The method is then applied to each link. The method `nearest` uses the nearest inertia that a solid of the same mass can
-have. The method `shapes` computes the inertia from the shapes of the link.
+method is given. This method is applied to the links of an invalid body. The method `nearest` uses the nearest inertia that a solid of the
+same mass can have. The method `shapes` computes the inertia from the shapes of the link.
 
-`nearest` raises the eigenvalues of the pseudo-inertia about the centre of mass, `diag(S, m)` with the second moments of mass `S = tr(I)/2 1
-- I`, to a lower bound. The result is the nearest in the Frobenius norm (Wensing, Kim and Slotine, "Linear Matrix Inequalities for
-Physically-Consistent Inertial Parameter Identification", 2018, equation 17).
+The method `nearest` raises the eigenvalues of the pseudo-inertia about the centre of mass to a lower bound. The pseudo-inertia is
+`diag(S, m)` with the second moments of mass `S = tr(I)/2 1 - I`. The result is the nearest in the Frobenius norm (Wensing, Kim and Slotine,
+"Linear Matrix Inequalities for Physically-Consistent Inertial Parameter Identification", 2018, equation 17).
 """
 
 from __future__ import annotations
@@ -29,15 +29,14 @@ Repair = Literal["nearest", "shapes"]
 Matter = Callable[[SourceShape], MassProperties | None]
 """Function that computes the mass properties of the mesh of a shape at density 1, in the frame of the mesh.
 
-It returns None if the surface is open or unreadable.
+The function returns None if the mesh is not closed or cannot be read.
 """
 LEAST = 1e-6
-"""Mass [kg] given to massless links by a repair, and square of the minimum radius of gyration [m^2] (1 mm)."""
+"""Mass [kg] that a repair gives to massless links. The same value is the square of the minimum radius of gyration [m^2], 1 mm."""
 
 
 class RepairedLink(FrozenStruct):
-    """A link whose mass properties were repaired: the old mass properties (None for a massless link), the new ones, and the repair method.
-    """
+    """A link whose mass properties were repaired, with the new mass properties and the repair method."""
 
     link: SourceLink
     new: MassProperties
@@ -49,8 +48,8 @@ def repaired(
 ) -> tuple[SourceRobot, tuple[RepairedLink, ...]]:
     """Repair the invalid inertias of an imported robot. Return the robot and the links that were repaired.
 
-    The function checks the bodies in the mode `source` and in one mode for each link in `roots`. It reports an invalid inertia if `how` is
-    None, or if the method `how` cannot repair the inertia. The function `matter` returns the mass properties of the mesh of a shape.
+    The function checks the bodies in the mode `source` and in one mode for each link in `roots`. If `how` is None, or if the method `how`
+    cannot repair an inertia, the function reports an error. The function `matter` returns the mass properties of the mesh of a shape.
     """
     between = _between(robot)
     bodies, done = _bodies(robot), dict[str, RepairedLink]()
@@ -79,7 +78,7 @@ def repaired(
 def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
     """Group the links into rigid bodies.
 
-    Return the links of each body with their poses in the frame of its first link, keyed by the name of the first link.
+    Return the links of each body and their poses in the frame of the first link, keyed by the name of the first link.
     """
     links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
     bodies: dict[str, list[tuple[SourceLink, Pose]]] = {robot.root: [(links[robot.root], NO_POSE)]}
@@ -94,7 +93,7 @@ def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
 
 
 def _between(robot: SourceRobot) -> set[str]:
-    """Return the names of the massless links that only connect two joints."""
+    """Return the names of the massless intermediate links, which only connect two joints."""
     links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
     return {
         one.child for one in robot.hangings
@@ -103,7 +102,7 @@ def _between(robot: SourceRobot) -> set[str]:
 
 
 def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
-    """Return the reason why simulators reject a moving body, or None if they accept it."""
+    """Return the reason why simulators reject the inertia of a moving body, or None if the inertia is valid."""
     whole = _whole(members)
     if whole.mass <= LEAST_MASS:
         return "it has no mass"
@@ -149,7 +148,7 @@ def _with(one: RepairedLink) -> SourceLink:
 
 
 def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLink | None:
-    """Repair the inertia of a link. Return None if the chosen method cannot repair it."""
+    """Repair the inertia of a link. Return None if the method `how` cannot repair the inertia."""
     old = MassProperties(mass=0.0) if link.weight is None else link.weight.properties
     if how is None:
         return None
@@ -161,7 +160,7 @@ def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLin
 
 
 def nearest(inertia: Matrix, mass: float) -> Matrix:
-    """Return the nearest inertia [kg m^2] about the centre of mass that a solid of this mass [kg] can have.
+    """Return the physically possible inertia [kg m^2] about the centre of mass that is nearest to `inertia`. The mass is in [kg].
 
     The radii of gyration are at least 1 mm, and the moments are large enough for simulators.
     """
@@ -174,9 +173,9 @@ def nearest(inertia: Matrix, mass: float) -> Matrix:
 
 
 def _solid(shapes: Sequence[SourceShape], matter: Matter) -> MassProperties | None:
-    """Return the mass properties that shapes would have at density 1, or None if the volume of the shapes is unknown.
+    """Compute the mass properties of shapes at density 1. Return None if the volume of a shape is unknown.
 
-    If a link has collision shapes with known volumes, the function uses them instead of the visual shapes.
+    If there are collision shapes, the visual shapes are ignored.
     """
     chosen = [shape for shape in shapes if shape.use == "collision"] or list(shapes)
     bodies = [one for shape in chosen if (one := _volume(shape) if shape.kind != "mesh" else _held(shape, matter)) is not None]
@@ -184,16 +183,16 @@ def _solid(shapes: Sequence[SourceShape], matter: Matter) -> MassProperties | No
 
 
 def _held(shape: SourceShape, matter: Matter) -> MassProperties | None:
-    """Return the mass properties that the mesh of a shape would have at density 1, in the frame of its link.
+    """Compute the mass properties of the mesh of a shape at density 1, in the frame of the link.
 
-    Return None if they are unknown.
+    Return None if the mesh is not closed or cannot be read.
     """
     held = matter(shape)
     return None if held is None else held.seen_from(shape.pose)
 
 
 def _volume(shape: SourceShape) -> MassProperties:
-    """Return the mass properties that a primitive shape would have at density 1, in the frame of its link."""
+    """Compute the mass properties of a primitive shape at density 1, in the frame of the link."""
     assert shape.kind != "mesh"
     match shape.kind:
         case "sphere" | "ellipsoid":

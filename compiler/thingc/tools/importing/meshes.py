@@ -1,7 +1,4 @@
-"""Copy the mesh files of an imported robot to the folder `meshes/`.
-
-Meshes with equal content share one file, which has its original name.
-"""
+"""Copy the mesh files of an imported robot to the folder `meshes/`. Meshes with equal content become one file with the original name."""
 
 from __future__ import annotations
 
@@ -29,16 +26,19 @@ from thingc.tools.importing.xml_source import Losses
 READ = (".stl", ".obj", ".dae", ".ply", ".glb")
 FOLDER = "meshes"
 SUSPECT, LARGE = 100.0, 5.0
-"""Thresholds of the warning about units: ratio of the size of a mesh to the distance of joints, and absolute size [m]."""
+"""A mesh that exceeds both thresholds is probably in millimetres.
+
+The thresholds are a multiple of the largest distance between joints, and a size [m].
+"""
 SAMPLE = 1000
-"""Maximum number of triangles that the check of units reads."""
+"""Maximum number of triangles that are read to determine the size of a mesh."""
 
 
 def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | None]:
     """Return a function that computes the mass properties of the mesh of a shape, in metres and at density 1.
 
-    The returned function returns None for meshes that are not closed or cannot be read. It stores each mesh in the cache, so that the first
-    build does not read it again.
+    The returned function returns None for a mesh that is not closed or cannot be read. The function also caches the mesh for the first
+    build.
     """
 
     def matter(shape: SourceShape) -> MassProperties | None:
@@ -55,9 +55,9 @@ def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | No
 
 
 def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping[str, str], report: Report) -> None:
-    """Warn if a mesh seems to be in millimetres instead of metres, judging by its size compared with the distances between joints.
+    """Warn if a mesh is probably in millimetres instead of metres, because the mesh is much larger than the distances between joints.
 
-    Only the first such mesh is reported. `files` maps paths to contents, and `paths` maps the mesh URIs of the source to paths.
+    Only the first such mesh is reported. `files` maps file paths to contents, and `paths` maps the mesh URIs of the source to file paths.
     """
     reach = max((dist(one.pose.translation, (0.0, 0.0, 0.0)) for one in robot.hangings), default=0.0)
     for shape in (shape for link in robot.links for shape in link.shapes if shape.mesh in paths):
@@ -71,7 +71,7 @@ def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping
 
 
 def _corner(data: bytes, path: str) -> float:
-    """Return the largest absolute coordinate among the first vertices of an STL or OBJ file, or 0 for other formats."""
+    """Return the largest absolute coordinate of the vertices at the beginning of an STL or OBJ file, or 0 for other formats."""
     numbers: list[float] = []
     if path.endswith(".stl") and not data[:SAMPLE].lstrip().startswith(b"solid"):
         whole = (len(data) - 84) // 50
@@ -84,9 +84,7 @@ def _corner(data: bytes, path: str) -> float:
 
 
 def _stem(uri: str) -> str:
-    """Return the name of a mesh without the hash and suffix that thingc appends: `meshes.trunk-5fb32a19.stl.obj` becomes
-    `meshes/trunk.stl`.
-    """
+    """Return the original name of a mesh that thingc wrote: `meshes.trunk-5fb32a19.stl.obj` becomes `meshes/trunk.stl`."""
     stem = os.path.splitext(os.path.basename(uri))[0]
     while os.path.splitext(stem)[1].lower() in READ:
         stem = os.path.splitext(stem)[0]
@@ -99,8 +97,8 @@ def gathered(
 ) -> tuple[Mapping[str, str], dict[str, bytes], tuple[SourceLoss, ...]]:
     """Read the meshes of an imported robot.
 
-    Return their paths in the workspace keyed by URI, their contents keyed by path, and the import losses. A missing mesh is reported once,
-    at the first shape that uses it. If `packages` is None, no mesh is read, and each mesh is a loss.
+    Return the paths in the workspace keyed by URI, the file contents keyed by path, and the import losses. A missing mesh is reported only
+    for the first shape that uses the mesh. If `packages` is None, no mesh is read, and each mesh is a loss.
     """
     named = [(shape.mesh, shape) for link in robot.links for shape in link.shapes if shape.mesh is not None]
     lost = Losses()
@@ -128,7 +126,7 @@ def gathered(
     first = {digest: uri for uri, digest in reversed(digests.items())}
     uris = list(dict.fromkeys(first[digest] for digest in digests.values()))
     names: dict[str, str] = {}
-    for uri in uris:  # meshes with the same name in different folders are different
+    for uri in uris:  # meshes in different folders can have the same name
         stem, taken = _stem(uri), [os.path.splitext(name)[0] for name in names.values()]
         names[uri] = f"{distinct([stem], 'mesh', taken)[stem]}{os.path.splitext(uri)[1].lower()}"
     paths = {uri: f"{FOLDER}/{names[first[digest]]}" for uri, digest in digests.items()}
@@ -141,7 +139,7 @@ def gathered(
 def _copy_libraries(uri: str, shape: SourceShape, packages: Packages, files: dict[str, bytes], lost: Losses) -> None:
     """Copy the material files (`.mtl`) that an OBJ mesh refers to.
 
-    Their names do not change. Other files that the mesh refers to are recorded in `lost`.
+    The names of the material files do not change. Other files that the mesh refers to are recorded in `lost`.
     """
     for name in libraries(packages.find(uri)):
         path = f"{FOLDER}/{name}"

@@ -1,5 +1,4 @@
-"""Write the sections `poses`, `modes`, `simulation`, `sensors` and `tendons` of the document of an imported robot, and the keys of its
-drives.
+"""Write the sections `poses`, `modes`, `simulation`, `sensors` and `tendons` of the document of an imported robot, and the keys of drives.
 """
 
 from __future__ import annotations
@@ -15,10 +14,10 @@ from thingc.tools.importing.source_model import SOURCE_MODE, SourceDrive, Source
 
 
 def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
-    """Return the start values of the joints that do not start at 0.
+    """Return the start values of the joints that do not start at q = 0.
 
-    Also return the first pose that contains these start values, or None. A pose can replace the start values if it satisfies the limits of
-    each joint whose start value violates the limits.
+    Also return the first pose of the source that can replace these start values, or None. Such a pose satisfies the limits of each joint
+    whose start value in the source violates the limits.
     """
     moving = [joint for one in words.order for joint in one.joints if joint.follows is None]
     outside = {
@@ -54,7 +53,7 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
     moved = {words.poses[state.name]: pose_words(state.at) or "xyz: 0 0 0" for state in words.robot.poses if state.at is not None}
     place += f", at_in: {{{', '.join(f'{name}: {{{said}}}' for name, said in moved.items())}}}" if moved else ""
     yield f"  {SOURCE_MODE}: {{root: {words.links[words.robot.root]}, base: {words.robot.base}{place}{begin}{more}}}"
-    # a new mode holds another link, so the robot could be below the floor; with collision shapes, `on: floor` computes the height
+    # in a new mode, another link is the root, so the robot could be below the floor; `on: floor` computes the height from collision shapes
     floor = any(shape.use == "collision" for link in words.robot.links for shape in link.shapes)
     taken = [SOURCE_MODE]
     for name in roots:
@@ -82,9 +81,10 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
 
 
 def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
-    """Format the joint values of a pose.
+    """Format the joint coordinates of a pose.
 
-    Zeros are omitted if the robot has no closed loops, because an unspecified joint of a loop could move.
+    If the robot has no closed loops, zeros are omitted. In a closed loop, the value of an unspecified joint is computed and can differ from
+    0.
     """
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
     said: dict[str, str] = {}
@@ -98,7 +98,7 @@ def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
 
 
 def _shared(words: DocumentNaming) -> dict[str, str]:
-    """Return the keys and values that all modes have in common, except keys with default values."""
+    """Return the keys and values that all modes have in common. Default values are omitted."""
     robot, contacts = words.robot, []
     if robot.excluded:
         pairs = ", ".join(f"[{words.links[one]}, {words.links[other]}]" for one, other in robot.excluded)
@@ -142,7 +142,7 @@ def sensor_lines(words: DocumentNaming) -> Iterator[str]:
 def _readings(one: SourceSensor, numbers: Mapping[str, float], turns: bool) -> str:
     """Format the noise levels or cutoffs of a sensor.
 
-    The result is one value, or a mapping from readings to values if the sensor has several readings.
+    The text is one value, or a mapping from readings to values for a sensor with several readings.
     """
     units: dict[str, Dimension | str] = {reading.name: reading.unit for reading in SENSORS[one.kind].readings if reading.unit is not None}
     said = {}
@@ -156,16 +156,16 @@ def _readings(one: SourceSensor, numbers: Mapping[str, float], turns: bool) -> s
 
 TURN = {"lower": ANGLE, "velocity": ANGULAR_VELOCITY, "effort": TORQUE}
 SLIDE = {"lower": LENGTH, "velocity": VELOCITY, "effort": FORCE}
-"""Dimensions of the readings of coordinates."""
+"""Physical dimensions of the readings of a linear joint coordinate."""
 UNITS = {ACCELERATION: "m/s^2", ANGULAR_VELOCITY: "rad/s", VELOCITY: "m/s", FORCE: "N", TORQUE: "N*m"}
-"""Units of noise and cutoffs."""
+"""Units of the noise levels and cutoffs of sensors, by physical dimension."""
 
 
 def dynamics_words(of: SourceMotion, turns: bool) -> dict[str, str]:
     """Return the keys and values of the mapping `dynamics` of a joint or tendon. Values that are zero are omitted.
 
-    `turns` specifies whether q of the joint, or the length of the tendon, is an angle. If a tendon along a path has stiffness, the result
-    always contains `rest`.
+    `turns` specifies whether the joint coordinate, or the length of the tendon, is an angle. For a tendon along a path that has stiffness,
+    the result always contains `rest`.
     """
     units = ("N*m*s/rad", "N*m", "kg*m^2", "N*m/rad") if turns else ("N*s/m", "N", "kg", "N/m")
     values = {"damping": of.damping, "friction": of.friction, "armature": of.armature, "stiffness": of.stiffness}
@@ -211,7 +211,7 @@ def tendon_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _factor(tendon: SourceTendon, turns: bool, value: float) -> str:
-    """Format the factor of a joint in a tendon with its unit. The unit is a length per unit of the joint coordinate q."""
+    """Format the factor of a joint in a tendon with its unit. The unit is a unit of length, divided by the unit of the joint coordinate."""
     unit = "" if tendon.turns or not turns else "m/rad"
     return f"{scaled(value, 0)} {unit}".rstrip()
 

@@ -18,14 +18,17 @@ from thingc.base.suggestions import Hint
 MOST_BYTES = 200_000_000
 MANIFEST = "package.xml"
 VARIABLES = (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share"), ("GZ_SIM_RESOURCE_PATH", ""), ("GAZEBO_MODEL_PATH", ""))
-"""Environment variables with folders of packages, and the subfolder that contains the packages."""
+"""Environment variables that list folders with packages, and the subfolder that contains the packages."""
 SUBFOLDERS = ("cfg", "mjcf", "robots", "sdf", "urdf", "xacro", "xml")
-"""Names of subfolders for model files. Meshes are in folders next to them."""
+"""Usual names of the folders that contain model files. Meshes are usually in sibling folders."""
 _NAME_OF = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")
 
 
 class NotFound(Exception):
-    """Raised if a file does not exist, or if the import is not allowed to read it. The exception contains an error message and a hint."""
+    """Raised if a file does not exist, or if the import is not allowed to read the file.
+
+    The exception contains an error message and a hint.
+    """
 
     def __init__(self, message: str, help: Hint | None = None) -> None:
         super().__init__(message)
@@ -35,9 +38,10 @@ class NotFound(Exception):
 class Packages:
     """Finds the ROS packages, Gazebo models and files that a robot description refers to.
 
-    `source` is the absolute path of the robot description. `given` maps package names to folders and has precedence. If a file is missing,
-    `find` searches for the end of its path below `given`, `roots` and `meshes` (a folder relative to the folder of the source). After
-    resolving symbolic links, every file must be below the folder of the source, a known package, or a folder in `given` or `roots`.
+    `source` is the absolute path of the robot description. `given` maps package names to folders, and has precedence over environment
+    variables. If a file is missing, the method `find` searches the folders `given`, `roots` and `meshes` for a file whose path has the same
+    end. After symbolic links are resolved, every file must be below the folder of the source, a known package, or a folder in `given` or
+    `roots`.
     """
 
     def __init__(
@@ -54,7 +58,7 @@ class Packages:
         self.allowed = (self.home, *self.given.values(), *roots, *self.shared)
 
     def find(self, uri: str) -> str:
-        """Return the absolute path of the file that a URI refers to. Raises `NotFound`."""
+        """Return the absolute path of the file that a URI refers to. Raises `NotFound` if the file is missing or must not be read."""
         scheme, _, rest = uri.rpartition("://")
         if scheme not in ("", "file", "package", "model"):
             raise NotFound(f"`{uri}` is not a file of this machine", "write `package://NAME/...`, or a path relative to the robot's file")
@@ -98,7 +102,7 @@ class Packages:
             raise NotFound(f"cannot read `{uri}`: {(fault.strerror or str(fault)).lower()}") from None
 
     def package(self, name: str) -> str:
-        """Return the absolute path of the package with this name. Raises `NotFound`."""
+        """Return the absolute path of the package with this name. Raises `NotFound` if the package is unknown."""
         for place in self._folders(name):
             return place
         raise self._unknown(name)
@@ -112,14 +116,15 @@ class Packages:
         return [place for place in dict.fromkeys(self._places(name)) if os.path.isdir(place)]
 
     def _above(self) -> Iterator[str]:
-        """Yield the folder of the source and all its parent folders."""
+        """Yield the folder of the robot description, followed by all parent folders."""
         folder = Path(self.folder)
         return map(str, (folder, *folder.parents))
 
     def readable(self) -> list[str]:
         """Return the folders from which expressions in the robot description may read files.
 
-        The folders are the folder of the robot description, all known packages, and packages next to this folder or next to its parents.
+        The result contains the folder of the robot description, all known packages, and packages next to this folder or to one of its
+        parent folders.
         """
         beside = (found for folder in self._above() for found in glob(os.path.join(escape(folder), "*", MANIFEST)))
         return [*self.allowed, *map(os.path.dirname, beside)]
@@ -156,7 +161,7 @@ def _called(folder: str) -> str | None:
 
 
 def within(path: str, folder: str) -> bool:
-    """Return whether a path is inside a folder after resolving symbolic links."""
+    """Return whether a path is inside a folder. Symbolic links are resolved first."""
     return os.path.realpath(path).startswith(os.path.join(os.path.realpath(folder), ""))
 
 

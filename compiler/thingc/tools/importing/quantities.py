@@ -1,8 +1,8 @@
-"""Format numbers of an imported robot as quantities with units for a document, in common units and with as few digits as possible.
+"""Format the numbers of an imported robot as quantities in common units, with as few digits as possible.
 
-The module writes a length of 0.0388353 m as `38.8353 mm`. The compiler parses this quantity as the same double, because it converts units
-exactly and rounds once. If a double with 16 or 17 digits is a short number except for rounding errors, the module writes the short number.
-It writes angles in degrees if they are round numbers of degrees.
+For example, the length 0.0388353 m becomes `38.8353 mm`. Parsing this quantity gives the same double, because the compiler converts units
+exactly and rounds once. If a double with 16 or 17 digits differs from a shorter number only by rounding errors, the shorter number is
+written. Angles that are round numbers of degrees are written in degrees.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from thingc.base.safe_text import escape_control
 from thingc.tools.importing.source_model import ShapeKind, Sizes
 
 TURNS = ("revolute", "continuous", "ball", "screw")
-"""Kinds of joints whose q is an angle."""
+"""Kinds of joints whose coordinate q is an angle."""
 NOISE = 1e-12
-"""Lengths [m] and components of directions below this value are treated as rounding errors and written as 0."""
+"""Lengths [m] and components of unit vectors below this value are rounding errors, and are written as 0."""
 ROUNDED, SHORT = 4, 12
-"""A double is replaced by a number with at most `SHORT` digits if it is at most `ROUNDED` units in the last place away from it."""
+"""A double is replaced by a number with at most `SHORT` digits if both differ by at most `ROUNDED` units in the last place."""
 FIXED, FIXED_ANGLE = 15, 14
-"""Decimals of positions [m] and quaternions, and of angles [rad] that are not a round number of degrees.
+"""Number of decimals of positions [m] and quaternions, and of angles [rad] that are not a round number of degrees.
 
-With more digits, values would change in every round trip.
+With more decimals, values would change each time a robot is exported and imported.
 """
 _ROUND = 1e-11
 """Maximum difference [rad] between an angle, such as 1.57079632679, and the round number of degrees that replaces it."""
@@ -38,16 +38,13 @@ def _format_decimal(value: Decimal) -> str:
 def scaled(value: float, power: int, beside: float = 0.0) -> str:
     """Multiply a number by a power of ten, and format the exact product: `scaled(0.0388353, 3)` is `38.8353`.
 
-    If the number was computed together with a larger number `beside`, it has the rounding error of the larger number.
+    The function removes rounding errors. `beside` is a larger number from the same computation, whose rounding error applies.
     """
     return _format_decimal(_short(float(value), ROUNDED * math.ulp(max(abs(value), abs(beside)))).scaleb(power))
 
 
 def _short(value: float, within: float) -> Decimal:
-    """Round a number to fewer digits if this changes it by at most `within`, the size of rounding errors.
-
-    For example, 0.039999999999999994 becomes 0.04.
-    """
+    """Round a number to fewer digits if the change is at most `within`. For example, 0.039999999999999994 becomes 0.04."""
     exact = Decimal(repr(value))
     if len(exact.as_tuple().digits) > 15:
         short = Decimal(f"{value:.{SHORT}g}")
@@ -80,7 +77,7 @@ def shape_words(kind: ShapeKind, size: Sizes) -> str:
 
 
 def same_place(one: Pose, other: Pose) -> bool:
-    """Return whether two poses are equal up to rounding."""
+    """Return whether two poses are equal up to rounding errors."""
     numbers = zip((*one.translation, *sum(one.rotation, ())), (*other.translation, *sum(other.rotation, ())), strict=True)
     return all(abs(a - b) < NOISE for a, b in numbers)
 
@@ -123,15 +120,15 @@ def quantity(value: float, unit: str) -> str:
 
 
 def was(word: str, name: str) -> str:
-    """Return a comment that contains the source name of an element, or an empty string if the element has the same name in the document."""
+    """Return a YAML comment with the source name of an element, or an empty string if the element has the same name in the document."""
     return "" if word == name else f"  # {escape_control(repr(name))} in the source"
 
 
 def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> str:
     """Format a pose as keys of a YAML mapping, such as `xyz: 0 0 50 mm, rpy: -90 0 0 deg`. Zero vectors are omitted.
 
-    If the result is not empty, the text `before` precedes it. `rpy` [rad] are the angles of the source, if known. Otherwise, the function
-    writes the rotation in round degrees if possible, else as `quat`, which preserves all digits.
+    A result that is not empty starts with the text `before`. `rpy` [rad] are the angles in the source, if known. Without these angles, the
+    rotation is written in round degrees if possible, else as `quat`, which preserves all digits.
     """
     turned = ("rpy", angles(rpy if rpy is not None else rpy_of(pose.rotation)))
     if rpy is None and turned[1].endswith("rad"):
@@ -144,8 +141,8 @@ def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> st
 def quaternion_words(pose: Pose) -> str:
     """Format a rotation as a unit quaternion in YAML, such as `[1, 0, 0, 0]`.
 
-    The function rounds the three smaller components and then computes the largest component from them. Therefore, parsing and formatting
-    the result gives the same result.
+    The three smaller components are rounded, and the largest component is computed from the rounded components. Therefore, parsing the text
+    and formatting the rotation gives the same text.
     """
     q = pose.quaternion()
     largest = max(range(4), key=lambda k: abs(q[k]))

@@ -1,7 +1,7 @@
 """Write the sections `raw:` and `names:` of the document of an imported robot.
 
-The section `raw:` contains attributes and elements that only the MuJoCo model has. The section `names:` contains names of elements in
-generated files.
+The section `raw:` contains attributes and elements that are written only to the MuJoCo model. The section `names:` contains names of
+elements in generated files.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from thingc.tools.importing.source_model import Raw, SourceAdded, SourceJoint, S
 
 
 def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
-    """Return the attributes that only the MuJoCo model has, keyed by path.
+    """Return the attributes that are written only to the MuJoCo model, keyed by path.
 
-    Attributes that all collision shapes have in common are set once, in their class.
+    An attribute with the same value for all collision shapes is set in their default class.
     """
     robot, by_path = words.robot, dict[tuple[str, ...], str]()
 
@@ -62,37 +62,37 @@ def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
 
 
 def _controls(words: DocumentNaming, state: SourcePose) -> Raw:
-    """Return the control values `ctrl` of a keyframe in source order, or nothing if all of them have their default values.
+    """Return the control values `ctrl` of a keyframe in source order, or an empty tuple if all are default values.
 
-    The default is q for position drives, the force in the mode for adhesions, and 0 for other drives.
+    The default control is q for a position drive, the force in the mode for an adhesion, and 0 for other drives.
     """
     usual: dict[str, float | None] = {one.name: one.force for one in words.robot.adhesions}
     driven = [*(joint for one in words.order for joint in one.joints), *words.robot.tendons]
     for one in driven:
         if one.drive is not None and one.drive.kind == "position":
             q = state.q.get(one.name, 0.0)
-            usual[one.drive.name] = q if isinstance(one, SourceJoint) and isinstance(q, float) else None  # for a tendon, it is the length
+            usual[one.drive.name] = q if isinstance(one, SourceJoint) and isinstance(q, float) else None  # a tendon's default is its length
     wanted = [(name, state.controls.get(name, 0.0)) for name in order_of(words, "actuator")]
     alike = all(value == usual.get(name, 0.0) for name, value in wanted)
     return () if alike else (("ctrl", " ".join(quantity(value, "") for _, value in wanted)),)
 
 
 def order_of(words: DocumentNaming, kind: str) -> dict[str, str]:
-    """Return the document names of the actuators or sensors of the source, in source order."""
+    """Map the source names of the actuators or sensors to document names, in source order."""
     names = words.others().get(f"{kind}s", {})
     return {name: names[name] for name in words.robot.order.get(kind, ()) if name in names}
 
 
 def _says(shape: SourceShape, attribute: str) -> bool:
-    """Return whether thingc itself writes this attribute of a shape, because the shape has friction coefficients.
+    """Return whether thingc derives this attribute of a shape from the friction coefficients.
 
-    The document then omits the attribute.
+    The document does not contain such an attribute.
     """
     return {"friction": 0, "priority": 0, "condim": 1}.get(attribute, 3) < len(shape.friction)
 
 
 def name_lines(words: DocumentNaming) -> Iterator[str]:
-    """Yield the lines of the section `names:`. Yield nothing if all elements have their default names in models."""
+    """Yield the lines of the section `names:`. Yield nothing if all elements have default names in generated models."""
     kinds = words.in_files()
     if kinds:
         yield from ("", "names:")
@@ -102,13 +102,13 @@ def name_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def quoted(name: str) -> str:
-    """Format a string for YAML. Add quotes unless the string is a plain word."""
+    """Format a string for YAML. Quotes are added unless the string is a plain word."""
     plain = re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) and isinstance(core_value(name), str)
     return name if plain else json.dumps(name, ensure_ascii=False)
 
 
 def raw_lines(words: DocumentNaming) -> Iterator[str]:
-    """Yield the lines of the section `raw: {mjcf: ...}`. Yield nothing if the robot has no such attributes and elements."""
+    """Yield the lines of the section `raw: {mjcf: ...}`. Yield nothing if the section would be empty."""
     attributes, added = raw_of(words), words.robot.added
     orders = {kind: order for kind in words.robot.order if len(order := order_of(words, kind)) > 1}
     if not attributes and not added and not orders:
@@ -137,7 +137,7 @@ def raw_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _element(words: DocumentNaming, one: SourceAdded) -> dict[str, str]:
-    """Return the attributes of an element that is added to the MuJoCo model. References to other elements use their document names."""
+    """Return the attributes of an element that is added to the MuJoCo model. References to other elements contain document names."""
     name = words.added[one.section, one.name]
     return ({"name": name} if name else {}) | {key: _name_text(words, value) for key, value in one.attributes}
 
@@ -154,6 +154,6 @@ def _flow(value: Any) -> str:
 
 
 def _text(word: str) -> str:
-    """Format a string as a YAML scalar. Add quotes if YAML would parse it as another value. Do not add quotes to numbers."""
+    """Format the value of an XML attribute as a YAML scalar. Quotes are added if YAML would parse another value. Numbers are not quoted."""
     plain = re.fullmatch(r"[A-Za-z0-9_.+-]+( [A-Za-z0-9_.+-]+)*", word) and not isinstance(core_value(word), (bool, type(None)))
     return word if plain and not word.startswith("-") or re.fullmatch(r"-[0-9.e+ -]+", word) else f'"{word}"'

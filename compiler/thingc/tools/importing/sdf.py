@@ -1,8 +1,8 @@
 """Read SDF 1.4 to 1.12 (http://sdformat.org/spec): the links and joints of one model, in SI units.
 
 A pose in SDF can be relative to any frame of the model (`relative_to`). The reader first converts all poses to the frame of the model
-(http://sdformat.org/tutorials?tut=pose_frame_semantics). It merges nested models into their parents, with link names such as `arm::hand`.
-For included models, see http://sdformat.org/tutorials?tut=composition.
+(http://sdformat.org/tutorials?tut=pose_frame_semantics). Nested models are merged into their parent models, with link names such as
+`arm::hand`. See http://sdformat.org/tutorials?tut=composition about included models.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from thingc.tools.importing.xml_values import ChildValues
 
 MOST_INCLUDES = 100
 READ = ("uri", "name", "pose", "placement_frame", "static")
-"""Child elements of an `<include>` that are read."""
+"""Supported child elements of `<include>`."""
 
 
 class Includes:
@@ -38,7 +38,7 @@ class Includes:
         self._expand(root)
 
     def uri(self, uri: str, source: str) -> str:
-        """Convert a URI in the SDF file `source` to a URI that is relative to the main SDF file."""
+        """Convert a URI in the SDF file `source` to a URI relative to the main SDF file."""
         folder = self.folders[source]
         return uri if not folder or "://" in uri else f"{folder}/{uri}"
 
@@ -57,7 +57,10 @@ class Includes:
                 self._expand(child)
 
     def _model(self, include: SourceElement) -> SourceElement | None:
-        """Return the included model as a `<model>` element, or None after reporting an error. Raises `NotFound`."""
+        """Return the included model as a `<model>` element. If the included file is invalid, report an error and return None.
+
+        Raises `NotFound` if the file is missing.
+        """
         before = len(self.report.diagnostics)
         said = {tag: one for tag in READ if (one := self.values.one(include, tag)) is not None}
         if "placement_frame" in said and "pose" not in said:
@@ -90,7 +93,7 @@ class Includes:
     def _file(self, uri: str) -> str:
         """Return the path of the file that a URI refers to.
 
-        If the URI refers to a folder, return the newest SDF version that its `model.config` lists.
+        If the URI refers to a folder, the result is the file for the newest SDF version in `model.config`.
         """
         if uri.endswith((".sdf", ".world", ".urdf")):
             return uri
@@ -107,20 +110,20 @@ KINDS: dict[str, tuple[source_model.Kind, ...]] = {
     "revolute": ("revolute",), "continuous": ("continuous",), "prismatic": ("prismatic",), "ball": ("ball",), "fixed": (),
     "screw": ("screw",), "universal": ("revolute", "revolute"), "revolute2": ("revolute", "revolute"),
 }
-"""Supported types of joints, each as a sequence of joints with axes through one point."""
+"""Supported types of SDF joints. Each type is converted to a sequence of joints whose axes pass through one point."""
 OTHER_KINDS = ("gearbox",)
 AXES = ("axis", "axis2")
 _VERSION = re.compile(r"1\.(\d+)")
 _USUAL = MassProperties(mass=1.0, inertia=IDENTITY)
-"""Default mass properties of a link."""
+"""SDF's default mass properties of a link."""
 ENDLESS = 1e16
-"""Limits of at least this size are treated as unlimited."""
+"""Limits whose absolute value is at least this number mean that a joint is unlimited."""
 ATTRIBUTES: dict[str, set[str]] = {
     "model": {"name", "canonical_link", "placement_frame"}, "link": {"name"}, "joint": {"name", "type"}, "frame": {"name", "attached_to"},
     "visual": {"name"}, "collision": {"name"}, "pose": {"relative_to", "frame", "degrees", "rotation_format"}, "xyz": {"expressed_in"},
     "mimic": {"joint", "axis"},
 }
-"""Supported attributes by element."""
+"""Supported XML attributes by element tag."""
 INSIDE: dict[str, set[str]] = {
     "model": {"pose", "link", "joint", "frame", "model", "static"}, "link": {"pose", "inertial", "visual", "collision"},
     "joint": {"pose", "parent", "child", "axis", "axis2", "screw_thread_pitch", "thread_pitch"},
@@ -134,17 +137,20 @@ INSIDE: dict[str, set[str]] = {
     "dynamics": {"damping", "friction", "spring_stiffness", "spring_reference"}, "mimic": {"multiplier", "offset", "reference"},
     "surface": {"friction"}, "friction": {"ode"}, "ode": {"mu"},
 }
-"""Supported child elements by element."""
+"""Supported child elements by element tag."""
 AS_USUAL = {
     "gravity": ("1", "true"), "self_collide": ("0", "false"), "kinematic": ("0", "false"), "enable_wind": ("0", "false"),
     "allow_auto_disable": ("0", "1", "true", "false"), "cast_shadows": ("0", "1", "true", "false"), "transparency": ("0", "0.0"),
     "must_be_loop_joint": ("0", "false"),
 }
-"""Default values of unsupported elements. With these values, they are not losses."""
+"""Default values of unsupported elements. An element with a default value is not recorded as a loss."""
 
 
 def read_sdf(path: str, data: bytes, packages: Packages, report: Report) -> source_model.SourceRobot | None:
-    """Read the robot in an SDF file. `data` is the content of the file at the absolute path `path`. Return None after reporting errors."""
+    """Read the robot in an SDF file. `data` is the content of the file at the absolute path `path`.
+
+    If the file has errors, report the errors and return None.
+    """
     root = read_robot(path, data, report, "sdf", "an SDF")
     return None if root is None else _Sdf(root, packages, report).robot()
 
@@ -158,12 +164,12 @@ class _Sdf:
         self.between: list[source_model.SourceLink] = []
 
     def robot(self) -> source_model.SourceRobot | None:
-        """Convert the SDF model to a robot of the source model. Return None after reporting errors."""
+        """Convert the SDF model to the source model. If the SDF model has errors, report the errors and return None."""
         model = None if self.report.failed else self._model()
         if model is None:
             return None
         name, frames = self.values.word(model, "name"), Frames(model, self.values)
-        if name is None or self.report.failed:  # these errors cause further errors
+        if name is None or self.report.failed:  # these errors would cause further errors
             return None
         self.frames = frames
         links = [self._link(key, frame.element) for key, frame in frames.all("link")]
@@ -177,7 +183,7 @@ class _Sdf:
         return None if self.report.failed else self._stood(model, name, [*links, *self.between], hangings)
 
     def _is_old(self, root: SourceElement) -> bool:
-        """Return whether the SDF version is so old that joint axes are relative to the frame of the model. Report unsupported versions."""
+        """Return whether joint axes are relative to the frame of the model, as in old SDF versions. Report an unsupported version."""
         version = root.attributes.get("version", "").strip()
         match = _VERSION.fullmatch(version)
         if match is None or not 4 <= int(match[1]) <= 12:
@@ -186,7 +192,10 @@ class _Sdf:
         return match is not None and int(match[1]) <= 4
 
     def _model(self) -> SourceElement | None:
-        """Return the only non-static model of the file or its world. Report an error and return None unless exactly one exists."""
+        """Return the only non-static model of the file or of its world.
+
+        Unless exactly one such model exists, report an error and return None.
+        """
         worlds = [*self.root.all("world")]
         models = [model for around in (self.root, *worlds) for model in around.all("model")]
         robots = models if len(models) == 1 else [model for model in models if not self._is(model, "static")]
@@ -273,7 +282,7 @@ class _Sdf:
     def _hangings(self, key: str, frame: NamedFrame) -> Iterator[source_model.Attachment]:
         """Yield the attachments that represent an SDF joint, from parent to child.
 
-        A joint with several axes has massless links between the axes. This method also reports the errors of the joint.
+        A joint with several axes becomes several attachments with massless links in between. The method also reports errors in the joint.
         """
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
@@ -290,7 +299,7 @@ class _Sdf:
         around = NO_POSE if parent == WORLD else self.frames.poses[parent]
         pose, names = _clean(around.inverse() @ self.frames.poses[child]), self._coordinates(key)
         joints = [self._joint(name, key, one, tag) for name, one, tag in zip(names, KINDS[kind], AXES, strict=False)] or [None]
-        for number in reversed(range(len(names))):  # start at the child, because `spanned` reverses all attachments of a joint or none
+        for number in reversed(range(len(names))):  # start at the child, because `spanned` reverses either all or no attachments of a joint
             above = f"{key} link" if number else parent
             if number:
                 self.between.append(source_model.SourceLink(name=above, where=element.where))
@@ -310,7 +319,10 @@ class _Sdf:
             child = above
 
     def _end(self, frame: NamedFrame, side: str) -> str | None:
-        """Return the link that one side of a joint is attached to, or the world. Return None after reporting an error."""
+        """Return the link, or the world, to which one side of a joint is attached.
+
+        If no such link exists, report an error and return None.
+        """
         name = self.values.word(frame.element, side)
         if name is None or name == WORLD:
             return WORLD if name == WORLD and side == "parent" else None
@@ -326,10 +338,7 @@ class _Sdf:
         return link
 
     def _joint(self, name: str, key: str, kind: source_model.Kind, tag: str) -> source_model.SourceJoint | None:
-        """Read one axis of an SDF joint, which rotates about or moves along this axis.
-
-        `tag` is the tag of the child element that defines the axis.
-        """
+        """Read one axis of an SDF joint. `tag` is the tag of the child element that defines the axis."""
         frame = self.frames.named[key]
         element, here = frame.element, self.frames.poses[self._end(frame, "child") or ""].inverse()
         at = here @ self.frames.poses[key]
@@ -402,14 +411,14 @@ class _Sdf:
         )
 
     def _bound(self, limit: SourceElement, key: str) -> float | None:
-        """Read the lower or upper limit of a joint. Return None if the joint is unlimited in this direction."""
+        """Read the lower or upper limit of a joint. Return None if this limit is infinite."""
         if (self.values.written(limit, key) or "").strip().lower().lstrip("+-") in ("inf", "infinity"):
             return None
         value = self.values.number(limit, key)
         return None if value is None or abs(value) >= ENDLESS else value
 
     def _mimic(self, axis: SourceElement, scope: str) -> source_model.SourceMimic | None:
-        """Read the coupling of a joint to another joint, the leader: q = `multiplier (q(leader) - reference) + offset`."""
+        """Read the `<mimic>` element of a joint: q = `multiplier (q(leader) - reference) + offset`."""
         mimic = self.values.one(axis, "mimic")
         if mimic is None:
             return None
@@ -429,8 +438,8 @@ class _Sdf:
     ) -> source_model.SourceRobot | None:
         """Determine the root link of the robot and the kind of its base.
 
-        The base is fixed if a joint attaches a link to the world, else it is free. If a joint between the world and the robot can move,
-        this method adds a massless root link.
+        The base is fixed if a joint attaches a link to the world, or if the model is static. Otherwise, the base is free. If a joint
+        between the world and the robot can move, this method adds a massless root link.
         """
         sites: dict[str | None, tuple[source_model.SourceSite, ...]] = {}
         for key, frame in self.frames.all("frame"):
@@ -478,7 +487,7 @@ class _Sdf:
 
 
 def _rounded(vector: Vector) -> Vector:
-    """Remove the rounding errors in a pose that was computed by composing several poses."""
+    """Round a position to 15 decimals, to remove the rounding errors of composed poses."""
     x, y, z = (round(one, 15) + 0.0 for one in vector)
     return (x, y, z)
 

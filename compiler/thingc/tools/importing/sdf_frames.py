@@ -1,4 +1,4 @@
-"""Resolve the frames of an SDF model: compute the pose of each frame in the model, and find the link that the frame is attached to.
+"""Resolve the frames of an SDF model: compute the pose of each frame in the model, and find the link to which the frame is attached.
 
 See http://sdformat.org/tutorials?tut=pose_frame_semantics.
 """
@@ -22,9 +22,10 @@ MODEL = "__model__"
 
 
 class NamedFrame(FrozenStruct):
-    """A named frame of an SDF model. It consists of its XML element, the key of the enclosing model, and the key of its reference frame.
+    """A named frame of an SDF model. `element` is the XML element of a link, joint, frame or model.
 
-    The element is a link, joint, frame or model. The key of the outermost model is an empty string.
+    `scope` is the key of the enclosing model, which is an empty string for the outermost model. `relative_to` is the key of the frame to
+    which the pose is relative.
     """
 
     element: SourceElement
@@ -33,7 +34,10 @@ class NamedFrame(FrozenStruct):
 
 
 class Frames:
-    """The frames of an SDF model and its nested models, keyed by full name, such as `arm::hand`. Errors are reported through `values`."""
+    """The frames of an SDF model and its nested models, keyed by full name, such as `arm::hand`.
+
+    Errors are reported by methods of `values`.
+    """
 
     def __init__(self, model: SourceElement, values: ChildValues) -> None:
         self.model, self.values = model, values
@@ -66,7 +70,10 @@ class Frames:
                 self._find(child, key)
 
     def _relative_to(self, frame: NamedFrame) -> str:
-        """Return the key of the frame in which the pose of `frame` is expressed. The default is the frame to which `frame` is attached."""
+        """Return the key of the frame in which the pose of `frame` is expressed.
+
+        By default, this is the frame to which `frame` is attached.
+        """
         pose = self.values.one(frame.element, "pose")
         for attribute in ("relative_to", "frame"):  # before SDF 1.7, the attribute was called `frame`
             if pose is not None and pose.attributes.get(attribute, "").strip():
@@ -74,7 +81,7 @@ class Frames:
         return self._carrier(frame)
 
     def _carrier(self, frame: NamedFrame) -> str:
-        """Return the key of the frame that `frame` is attached to.
+        """Return the key of the frame to which `frame` is attached.
 
         A joint is attached to its child link, and a `<frame>` element to the frame in its attribute `attached_to`. By default, a frame is
         attached to the enclosing model.
@@ -84,9 +91,9 @@ class Frames:
         return frame.scope if attribute is None or not name else self.known(frame.element, attribute, name, frame.scope)
 
     def known(self, element: SourceElement, attribute: str, name: str, scope: str) -> str:
-        """Return the key of the frame that a name refers to in a model.
+        """Return the key of the frame to which a name in the model `scope` refers.
 
-        If the frame does not exist, report an error and return the key of the model.
+        If the frame does not exist, report an error and return `scope`.
         """
         key = key_of(name.strip(), scope)
         if key and key not in self.named:
@@ -97,7 +104,7 @@ class Frames:
         return key
 
     def _put(self, key: str) -> None:
-        """Compute the pose of a frame in the robot. The method first computes the poses of all frames that this pose depends on."""
+        """Compute the pose of a frame in the outermost model, and the poses of all frames on which this pose depends."""
         way: dict[str, NamedFrame] = {}
         while key not in self.poses:
             if key in way:
@@ -112,9 +119,9 @@ class Frames:
             self.poses[key] = self.poses[frame.relative_to] @ self.placed(key, frame.element)
 
     def placed(self, key: str, element: SourceElement) -> Pose:
-        """Return the pose of the frame of an element.
+        """Return the pose of an element relative to its reference frame.
 
-        If a model has the attribute `placement_frame`, its `<pose>` specifies the pose of that frame.
+        If a model has the attribute `placement_frame`, its `<pose>` is the pose of that frame.
         """
         name, pose, inner = element.attributes.get("placement_frame", "").strip(), self.stated(element), NO_POSE
         if element.tag == "model" and name and key not in self.offsets:
@@ -127,7 +134,7 @@ class Frames:
         return pose @ self.offsets.get(key, NO_POSE)
 
     def stated(self, element: SourceElement) -> Pose:
-        """Read the `<pose>` element of an XML element as a pose. The default is the identity."""
+        """Read the pose in the child element `<pose>` of an XML element. The default is the identity."""
         pose = self.values.one(element, "pose")
         if pose is None or not pose.text:
             return NO_POSE
@@ -143,7 +150,10 @@ class Frames:
         return placed((x, y, z), (roll, pitch, yaw))
 
     def link_of(self, key: str) -> str | None:
-        """Return the name of the link that a frame is attached to, or None. For a model, return its canonical link or its first link."""
+        """Return the name of the link to which a frame is attached, or None.
+
+        The frame of a model is attached to the canonical link, by default the first link.
+        """
         seen: list[str] = []
         while key not in self.links:
             self.links[key] = None  # prevents infinite recursion in cycles
@@ -165,7 +175,7 @@ class Frames:
 
 
 def key_of(name: str, scope: str) -> str:
-    """Return the full name of a frame, which includes the names of the nested models that contain the frame.
+    """Return the full name of a frame, which includes the names of the enclosing nested models.
 
     The frame `hand` in the model `arm` is `arm::hand`. The name `__model__` refers to the model itself.
     """

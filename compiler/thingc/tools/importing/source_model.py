@@ -1,8 +1,9 @@
-"""The source model, which represents an imported robot independently of its file format. It uses SI units and contains source locations.
+"""The source model, which represents an imported robot independently of its file format, in SI units and with source locations.
 
-Readers of file formats return it, and the writer converts it to a document. A link is a rigid body. An `Attachment` attaches a link to its
-parent by a sequence of joints. The sequence is empty if the link is fixed, has at most one joint in URDF, and can have several joints in
-MJCF. The source model contains the default values of the format explicitly. All names are the names in the source.
+The readers of the file formats return a source model, and the writer converts the source model to a document. A link is a rigid body. An
+`Attachment` attaches a link to its parent by a sequence of joints. For a fixed link, this sequence is empty. In URDF, the sequence has at
+most one joint. In MJCF, it can have several joints. Default values of the file format are contained explicitly. All names are names in the
+source file.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ SourceBase = Literal["fixed", "free", "held"]
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane", "mesh"]
 Sizes = Vector | tuple[float, float] | tuple[float]
 Raw = tuple[tuple[str, str], ...]
-"""Attributes that documents cannot express, with their values as text, for the simulator of the source."""
+"""Names and values of XML attributes that documents cannot express. They are written only to models for the simulator of the source."""
 SOURCE_MODE = "source"
-"""Name of the mode that corresponds to the source."""
+"""Name of the mode with the root and the base of the source."""
 FAR = 1000.0
-"""Limit [m] of a slide that has no limits in the source. Documents require a limit."""
+"""Limit [m] of a prismatic joint without limits in the source, because documents require limits."""
 
 
 class SourceThing(FrozenStruct):
@@ -53,10 +54,10 @@ class SourceShape(FrozenStruct):
         size: The dimensions [m], depending on `kind`: the sides of a box, the radius of a sphere, the radius and the length along z of a
             cylinder or capsule, the half axes of an ellipsoid, the two sides of a plane, or the scale factors of a mesh.
         pose: The pose in the link. `rpy` [rad] are the angles of this pose in the source, if specified.
-        mesh: The URI in the source.
+        mesh: The URI of the mesh in the source.
         color: Red, green, blue and alpha from 0 to 1.
-        friction: The specified coefficients, in the order sliding, torsional, rolling.
-        raw: Other attributes of collision shapes.
+        friction: The specified coefficients of sliding, torsional and rolling friction, in this order.
+        raw: Further MuJoCo attributes of a collision shape.
         name: The name in the source, if any.
     """
 
@@ -81,9 +82,9 @@ class SourceSite(SourceThing):
 
 
 class SourceLink(OneLineRepr, SourceThing):
-    """A link of an imported robot, which is a rigid body. It is massless if `weight` is None.
+    """A link of an imported robot, which is a rigid body. A link without `weight` is massless.
 
-    `frames` are additional names in the source of the frame of the link.
+    `frames` are further source names for the frame of the link.
     """
 
     weight: Weight | None = None
@@ -99,10 +100,10 @@ class SourceLink(OneLineRepr, SourceThing):
 
 
 class SourceLimits(FrozenStruct):
-    """The limits of a joint or tendon: position [rad or m], effort [N m or N] and velocity [rad/s or m/s]. None means not specified.
+    """The limits of a joint or tendon: position [rad or m], effort [N m or N] and velocity [rad/s or m/s].
 
-    For a ball joint, `upper` is the maximum angle of its cone. If `made_up` is true, the source has no limits, and the reader added limits
-    to the slide.
+    A limit that is not specified is None. For a ball joint, `upper` is the maximum angle of its cone. If `made_up` is true, the source has
+    no limits, and the reader added the limits of a prismatic joint.
     """
 
     lower: float | None = None
@@ -112,16 +113,15 @@ class SourceLimits(FrozenStruct):
     made_up: bool = False
 
     def nearest(self, value: float) -> float:
-        """Return the joint position within the limits that is nearest to the given position."""
+        """Return the joint coordinate within the limits that is nearest to the given value."""
         return min(max(value, -math.inf if self.lower is None else self.lower), math.inf if self.upper is None else self.upper)
 
 
 class SourceMimic(FrozenStruct):
-    """The coupling of a joint to another joint: its coordinate q is `multiplier * q(joint) + offset`, or the value of `polynomial` at
-    q(joint).
+    """The coupling of a joint to another joint `joint`.
 
-    The coefficients of the polynomial start with the constant term. Their units are derived from rad and m. `name` is the name of the
-    equality in MJCF.
+    The coordinate of the coupled joint is `multiplier * q(joint) + offset`, or `polynomial` at q(joint). The coefficients of the
+    polynomial, in units of rad and m, start with the constant term. `name` is the name of the equality in MJCF.
     """
 
     joint: str
@@ -133,7 +133,7 @@ class SourceMimic(FrozenStruct):
     name: str = ""
 
     def at(self, q: float) -> float:
-        """Return the coordinate q of the coupled joint when the other joint has the coordinate `q`."""
+        """Return the coordinate of the coupled joint for the coordinate `q` of the other joint."""
         at = 0.0
         for one in reversed(self.polynomial or (self.offset, self.multiplier)):
             at = at * q + one
@@ -143,7 +143,7 @@ class SourceMimic(FrozenStruct):
 class SourceDrive(SourceThing):
     """The drive (motor) of a joint or tendon.
 
-    It has gains [N m/rad or N/m, N m s/rad or N s/m], a maximum effort [N m or N] and a maximum velocity [rad/s or m/s].
+    A drive has gains [N m/rad or N/m, N m s/rad or N s/m], a maximum effort [N m or N] and a maximum velocity [rad/s or m/s].
     """
 
     kind: Literal["motor", "position", "velocity"]
@@ -155,10 +155,10 @@ class SourceDrive(SourceThing):
 
 
 class SourceMotion(OneLineRepr, SourceThing):
-    """The dynamic properties of a joint or tendon. They refer to the coordinate q of the joint, or to the length of the tendon.
+    """The dynamic properties of a joint or tendon. All values refer to the coordinate q of the joint, or to the length of the tendon.
 
-    The properties are limits, drive, `damping` [N m s/rad or N s/m], `friction` [N m or N], `armature` [kg m^2 or kg], and the `stiffness`
-    [N m/rad or N/m] of a spring that is relaxed at `rest` [rad or m].
+    `damping` is in [N m s/rad or N s/m], `friction` in [N m or N], and `armature` in [kg m^2 or kg]. A spring with `stiffness` [N m/rad or
+    N/m] is relaxed at `rest` [rad or m].
     """
 
     ends: SourceLimits = SourceLimits()
@@ -174,8 +174,9 @@ class SourceMotion(OneLineRepr, SourceThing):
 class SourceJoint(SourceMotion):
     """A joint that moves a link about or along the unit vector `axis` through the point `anchor` [m].
 
-    The axis and the point are in the frame of the link at q = `start`. If `start` [rad or m] is within the limits, the robot starts at q =
-    `start`, else at q = `begin` (None: the middle of the limits). `lead` is the travel of a screw joint per turn [m].
+    The axis and the point are in the frame of the link at q = `start`. The robot starts at q = `start` [rad or m]. If `start` is outside
+    the limits, the robot starts at `begin`, or in the middle of the limits if `begin` is None. `lead` is the travel of a screw joint per
+    turn [m].
     """
 
     kind: Kind
@@ -188,10 +189,10 @@ class SourceJoint(SourceMotion):
 
 
 class SourceAround(FrozenStruct):
-    """A shape that a tendon wraps around: a sphere or an infinite cylinder along z.
+    """A shape around which a tendon wraps: a sphere or an infinite cylinder along z.
 
-    Its `radius` is in metres, and its `pose` is in the frame of `link`. If `side` is given, the tendon passes the shape on the side of this
-    site, else along the shorter path. `name` is the name of the shape.
+    `radius` is in metres, and `pose` is relative to the frame of `link`. `side` is a site: the tendon passes the shape on the side of this
+    site. Without `side`, the tendon follows the shorter path.
     """
 
     name: str
@@ -205,7 +206,7 @@ class SourceAround(FrozenStruct):
 class SourceStep(FrozenStruct):
     """One step of the path of a tendon: a `site`, a shape that the tendon wraps `around`, or a pulley.
 
-    The `divisor` of a pulley applies to the steps that follow it.
+    The `divisor` of a pulley applies to the following steps.
     """
 
     site: str | None = None
@@ -216,8 +217,8 @@ class SourceStep(FrozenStruct):
 class SourceTendon(SourceMotion):
     """A tendon of an imported robot. A tendon either couples joints (`moves`) or runs along a path (`steps`).
 
-    The length of a tendon that couples joints is the sum of the joint coordinates q, each multiplied by a factor. If `turns` is true, this
-    length is an angle. `width` is the diameter of the tendon [m].
+    If a tendon couples joints, its length is a linear combination of the joint coordinates q. If `turns` is true, this length is an angle.
+    `width` is the diameter of the tendon [m].
     """
 
     moves: tuple[tuple[str, float], ...] = ()
@@ -229,8 +230,8 @@ class SourceTendon(SourceMotion):
 class Attachment(SourceThing):
     """The attachment of the link `child` to the link `parent` by a sequence of joints.
 
-    `pose` is the pose of the child when all joints are at `start`. `name` is the name in the source, and `rpy` [rad] are the angles of the
-    pose in the source, if specified. If `floating` is true, the child can move freely, and the parent must be the world.
+    `pose` is the pose of the child with all joints at `start`. `name` is the name in the source, and `rpy` [rad] are the angles of the pose
+    in the source, if specified. If `floating` is true, the child can move freely. In this case, the parent must be the world.
     """
 
     parent: str
@@ -243,7 +244,7 @@ class Attachment(SourceThing):
     def turned(self) -> Attachment:
         """Return the same attachment with parent and child exchanged.
 
-        The joint coordinate q keeps its meaning. The attachment must have at most one joint.
+        The value of the joint coordinate q does not change. The attachment must have at most one joint.
         """
         joints = tuple(
             replace(
@@ -255,10 +256,9 @@ class Attachment(SourceThing):
 
 
 class SourceLoop(SourceThing):
-    """A constraint that closes a kinematic loop.
+    """A constraint that closes a kinematic loop. The constraint connects two points, frames or z axes on two links.
 
-    It connects two points, frames or z axes on two links, each given in the frame of its link. `equality` is the name of the equality
-    constraint in MJCF, if any.
+    `ends` contains both links and the poses in their frames. `equality` is the name of the equality constraint in MJCF, if any.
     """
 
     kind: Literal["ball", "fixed", "continuous", "prismatic", "screw"]
@@ -285,7 +285,7 @@ class SourceTarget(FrozenStruct):
 class SourceAdded(SourceThing):
     """A MuJoCo element that is copied to the generated MuJoCo model, because documents cannot express it.
 
-    It has a section, a tag, a `name` and XML attributes.
+    The element has a section of the model, a tag, a `name` and XML attributes.
     """
 
     section: Literal["contact", "equality", "actuator", "sensor"]
@@ -296,9 +296,9 @@ class SourceAdded(SourceThing):
 class SourceSensor(SourceThing):
     """A sensor at a `site`, of a `joint` or of a `tendon`, or a camera at `pose` in the frame of `link`.
 
-    `seen_from` is the reference site. `fovy` is the vertical field of view of a camera [rad]. `volume` is a shape and its size, as in
-    `SourceShape`. `noise` and `cutoff` map readings to values in SI units. `parts` are pairs of a sensor in the source and the reading that
-    this sensor provides.
+    `seen_from` is the reference site. `fovy` is the vertical field of view of a camera [rad]. `volume` is the kind and size of a shape, as
+    in `SourceShape`. `noise` and `cutoff` map readings to values in SI units. `parts` contains pairs of a sensor name in the source and the
+    reading of this sensor.
     """
 
     kind: SensorType
@@ -318,8 +318,8 @@ class SourceSensor(SourceThing):
 class SourcePose(SourceThing):
     """A named state of an imported robot.
 
-    It maps joints to coordinates q, and drives and adhesions to controls, by their names in the source. The unit of q is rad or m, and q of
-    a ball joint is a unit quaternion (w, x, y, z). `at` is the pose of the base if this pose differs from the pose of the robot.
+    `q` maps the source names of joints to coordinates [rad or m], or to a unit quaternion (w, x, y, z) for a ball joint. `controls` maps
+    the source names of actuators to control values. `at` is the pose of the base if it differs from the pose of the robot.
     """
 
     q: Mapping[str, float | Quaternion]
@@ -328,10 +328,7 @@ class SourcePose(SourceThing):
 
 
 class SourceLoss(FrozenStruct):
-    """Information in the source that the import could not represent.
-
-    `what` describes the part of the source that is lost, and `why` is the reason.
-    """
+    """Information in the source that the import could not represent. `what` describes the lost information, and `why` is the reason."""
 
     what: str
     why: str
@@ -339,18 +336,18 @@ class SourceLoss(FrozenStruct):
 
 
 class SourceRobot(OneLineRepr, SourceThing):
-    """An imported robot. Its link `root` is at `pose` in the world. `links` and the attachments `hangings` are in source order.
+    """An imported robot. The link `root` has the pose `pose` in the world. `links` and the attachments `hangings` are in source order.
 
     Attributes:
-        excluded: Pairs of links that never touch.
+        excluded: Pairs of links between which contacts are excluded.
         gravity: The gravitational acceleration [m/s^2], or None for 9.81 downwards.
-        simulation: The options that documents support.
-        options: MuJoCo's other options, by path.
-        added: Elements for the MuJoCo model only.
+        simulation: The simulation options that documents support.
+        options: Further MuJoCo options, by path.
+        added: Elements that are added only to the MuJoCo model.
         order: The names of actuators and sensors, in source order.
-        free_joint: The name of the joint of a free base.
-        files: Meshes that have no file in the source, by the URI in their shapes.
-        mesh_folder: A further folder of meshes, relative to the file.
+        free_joint: The name of the free joint of a free base.
+        files: The contents of mesh files that do not exist in the source, by URI.
+        mesh_folder: A further folder with meshes, relative to the folder of the source file.
     """
 
     root: str

@@ -1,9 +1,9 @@
-"""Merge two versions of a document with a common ancestor, key by key. Text, layout and comments of `ours` are preserved.
+"""Merge two versions of a document with a common ancestor, key by key.
 
-`base` is the document of the last import, `new` is the document of this import, and `ours` is `base` with edits by the user. The merge
-applies changes in the source, and preserves changes by the user. If the source and the user changed the same value differently, the merge
-preserves the value of the user and reports a conflict. Mappings, and lists of mappings with equal lengths, are merged recursively. Every
-other value is merged as a whole.
+The merge preserves the text, layout and comments of the version `ours`. The document `base` is from the last import, `new` is from this
+import, and `ours` is `base` with edits by the user. The merge applies changes in the source to `ours`. If the source and the user changed
+the same value differently, the merge keeps the user's value and reports a conflict. Mappings, and lists of mappings with equal lengths, are
+merged recursively. Every other value is merged as a whole.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from thingc.documents.load.text import Source
 
 MISSING: Any = object()
 NOTHING = "missing"
-"""Text for a missing value in reports."""
+"""Text that reports contain instead of a missing value."""
 
 
 class Text(FrozenStruct):
-    """One of the documents that are merged, as text and as a parsed tree."""
+    """A document to merge, as text and as a syntax tree."""
 
     source: Source
     tree: MappingNode
 
     def at(self, path: Path) -> Plain:
-        """Return the value at a path of keys, or `MISSING` if the document does not contain the path."""
+        """Return the value at a path of keys, or `MISSING` if the document does not contain this path."""
         node = node_at(self.tree, path)
         return MISSING if node is None else node.plain()
 
@@ -40,7 +40,7 @@ class Text(FrozenStruct):
 
 
 class Conflict(FrozenStruct):
-    """A value that both the user and the source have changed, in different ways. It contains the text of each version on one line."""
+    """A value that the user and the source changed differently. The conflict contains each version as text on one line."""
 
     path: Path
     ours: str
@@ -50,7 +50,7 @@ class Conflict(FrozenStruct):
 class Merged(FrozenStruct):
     """The result of a three-way merge: the merged text of the document, the changes that were merged, and the conflicts.
 
-    `taken` contains the paths changed in the source, each with the old and the new value. `kept` contains the paths changed by the user.
+    `taken` contains each path that changed in the source, with the old and the new value. `kept` contains the paths that the user changed.
     """
 
     text: str
@@ -60,11 +60,11 @@ class Merged(FrozenStruct):
 
 
 class MergeConflict(Exception):
-    """Raised if the documents cannot be merged correctly because of their layout. The message contains the path of the value."""
+    """Raised if the layout of a document prevents a correct merge. The message contains the path of the value."""
 
 
 def read_text(path: str, text: str, report: Report) -> Text | None:
-    """Parse the text of a document. Return None after reporting that the text is not well-formed or not a mapping."""
+    """Parse the text of a document. If the text is not a well-formed mapping, report an error and return None."""
     tree = read_tree(path, text.encode(), report)
     return Text(source=Source(path, text), tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
@@ -85,11 +85,11 @@ class Merge:
         self.conflicts: list[Conflict] = []
 
     def merged(self) -> Merged:
-        """Merge the two versions of the document, and return the merged text with the conflicts. Raises `MergeConflict`."""
+        """Merge both versions of the document, and return the merged text and the conflicts. Raises `MergeConflict`."""
         expected = self._whole((), self.base.tree.plain(), self.new.tree.plain(), self.ours.tree.plain())
         text = self.ours.source.text
         parts, at, line_end = list[str](), 0, "\r\n" if "\r\n" in text else "\n"
-        for start, end, replacement in sorted(self.edits, key=lambda edit: edit[:2]):  # at equal positions, insertions precede other edits
+        for start, end, replacement in sorted(self.edits, key=lambda edit: edit[:2]):  # insertions precede other edits at the same position
             parts += [text[at:start], replacement.replace("\n", line_end)]
             at = end
         whole = "".join([*parts, text[at:]])
@@ -103,7 +103,7 @@ class Merge:
     def _whole(self, path: Path, base: Any, new: Any, ours: Any) -> Any:
         """Merge the value at a path as a whole, and return the merged value. Record the edit or the conflict.
 
-        The arguments and the result are `MISSING` if a version does not contain the value.
+        `MISSING` stands for the value of a version that does not contain the path.
         """
         if _alike(new, base) or _alike(new, ours):
             if not _alike(ours, base) and not _alike(new, ours):
@@ -136,7 +136,10 @@ class Merge:
         return {key: value for key, value in after.items() if value is not MISSING}
 
     def _rewrite(self, path: Path, node: Node, keys: Sequence[Any], changed: Sequence[Any]) -> None:
-        """Write a flow mapping (`{a: 1, b: 2}`) again with changed values. The text of unchanged values is preserved."""
+        """Replace the text of a flow mapping, such as `{a: 1, b: 2}`, by a text with changed values.
+
+        The text of unchanged values is preserved.
+        """
         whole, inner = self.ours.source.range(node.span), []
         for key in keys:
             of = self.new if key in changed else self.ours
@@ -178,7 +181,10 @@ class Merge:
             self.edits.append((self._start(first), self._start(last + 1), text))
 
     def _add(self, path: Path, parent: Node, key: Any) -> None:
-        """Record the edit that inserts a new entry after the entry that precedes it in `new`, or at the beginning of the mapping."""
+        """Record the edit that inserts a new entry.
+
+        The edit inserts the entry after the same entry as in `new`, or at the beginning of the mapping.
+        """
         wanted = node_at(self.new.tree, path)
         assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
         order = list(wanted.entries)
@@ -190,9 +196,9 @@ class Merge:
         self.edits.append((start, start, text if ended else f"\n{text}"))
 
     def _entry(self, path: Path, parent: Node, key: Any) -> list[str]:
-        """Return the lines of an entry of `new`, including the comments above it.
+        """Return the lines of an entry of `new`, including the comments above the entry.
 
-        They are indented like the entries of the mapping `parent`.
+        The lines are indented like the entries of the mapping `parent`.
         """
         wanted = node_at(self.new.tree, path)
         assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
@@ -221,17 +227,17 @@ def inline(text: Text, node: Node) -> str:
 
 
 def _alike(one: Any, other: Any) -> bool:
-    """Return whether two values are equal and have the same types. For example, True and 1 are different."""
+    """Return whether two values are equal and have the same type. For example, True and 1 have different types."""
     if one is MISSING or other is MISSING:
         return one is other
     return bool(one == other) and (type(one) is type(other) or not {bool} & {type(one), type(other)})
 
 
 def _keys(base: Any, new: Any, ours: Any) -> list[Any] | None:
-    """Return the keys to merge one by one if the three values are mappings, or lists of mappings with equal lengths.
+    """Return the keys of the entries to merge if all three values are mappings, or lists of mappings with equal lengths.
 
     Otherwise, return None. Keys are in the order of `ours`, followed by new keys. A list of numbers is merged as a whole, because merging
-    the components of two versions of an axis gives a third axis.
+    single components of a vector would give a vector that is in neither version.
     """
     if all(isinstance(one, dict) for one in (base, new, ours)):
         return [*dict.fromkeys([*ours, *new, *base])]
@@ -260,7 +266,7 @@ def _is_flow(text: Text, node: Node) -> bool:
 
 
 def _is_block(text: Text, parent: Node | None, key: Any) -> bool:
-    """Return whether the value of a key in a YAML document starts on a line after the key."""
+    """Return whether the value of a key in a YAML document starts on a line below the key."""
     assert isinstance(parent, MappingNode)
     node = parent.entries[key]
     return not isinstance(node, ScalarNode) and not _is_flow(text, node)
@@ -283,7 +289,7 @@ def _lines(text: Text, parent: Node, key: Any) -> tuple[int, int]:
 
 
 def _leading(text: Text, path: Path, key: Any) -> list[str]:
-    """Return the comments and blank lines between an entry and the entry before it. Return nothing for the first entry."""
+    """Return the comments and blank lines between an entry and the preceding entry. Return an empty list for the first entry."""
     parent = node_at(text.tree, path)
     assert isinstance(parent, MappingNode)
     order = list(parent.entries)

@@ -15,13 +15,13 @@ from thingc.tools.importing.source_model import Attachment, SourceLink, SourceRo
 Named = TypeVar("Named", SourceLink, Attachment)
 MOST_LINKS = 10_000
 MOST_BELOW = 496
-"""Maximum nesting of bodies, including the root, that MuJoCo can read: 500 levels of XML."""
+"""Maximum nesting of bodies, including the root. MuJoCo cannot read more than 500 levels of XML."""
 
 
 def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: Span, report: Report) -> str | None:
-    """Return the name of the root link of an imported robot. Return None after reporting errors.
+    """Return the name of the root link of an imported robot. If links and joints do not form one tree, report the errors and return None.
 
-    The function reports duplicate names, joints of missing links, links with two parents, cycles, and zero or several roots.
+    Errors are duplicate names, joints of missing links, links with two parents, cycles, and zero or several roots.
     """
     before = len(report.diagnostics)
     if len(links) > MOST_LINKS:
@@ -78,10 +78,10 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
 
 
 def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tuple[Attachment, ...]]:
-    """Divide the joints of a robot with closed loops into a spanning tree and the joints that close loops.
+    """Split the joints of a robot with closed loops into a spanning tree and the joints that close loops.
 
-    Joints of the tree are reversed if necessary. The first result also contains joints that are not connected to the root, so that
-    `root_of` reports these joints.
+    In the tree, parent and child of a joint are exchanged if necessary. The tree also contains joints that are not connected to the root,
+    which `root_of` reports.
     """
     tree: list[Attachment] = []
     closing: list[Attachment] = []
@@ -123,7 +123,7 @@ def look_at_mimics(hangings: Sequence[Attachment], moving: Set[str], report: Rep
 
 
 def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, Named]:
-    """Return the elements keyed by name. If several elements have the same name, report an error and keep the first element."""
+    """Return a mapping from name to element. If several elements have the same name, report an error and use the first element."""
     first: dict[str, Named] = {}
     for one in things:
         if first.setdefault(one.name, one) is not one:

@@ -1,4 +1,4 @@
-"""Update an imported robot: merge the current source with the edits that the user made since the last import."""
+"""Update an imported robot: merge changes in the source with the user's edits since the last import."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ RECORD = "import.json"
 
 
 class PreviousImport(FrozenStruct):
-    """The previous import of the robot `robot` from the file `source` to the folder with the absolute path `folder`.
+    """The previous import of the robot `robot` from the file `source`. `folder` is the absolute path of the import folder.
 
-    `document` is the file name of the document, and `text` is its content as the import wrote it. `meshes` maps mesh files to SHA-256
+    `document` is the file name of the document, and `text` is the content that the import wrote. `meshes` maps mesh files to SHA-256
     hashes. `links` and `joints` map names in the source to names in the document. `roots` and `repair` are the options of the import.
     """
 
@@ -40,12 +40,12 @@ class PreviousImport(FrozenStruct):
     with_meshes: bool
 
     def edited(self) -> tuple[str, ...]:
-        """Return the files that the user has changed since the import. Deleted files are omitted."""
+        """Return the names of the files that the user has changed since the import. Deleted files are omitted."""
         written = {self.document: _sha256(self.text.encode()), **self.meshes}
         return tuple(name for name, sha256 in written.items() if (data := self.read(name)) is not None and _sha256(data) != sha256)
 
     def read(self, name: str) -> bytes | None:
-        """Return the content of a file in the folder of the import, or None if the file does not exist."""
+        """Return the content of a file in the import folder, or None if the file does not exist."""
         try:
             with open(os.path.join(self.folder, name), "rb") as stream:
                 return stream.read()
@@ -56,7 +56,7 @@ class PreviousImport(FrozenStruct):
 class Update(FrozenStruct):
     """The files to write when an imported robot is updated, the merged document, and the files that the user has edited.
 
-    The files are keyed by absolute path, in the order in which they are written.
+    The files are keyed by absolute path. The order of the keys is the order in which the files are written.
     """
 
     changes: Mapping[str, Change]
@@ -65,7 +65,7 @@ class Update(FrozenStruct):
 
 
 def earlier_import(folder: str) -> PreviousImport | None:
-    """Return the previous import to a folder. Return None if the file `import.json` is missing or invalid."""
+    """Return the previous import in a folder. Return None if the file `import.json` is missing or invalid."""
     folder = os.path.realpath(folder)
     try:
         with open(os.path.join(folder, RECORD), "rb") as stream:
@@ -84,10 +84,10 @@ def earlier_import(folder: str) -> PreviousImport | None:
 
 
 def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], report: Report) -> Update | None:
-    """Update a previous import with the `files` of a new import, which include the document.
+    """Update a previous import with the `files` of a new import. These files include the document.
 
-    Merge the new document with the edits of the user. If values conflict, report the conflict and use the value of the user. Return None
-    after reporting that the document cannot be merged. If the user has deleted the document, write the new document.
+    The new document is merged with the user's edits. For conflicting values, report the conflict and use the user's value. If the document
+    cannot be merged, report an error and return None. If the user has deleted the document, the new document is written.
     """
     path = os.path.join(earlier.folder, document)
     new = files[document].decode()
@@ -127,7 +127,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
 
 
 def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report: Report) -> dict[str, Change]:
-    """Return the old and the new content of each mesh file that changed in the source. Report the files that the user has also changed."""
+    """Return the old and the new content of each mesh file that changed in the source. Report files that the user has changed, too."""
     written: dict[str, Change] = {}
     for name, content in meshes.items():
         there = earlier.read(name)
@@ -157,9 +157,9 @@ def _repair(how: object) -> Repair | None:
 
 
 def _inside(name: str) -> str:
-    """Check that a path in the file `import.json` is inside the folder of the import, because a user may have edited the file.
+    """Check that a path in the file `import.json` is inside the import folder, because the file may have been edited.
 
-    Raises `ValueError`.
+    Raises `ValueError` otherwise.
     """
     parts = str(name).split("/")
     if len(parts) > 2 or any(part in ("", ".", "..") or "\\" in part or "\0" in part for part in parts):

@@ -1,6 +1,6 @@
 """Read URDF (https://wiki.ros.org/urdf/XML): the links and joints of one tree, in SI units.
 
-A separate process expands xacro files to URDF. Source locations of generated elements refer to the xacro files.
+A separate process expands xacro files to URDF. The source locations of generated elements are in the xacro files.
 """
 
 from __future__ import annotations
@@ -40,19 +40,19 @@ ATTRIBUTES: dict[str, set[str]] = {
     "visual": {"name"}, "collision": {"name"}, "geometry": set(), "box": {"size"}, "sphere": {"radius"}, "cylinder": {"radius", "length"},
     "capsule": {"radius", "length"}, "mesh": {"filename", "scale"}, "material": {"name"}, "color": {"rgba"},
 }
-"""Supported attributes by element."""
+"""Supported XML attributes by element tag."""
 INSIDE: dict[str, set[str]] = {
     "robot": {"link", "joint", "material"}, "link": {"inertial", "visual", "collision"}, "inertial": {"origin", "mass", "inertia"},
     "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}, "visual": {"origin", "geometry", "material"},
     "collision": {"origin", "geometry"}, "geometry": {"box", "sphere", "cylinder", "capsule", "mesh"}, "material": {"color"},
 }
-"""Supported child elements by element."""
+"""Supported child elements by element tag."""
 
 
 def read_urdf(path: str, data: bytes, report: Report, *, files: Sequence[str] = ()) -> source_model.SourceRobot | None:
-    """Read the robot in a URDF file. `data` is the content of the file at the absolute path `path`. Return None after reporting errors.
+    """Read the robot in a URDF file. `data` is the content of the file at the absolute path `path`.
 
-    `files` are the xacro files from which the URDF was generated.
+    If the file has errors, report the errors and return None. `files` are the xacro files from which the URDF was generated.
     """
     root = read_robot(path, data, report, "robot", "a URDF", files=files)
     if root is None:
@@ -88,7 +88,7 @@ class _Urdf:
         self.blocks = Blocks(root, self.values, self.losses)
 
     def robot(self) -> source_model.SourceRobot | None:
-        """Convert the URDF to a robot of the source model. Return None after reporting errors."""
+        """Convert the URDF to the source model. If the URDF has errors, report the errors and return None."""
         name = self.root.attributes.get("name", "").strip()
         if not name:
             name = os.path.splitext(os.path.basename(self.root.where.file))[0]
@@ -104,7 +104,7 @@ class _Urdf:
             self.report.warn(Code.SOURCE_DOUBT, message, limit.place("effort"), help=help)
         look_at_mimics(hangings, self.moving, self.report)
         self.losses.unread(self.root, ATTRIBUTES, INSIDE, {}, [one.where for one in self.root.children if one.tag in TAGS])
-        if self.report.failed:  # these errors cause errors about the tree
+        if self.report.failed:  # these errors would cause errors about the tree
             return None
         root = root_of(links, hangings, self.root.where, self.report)
         if root is None:
@@ -119,9 +119,9 @@ class _Urdf:
     def _sensed(
         self, links: tuple[source_model.SourceLink, ...], hangings: tuple[source_model.Attachment, ...],
     ) -> tuple[tuple[source_model.SourceLink, ...], tuple[source_model.SourceSensor, ...]]:
-        """Add a mount to the links for each sensor. Return the changed links and the sensors.
+        """Add the frames of the sensors to the links. Return the changed links and the sensors.
 
-        A sensor on a link that is only a frame is moved to the link to which this frame is fixed.
+        A sensor on an empty link, which serves only as a frame, is moved to the link to which this frame is fixed.
         """
         named, above = {link.name: link for link in links}, {one.child: one for one in hangings}
         carrying, sensors = {one.parent for one in hangings}, list[source_model.SourceSensor]()
@@ -193,7 +193,7 @@ class _Urdf:
         return replace(shape, rpy=rpy, color=color, name=self.values.own_name(element, link, "(:collision)?"))
 
     def _color(self, material: SourceElement) -> Color | None:
-        """Return the RGBA colour of a material. If several materials have the name to which a link refers, the first definition is used."""
+        """Return the RGBA colour of a material. If several materials have the same name, the first definition is used."""
         name = material.attributes.get("name", "")
         if not name:
             return self._rgba(material)
@@ -256,7 +256,7 @@ class _Urdf:
         if dynamics is not None:
             damping, friction = (self.values.from_zero(dynamics, key, 0.0) or 0.0 for key in ("damping", "friction"))
         controlled = name in self.blocks.driven if self.blocks.driven is not None else (ends.effort or 0.0) > 0.0
-        if ends.effort == 0.0 == ends.velocity and follows is None:  # exporters write these values for unknown limits
+        if ends.effort == 0.0 == ends.velocity and follows is None:  # exporters write zeros for unknown limits
             ends = replace(ends, effort=None, velocity=None)
             self.unlimited.append(next(element.all("limit")))
         motor = source_model.SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort)
@@ -268,7 +268,7 @@ class _Urdf:
     def _mimic(self, mimic: SourceElement, name: str) -> source_model.SourceMimic | None:
         """Read the `<mimic>` element of a joint, which couples the joint to another joint.
 
-        As in Pinocchio and MoveIt, return None if the other joint does not move.
+        Return None if the other joint is fixed, as Pinocchio and MoveIt do.
         """
         joint = self.values.word(mimic, "joint")
         multiplier, offset = self.values.number(mimic, "multiplier", 1.0), self.values.number(mimic, "offset", 0.0)
@@ -314,7 +314,10 @@ class _Urdf:
         return source_model.SourceLimits(lower=lower, upper=upper, effort=effort, velocity=velocity)
 
     def _grounded(self, robot: source_model.SourceRobot) -> source_model.SourceRobot | None:
-        """Remove the root link if it represents the world, and if a fixed or floating joint attaches its only child."""
+        """Remove an empty root link with only one child.
+
+        The child must be floating, or the root link must be called `world` and the child be fixed.
+        """
         first = [one for one in robot.hangings if one.parent == robot.root]
         world = next(link for link in robot.links if link.name == robot.root)
         bare = world.weight is None and not world.shapes and len(first) == 1 and not first[0].joints
@@ -334,17 +337,17 @@ class _Urdf:
 
 
 SECONDS = 60
-"""Limit of the CPU time [s] of xacro. The limit of the elapsed time is five times longer."""
+"""Maximum CPU time of xacro [s]. The maximum elapsed time is five times longer."""
 PATIENCE = 30.0
-"""Additional time [s] to wait for the process that enforces the limits."""
+"""Additional time [s] after which the process that enforces the time limits is ended."""
 _ARGUMENTS = tuple(map(re.compile, (r"<xacro:arg\s[^>]*?\bname\s*=\s*[\"']([^\"']+)", r"\$\(arg\s+([^\s)]+)", r"\barg\([\"']([^\"']+)")))
-"""Regular expressions for declarations and uses of arguments in a file."""
+"""Regular expressions for declarations and uses of arguments in a xacro file."""
 
 
 def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str], report: Report) -> tuple[bytes, list[str]] | None:
-    """Expand the xacro file at an absolute path. Return the URDF and the xacro files that were read, or None after reporting errors.
+    """Expand the xacro file at an absolute path. Return the URDF text and the paths of the xacro files that were read.
 
-    Elements of the URDF have an attribute with their source location. `packages` maps names of packages to folders.
+    If xacro fails, report an error and return None. Each element of the URDF has an attribute with its source location.
     """
     if find_spec("xacro") is None:
         report.add(
@@ -378,9 +381,9 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
 
 
 def _are_known(arguments: Mapping[str, str], files: Sequence[str], report: Report) -> bool:
-    """Return whether the xacro files use all arguments of the command line.
+    """Return whether the xacro files use all arguments of the command line. Report unused arguments, because xacro ignores them.
 
-    Report arguments that they do not use, because xacro ignores them. The function does not search YAML files that xacro loads.
+    YAML files that xacro loads are not searched.
     """
     texts = [Path(file).read_text(encoding="utf-8", errors="replace") for file in files]
     if any("load_yaml" in text for text in texts):

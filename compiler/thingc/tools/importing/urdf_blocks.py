@@ -1,6 +1,7 @@
-"""Read the blocks of URDF files for other programs: `<gazebo>`, `<transmission>`, `<ros2_control>` and `<mujoco>`.
+"""Read the elements of URDF files that are intended for other programs: `<gazebo>`, `<transmission>`, `<ros2_control>` and `<mujoco>`.
 
-Elements that a document cannot express are losses with a reason. Elements that only control how a program reads the file are ignored.
+Elements that a document cannot express are recorded as losses with a reason. Elements that only control how a program reads the file are
+ignored.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from thingc.tools.importing.xml_values import Values
 
 TAGS = ("gazebo", "transmission", "ros2_control", "mujoco")
 KEPT = {"preserveFixedJoint", "disableFixedJointLumping", "provideFeedback", "canonicalBody"}
-"""Elements of Gazebo that are ignored without a loss, because thingc always preserves fixed links."""
+"""Elements of `<gazebo>` that are ignored and not recorded as losses, because thingc always preserves fixed links."""
 WHY = {
     **dict.fromkeys(("kp", "kd", "maxVel", "minDepth", "maxContacts"), "contact stiffness depends on the simulator"),
     **dict.fromkeys(("gravity", "turnGravityOff"), "all links have the mode's gravity"), "fdir1": "friction is isotropic",
@@ -36,19 +37,19 @@ LOOKING = Pose(rotation=((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
 MOST_VIEW = math.radians(179.0)
 """Maximum vertical field of view of a camera [rad]."""
 FIELD_OF_VIEW, WIDTH, HEIGHT = 1.047, 320.0, 240.0
-"""SDF's defaults of a camera: horizontal field of view [rad], width and height of the image [px]."""
+"""SDF's default values for a camera: horizontal field of view [rad], width and height of the image [px]."""
 
 
 class Blocks:
     """Reads the elements of a URDF file that are intended for other programs.
 
-    Unsupported elements are losses, and invalid numbers are reported.
+    Unsupported elements are recorded as losses, and invalid numbers are reported as errors.
 
     Attributes:
-        friction: The sliding friction by name of the link.
-        free: Whether Gazebo's `<static>` is false, so that the base is not fixed to the world.
+        friction: The coefficients of sliding friction, by link name.
+        free: Whether Gazebo's element `<static>` is false, which means that the base is not fixed to the world.
         sensors: The sensors by name, with poses in their links.
-        driven: The joints with a drive, or None if the file has no blocks that define drives.
+        driven: The names of the joints with a drive, or None if the file does not define drives.
         meshes: The folder in which MuJoCo searches for meshes, or None if the file does not specify it.
     """
 
@@ -136,7 +137,7 @@ class Blocks:
         return self.values.number_of(element, element.attributes.get("value", element.text), f"`<{element.tag}>`")
 
     def _from_zero(self, element: SourceElement) -> float | None:
-        """Read a number from an element. The number must be at least 0."""
+        """Read a number that must be at least 0 from an element."""
         number = self._number(element)
         if number is not None and number < 0.0:
             self.values.fault(element, None, f"`<{element.tag}>`: expected a number of at least 0, found {number:g}")
@@ -146,7 +147,7 @@ class Blocks:
     def _is_joint(self, name: str, block: SourceElement) -> bool:
         """Return whether the joint to which a transmission or controller refers exists.
 
-        If it does not exist, report a warning and record a loss.
+        If the joint does not exist, report a warning and record a loss.
         """
         joints = [one.attributes.get("name", "") for one in self.root.all("joint")]
         if name not in joints:
@@ -156,7 +157,7 @@ class Blocks:
         return name in joints
 
     def _transmitted(self) -> Iterator[tuple[str, SourceElement]]:
-        """Yield the name of each joint that a `<transmission>` refers to, with its XML element."""
+        """Yield the name and the XML element of each joint in a `<transmission>`."""
         for block in self.root.all("transmission"):
             faces = [one.text for part in block.children for one in part.all("hardwareInterface")]
             for joint in block.all("joint"):
@@ -169,7 +170,7 @@ class Blocks:
             self._rest((one for one in block.children if one.tag not in ("joint", "actuator", "type")), "of `<transmission>`")
 
     def _controlled(self) -> Iterator[tuple[str, SourceElement]]:
-        """Yield the name of each joint that `<ros2_control>` commands, with its XML element."""
+        """Yield the name and the XML element of each joint that `<ros2_control>` commands."""
         for block in self.root.all("ros2_control"):
             for joint in block.all("joint"):
                 name, commands = joint.attributes.get("name", ""), [*joint.all("command_interface")]

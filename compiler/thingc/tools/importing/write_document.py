@@ -1,10 +1,11 @@
 """Write the YAML document of an imported robot.
 
-The elements are in the order of the kinematic tree, and the text is in canonical layout. A link becomes a component of the same name: a
-`link` if it has shapes, else a `frame`. A fixed link without mass, shapes and children becomes a mount of its parent. The document exports
-this mount, so that other documents can attach components to the mount. A joint connects two mounts that have the name of the joint, or the
-origins of two components. These frames coincide at q = 0, as in the source. The joint has the `axis` of the source. The axis of a planar
-joint is z of the parent's mount. The child's mount of a planar or ball joint is rotated (`MATE`) so that the frames coincide.
+The elements of the document are in the order of the kinematic tree, and the text has the canonical layout. A link becomes a component of
+the same name: a `link` if it has shapes, else a `frame`. A fixed link without mass, shapes and children becomes a mount of its parent.
+Other documents can attach components to this mount, because the document exports the mount. A joint connects two mounts that have the name
+of the joint, or the origins of two components. As in the source, the two frames coincide at q = 0, and the joint has the same `axis`. The
+axis of a planar joint is the z axis of the parent's mount. The mount on the child of a planar or ball joint is rotated by `MATE`, because
+mated mounts face each other.
 """
 
 from __future__ import annotations
@@ -25,19 +26,19 @@ from thingc.tools.importing.update_import import PreviousImport
 
 _ALIGNED = 1e-12
 ROUNDED = 1e-15
-"""Products of inertia below this fraction of the largest moment are treated as rounding errors."""
+"""Products of inertia below this fraction of the largest moment of inertia are rounding errors."""
 FACING = ("planar", "ball")
-"""Kinds of joints with mounts that face each other. They do not have a single axis."""
+"""Kinds of joints that do not have a single axis. Their mounts face each other."""
 FRICTION = ("slide", "torsion", "roll")
 SAY_THEIR_UNIT = (".dae", ".glb")
 UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01): "cm", (0.001, 0.001, 0.001): "mm"}
-"""Scale factors of a mesh that correspond to a unit."""
+"""Maps scale factors of a mesh to the corresponding unit."""
 
 
 class WrittenDocument(FrozenStruct):
-    """A document that was generated for an imported robot: its name, its text, and the names of its elements.
+    """A document that was generated for an imported robot.
 
-    The names map the kind and the source name of each element to its name in the document.
+    `names` maps the kind and the source name of each element to the name in the document.
     """
 
     name: str
@@ -48,8 +49,8 @@ class WrittenDocument(FrozenStruct):
 class DocumentWriter(DocumentNaming):
     """Writes the document of an imported robot. The document has the mode `source` and one mode for each link in `roots`.
 
-    The first line of the document mentions the source `origin`. `repaired` maps repaired links to the method of repair. `meshes` maps
-    meshes to files. The document omits other meshes. The names of elements of an `earlier` import do not change.
+    The first line of the document contains the name of the source, `origin`. `repaired` maps the names of repaired links to the repair
+    method. `meshes` maps mesh URIs to files. Other meshes are omitted. Elements keep their names from an `earlier` import.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class DocumentWriter(DocumentNaming):
         self.roots, self.origin, self.repaired = roots, origin, repaired
 
     def written(self) -> WrittenDocument:
-        """Return the generated document. Its text is in canonical layout."""
+        """Return the generated document in canonical layout."""
         text = "\n".join((
             f"# From {self.origin}. Losses are listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
             *self._components(), "", *self._joints(), *tendon_lines(self), *self._shown(), *mode_lines(self, self.roots),
@@ -90,16 +91,16 @@ class DocumentWriter(DocumentNaming):
             if mounts:
                 yield "    mounts:"
                 yield from (f"      {word}: {{{pose}}}{comment}" for word, pose, comment in mounts)
-            if name in self.points:  # thingc distributes the mass of a link over its shapes
+            if name in self.points:  # without an inertia, thingc would distribute the mass of a link over its shapes
                 yield f"  {self.points[name]}:  # the mass of the link, which has no inertia in the source"
                 yield "    frame: true"
                 yield from self._weight(link)
                 yield f"    at: {{in: {self.links[name]}.origin}}"
 
     def _weight(self, link: SourceLink, *, shapes: bool = False) -> Iterator[str]:
-        """Yield the lines of the mass properties of a link. If the link has shapes, the lines always include `com`.
+        """Yield the lines of the mass properties of a link.
 
-        The reason is that the default of `com` is the centre of the shapes.
+        For a link with shapes, the lines always include `com`, because the default of `com` is the centre of the shapes.
         """
         if link.weight is None:
             return
@@ -120,7 +121,7 @@ class DocumentWriter(DocumentNaming):
             yield from _mapping("inertia", {"value": f"{{{_entries(said)}}}", "source": "repaired"} if mended else said)
 
     def _shapes(self, link: SourceLink) -> Iterator[str]:
-        """Yield the lines of the key `shapes` of a link. A visual shape and a collision shape that are equal become one item."""
+        """Yield the lines of the key `shapes` of a link. A visual shape and an equal collision shape become one item."""
         for shape, touch in self.items(link):
             said = [self._geometry(shape), *([f"at: {{{pose}}}"] if (pose := pose_words(shape.pose, shape.rpy)) else [])]
             said += [] if shape.use == "visual" and touch is not None else [f"for: {shape.use}"]
@@ -146,7 +147,7 @@ class DocumentWriter(DocumentNaming):
     def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
         """Yield the name, the pose and the comment of each mount of a link.
 
-        The mounts belong to joints, to links that become mounts, and to sites, loops and magnets. A shape of a tendon or a camera gets a
+        Joints, links that become mounts, sites, loops and adhesions have mounts. A camera, or a shape around which a tendon wraps, gets a
         mount unless a mount with the same pose exists.
         """
         above = self.above.get(name)
@@ -248,7 +249,7 @@ class DocumentWriter(DocumentNaming):
 def _unit(mine: str, other: str, power: int) -> str:
     """Return the unit of a coefficient of the polynomial that couples two joints.
 
-    It is the unit of the coupled joint, divided by a power of the unit of the other joint.
+    The result is the unit of the coupled joint, divided by a power of the unit of the other joint.
     """
     if mine == other:
         return {0: mine, 1: ""}.get(power, f"{mine}^-{power - 1}")
@@ -276,16 +277,13 @@ def _child_mount(joint: SourceJoint) -> str:
 
 
 def _onto(joint: SourceJoint) -> Pose:
-    """Return the rotation that turns the z axis to the axis of a planar joint.
-
-    For other joints, return the identity, because they have an `axis`.
-    """
+    """Return the rotation that maps the z axis to the axis of a planar joint. For other joints, return the identity."""
     axis = _clean(joint.axis)
     return NO_POSE if joint.kind != "planar" or axis == (0.0, 0.0, 1.0) else along(axis, (0.0, 0.0, 0.0))
 
 
 def _clean(axis: Vector) -> Vector:
-    """Round the components of a unit vector that is almost parallel to a coordinate axis, so that it is exactly parallel."""
+    """Round a unit vector that is almost parallel to a coordinate axis, so that the result is exactly parallel."""
     x, y, z = (0.0 if abs(one) < _ALIGNED else one for one in axis)
     if sum(map(bool, (x, y, z))) == 1:
         x, y, z = (math.copysign(1.0, one) if one else 0.0 for one in (x, y, z))

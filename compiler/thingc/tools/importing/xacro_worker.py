@@ -1,10 +1,8 @@
 """Expand a xacro file in a sandboxed process.
 
-xacro evaluates Python expressions in the file, so a sandboxed child process runs it. The child can write only to a temporary folder, read
-only the robot's folder and known packages, and cannot run programs. All processes that it starts end with it.
-
-Before xacro reads a file, this module adds an attribute with the location to every element. Macros copy the attribute, so the output
-contains it.
+xacro evaluates Python expressions in the file, so xacro runs in a sandboxed child process. The child process can write only to a temporary
+folder, read only the robot's folder and known packages, and cannot run programs. All its subprocesses end with the child process. Before
+xacro reads a file, this module adds an attribute with the source location to every element. Macros copy this attribute to the output.
 """
 
 from __future__ import annotations
@@ -26,14 +24,15 @@ from thingc.tools.importing.xml_source import MARK, utf8_of
 
 BYTES = 2_000_000_000
 FILE_BYTES = 1_000_000
-"""Maximum size [bytes] of each temporary file, including the messages of xacro."""
+"""Maximum size [bytes] of a temporary file, including the file with xacro's messages."""
 
 
 def main() -> int:
-    """Read a request as one line of JSON from standard input, expand the xacro file, and print the answer as one line of JSON.
+    """Read a request as one line of JSON from standard input, expand the xacro file, and print the response as one line of JSON.
 
-    The request contains `path`, `packages`, `arguments`, `seconds` (CPU time), and `timeout` [s]. The answer contains `text`, `files` and
-    `packages`, or a `fault` with its `file` and `line`, or `failed` with the reason why the child ended.
+    The request contains `path`, `packages`, `arguments`, `seconds` (CPU time), and `timeout` [s]. The response contains `text`, `files` and
+    `packages`, or an error `fault` with its `file` and `line`. If the child process ended early, the response contains the reason in
+    `failed`.
     """
     asked = json.loads(sys.stdin.readline())
     packages = Packages(asked["path"], asked["packages"], os.environ)
@@ -49,9 +48,9 @@ def main() -> int:
 
 
 def is_plausible(answer: Mapping[str, Any], readable: Sequence[str]) -> bool:
-    """Return whether all files in the answer of the child process are files that the xacro file may read.
+    """Return whether the xacro file may read all files that the response of the child process contains.
 
-    Code in the xacro file may have forged the answer, and thingc later reads the files outside the sandbox.
+    thingc later reads these files outside the sandbox, and code in the xacro file may have forged the response.
     """
     files = [*answer.get("files", ()), *filter(None, [answer.get("file")])]
     return all(os.path.isfile(one) and any(within(one, folder) for folder in readable) for one in files)
@@ -73,7 +72,7 @@ class _Expanding:
         self.found: dict[str, str] = {}
 
     def expanded(self, arguments: dict[str, str]) -> dict[str, object]:
-        """Expand the xacro file, and return the answer for the parent process."""
+        """Expand the xacro file, and return the response for the parent process."""
         import xacro
         from xacro import substitution_args
 
@@ -106,7 +105,7 @@ class _Expanding:
     def _place(self, top: str, said: str) -> tuple[str, int]:
         """Return the file and the line to report for an error message of xacro.
 
-        The line is the first occurrence of an expression or name that the message quotes, or the first line of the file `top`.
+        The result is the line with the first occurrence of an expression or name in the message, or the first line of the file `top`.
         """
         quoted = sorted({one or other for one, other in re.findall(r"'([^']+)'|`([^`]+)`", said)}, key=len, reverse=True)
         files = list(dict.fromkeys([top, *self.files]))
@@ -130,7 +129,7 @@ class _Expanding:
         return self.found[name]
 
     def _parse(self, text: object, filename: str) -> Any:
-        """Parse an XML file like `xacro.parse`, and add an attribute with the source location to each element."""
+        """Parse an XML file as `xacro.parse` does, and add an attribute with the source location to each element."""
         from xml.dom import minidom
 
         import xacro

@@ -1,4 +1,4 @@
-"""Parse numbers, vectors, names and shapes from XML attributes. Invalid values are reported at their location."""
+"""Parse numbers, vectors, names and shapes from XML attributes. Invalid values are reported with their source location."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ NOT_FINITE = {"nan", "inf", "infinity"}
 
 
 class Values:
-    """Parses numbers, vectors and names from XML attributes. An invalid value is reported and then treated as missing."""
+    """Parses numbers, vectors and names from XML attributes. An invalid value is reported as an error, and then treated as missing."""
 
     def __init__(self, report: Report) -> None:
         self.report = report
 
     def written(self, element: SourceElement, key: str) -> str | None:
-        """Return the text of an attribute, or None if it is missing."""
+        """Return the text of an attribute, or None if the attribute is missing."""
         return element.attributes.get(key)
 
     def place(self, element: SourceElement, key: str) -> Span:
@@ -36,7 +36,7 @@ class Values:
         return element.place(key)
 
     def example(self, key: str, text: str) -> str:
-        """Format a value as an example of a correct attribute, for error messages."""
+        """Return an example of a correct attribute with the value `text`, for error messages."""
         return f'{key}="{text}"'
 
     def fault(self, element: SourceElement, attribute: str | None, message: str, help: Hint | None = None) -> None:
@@ -45,16 +45,16 @@ class Values:
         self.report.add(Code.SOURCE_VALUE, message, where, help=help)
 
     def word(self, element: SourceElement, attribute: str) -> str | None:
-        """Read an attribute that contains a required name. Return None after reporting that the name is missing."""
+        """Read a required attribute that contains a name. If the attribute is missing, report an error and return None."""
         text = (self.written(element, attribute) or "").strip()
         if not text:
             self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f"write {self.example(attribute, '...')}")
         return text or None
 
     def own_name(self, element: SourceElement, link: str, suffix: str) -> str | None:
-        """Return the `name` of a shape of a link, or None if it is the default name that thingc writes.
+        """Return the `name` of a shape of a link, or None for a default name that thingc has written.
 
-        The default name consists of the name of the link, `suffix` (a regular expression), and numbers.
+        The default name consists of the name of the link, a match of the regular expression `suffix`, and numbers.
         """
         name, links = element.attributes.get("name", "").strip(), "|".join(map(re.escape, (link, plain_name(link, "link"))))
         return None if re.fullmatch(rf"(({links}){suffix})?(_\d+)*", name) else name
@@ -62,7 +62,7 @@ class Values:
     def number(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
         """Read an attribute that contains a finite number.
 
-        If it is missing, return `default`, or report an error if no default is given.
+        If the attribute is missing, return `default`, or report an error if no default is given.
         """
         values = self.numbers(element, attribute, 1, None if default is None else (default,))
         return None if values is None else values[0]
@@ -73,9 +73,9 @@ class Values:
         return (x, y, z)
 
     def number_of(self, element: SourceElement, text: str, what: str) -> float | None:
-        """Convert a string to a finite number.
+        """Convert a string to a finite number. If the string is invalid, report an error at the element and return None.
 
-        Return None after reporting an error at the element. `what` is the name of the number in the message.
+        `what` is the name of the number in the error message.
         """
         number = float(text) if _NUMBER.fullmatch(text) else math.nan
         if not math.isfinite(number):
@@ -88,7 +88,7 @@ class Values:
     ) -> tuple[float, ...] | None:
         """Read an attribute that contains `count` finite numbers.
 
-        Return None after reporting that they are invalid or, without a default, missing.
+        If the attribute is invalid, or missing without a default, report an error and return None.
         """
         text = self.written(element, attribute)
         if text is None:
@@ -113,7 +113,7 @@ class Values:
     def from_zero(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
         """Read an attribute that contains a number of at least 0.
 
-        If it is missing, return `default`, or report an error if no default is given.
+        If the attribute is missing, return `default`, or report an error if no default is given.
         """
         value = self.number(element, attribute, default)
         if value is not None and value < 0.0:
@@ -122,7 +122,7 @@ class Values:
         return value
 
     def direction(self, axis: SourceElement, attribute: str, default: Vector) -> Vector:
-        """Read an attribute that contains an axis, and return the axis as a unit vector. Report an error for the zero vector.
+        """Read an attribute that contains an axis, and return a unit vector. Report an error for the zero vector.
 
         Return `default` if the attribute is missing or invalid.
         """
@@ -134,10 +134,10 @@ class Values:
         return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
     def origin(self, element: SourceElement) -> tuple[Pose, Vector | None]:
-        """Read the `<origin>` child element of a URDF element as a pose.
+        """Read the pose in the child element `<origin>` of a URDF element.
 
         Returns:
-            The pose, from `xyz` [m] and `rpy` [rad] or `quat_xyzw` (URDF 1.1), and the angles [rad], or None for a quaternion.
+            The pose, and the angles `rpy` [rad], or None instead of the angles if the element has the attribute `quat_xyzw` of URDF 1.1.
         """
         origin = self.one(element, "origin")
         if origin is None:
@@ -151,7 +151,10 @@ class Values:
         return Pose(translation=xyz, rotation=self.rotation(origin, "quat_xyzw", quaternion)), None
 
     def rotation(self, element: SourceElement, attribute: str, quaternion: Sequence[float]) -> Matrix:
-        """Convert a quaternion (x, y, z, w) of any length to a rotation. Report an error for the zero quaternion."""
+        """Convert a quaternion (x, y, z, w), which does not have to be normalized, to a rotation.
+
+        Report an error for the zero quaternion.
+        """
         length = hypot(*quaternion)
         if length == 0.0:
             self.fault(element, attribute, "the quaternion of this pose is 0 0 0 0, which is not a rotation", "write 0 0 0 1")
@@ -160,7 +163,10 @@ class Values:
         return rotation_of((w, i, j, k))
 
     def one(self, element: SourceElement, tag: str) -> SourceElement | None:
-        """Return the child element with this tag, or None if there is none. Report an error if several child elements have this tag."""
+        """Return the child element with this tag, or None if no such element exists.
+
+        Report an error if several child elements have this tag.
+        """
         first, *others = [*element.all(tag), None]
         if first is not None and len(others) > 1 and others[0] is not None:
             self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "remove one of the two elements")
@@ -169,8 +175,8 @@ class Values:
     def shape(self, element: SourceElement, form: SourceElement, file: str, pose: Pose, losses: Losses) -> SourceShape | None:
         """Read a `<visual>` or `<collision>` element.
 
-        `form` is its geometry element, and the attribute `file` of a mesh contains its URI. Return None if the shape is invalid or has no
-        volume. A shape without volume is a loss.
+        `form` is the geometry element, and `file` is the name of the attribute that contains the URI of a mesh. Return None if the shape is
+        invalid or has no volume. A shape without volume is recorded as a loss.
         """
         sized, mesh = self._sized(form), self.word(form, file) if form.tag == "mesh" else None
         if sized is None or form.tag == "mesh" and mesh is None:
@@ -183,7 +189,7 @@ class Values:
         return SourceShape(kind=kind, use=use, size=size, pose=pose, where=form.where, mesh=mesh)
 
     def _sized(self, form: SourceElement) -> tuple[ShapeKind, Sizes] | None:
-        """Read the kind and the dimensions [m] of a geometry element. Return None if it is invalid or not supported."""
+        """Read the kind and the dimensions [m] of a geometry element. Return None if the element is invalid or not supported."""
         match form.tag:
             case "box" | "ellipsoid":
                 key = "size" if form.tag == "box" else "radii"
@@ -205,8 +211,8 @@ class Values:
     def inertia(self, element: SourceElement, mass: float, pose: Pose, *, usual: float = 0.0) -> MassProperties:
         """Read an inertia matrix [kg m^2], and return the mass properties of the link in the frame of the link.
 
-        The attributes `ixx` to `izz` are about the centre of mass, in the axes of `pose`. `usual` is the default value of `ixx`, `iyy` and
-        `izz`.
+        The attributes `ixx` to `izz` contain the inertia about the centre of mass, in the axes of `pose`. `usual` is the default value of
+        `ixx`, `iyy` and `izz`.
         """
         six = {
             key: self.number(element, key, usual if key[1] == key[2] else 0.0) or 0.0 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -217,21 +223,24 @@ class Values:
 
 
 class ChildValues(Values):
-    """Parses values from the texts of child elements, as in SDF. Names are read from attributes."""
+    """Parses values from the text of child elements, as in SDF. Names are parsed from attributes."""
 
     def written(self, element: SourceElement, key: str) -> str | None:
-        """Return the text of the child element with this name. If there is no such element, return the text of the attribute."""
+        """Return the text of the child element with this name. If no such element exists, return the text of the attribute."""
         child = next(element.all(key), None)
         return element.attributes.get(key) if child is None else child.text
 
     def place(self, element: SourceElement, key: str) -> Span:
         """Return the source location of the child element with this name.
 
-        If there is no such element, return the location of the attribute.
+        If no such element exists, return the source location of the attribute.
         """
         child = next(element.all(key), None)
         return element.place(key) if child is None else child.where
 
     def example(self, key: str, text: str) -> str:
-        """Format a value as an example of correct XML, for error messages: as an element, or as an attribute for names and types."""
+        """Return an example of correct XML with the value `text`, for error messages.
+
+        Names and types are attributes, and other values are elements.
+        """
         return super().example(key, text) if key in ("name", "type") else f"<{key}>{text}</{key}>"
