@@ -3,8 +3,9 @@
     tcp://host:8786                          a dask scheduler (`dask_executor`)
     slurm  slurm:partition=cpu,cpus=8        jobs of SLURM (`slurm`)
 
-Workers build variants with the same runners as on this machine, and write into the folder of the batch. This folder and the documents must
-have the same paths on all machines. With dask, the workspace can be sent to the workers instead (see `remote_workers`).
+Workers build variants in the same runner processes as on this machine, and write files into the folder of the batch. The folder of the
+batch and the documents must have the same paths on all machines. With dask, the workspace can instead be sent to the workers (see
+`remote_workers`).
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ HELP = "write `tcp://HOST:8786` for a Dask scheduler, or `slurm:partition=NAME,c
 def connect(address: str, *, jobs: int = 0, folder: str) -> Cluster:
     """Connect to the cluster at an address, and return an executor that builds variants there.
 
-    `jobs` is the maximum number of chunks that run at the same time (0: the default of the cluster). `folder` contains files of the
-    executor, and must be on a shared file system. Raises `BatchFault` for an invalid address, or if the cluster does not respond.
+    `jobs` is the maximum number of chunks that run at the same time. For 0, use the default of the cluster. `folder` is for files of the
+    executor, and must be on a shared file system. Raises `BatchFault` if the address is invalid, or if the cluster does not respond.
     """
     if re.fullmatch(r"slurm(:.*)?", address):
         from thingc.batch.cluster.slurm import SlurmCluster, settings_of

@@ -1,7 +1,7 @@
 """Build the variants of a batch on the workers of a dask scheduler.
 
-Workers are processes on any number of machines. They can connect and disconnect at any time. If a worker dies, dask assigns its chunks to
-another worker. If dask reports that a chunk is lost, the batch submits the chunk again.
+Workers are processes that run on any number of machines. Workers can connect and disconnect at any time. If a worker dies, dask assigns its
+chunks to another worker. If dask reports that a chunk is lost, the batch submits the chunk again.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ T = TypeVar("T")
 TIMEOUT = 15.0
 """Time limit [s] for the answer of the scheduler, and for the connection of the first worker."""
 LOOK = 5.0
-"""Interval [s] of polling the number of workers."""
+"""Interval [s] at which the number of workers is polled."""
 
 
 def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
-    """Return the installed versions of packages on a worker, and the digests of files and folders (see `up_to_date.state_of`).
+    """Return the versions of the packages that are installed on a worker, and the digests of files and folders (see `up_to_date.state_of`).
 
     The digest of a missing file is None. This function runs on the worker.
     """
@@ -73,14 +73,14 @@ class DaskCluster(FileTransferExecutor):
         self.fault()
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Run the call `fn(*arguments, **named)` on a worker, and return a future of its result."""
+        """Run the call `fn(*arguments, **named)` on a worker, and return a future of the result."""
         future: Future[T] = self._executor.submit(fn, *arguments, **named)
         return future
 
     def check(self, files: Mapping[str, str]) -> None:
-        """Check that every connected worker can read the given files and has the same packages installed. Raises `BatchFault` otherwise.
+        """Check that every connected worker can read the given files and has the same packages installed.
 
-        Workers that die during the check are ignored.
+        Raises `BatchFault` if the check fails. Workers that die during the check are ignored.
         """
         mine = dict(versions())
         try:
@@ -114,9 +114,9 @@ class DaskCluster(FileTransferExecutor):
                     )
 
     def fault(self) -> BatchFault | None:
-        """Return an error if the scheduler has ended, or if no worker has been connected for `PATIENCE` seconds. Otherwise, return None.
+        """Return an error if the scheduler has ended, or if the cluster has not had any workers for `PATIENCE` seconds.
 
-        This method also updates the number of workers.
+        Return None if the cluster can still return results. This method also updates the number of workers.
         """
         if self._client.status != "running":
             return self._lost("the connection was closed")
@@ -143,7 +143,7 @@ class DaskCluster(FileTransferExecutor):
     def ship(self, name: str, transfer: WorkspaceArchive) -> None:
         """Send a workspace to all workers, including workers that connect later.
 
-        Workspaces of batches that have ended are removed first.
+        Before sending the workspace, remove the workspaces of batches that have ended.
         """
         from thingc.batch.cluster.dask_plugin import UnpackedWorkspace
 
@@ -159,11 +159,17 @@ class DaskCluster(FileTransferExecutor):
             ) from None
 
     def unship(self, name: str) -> None:
-        """Remove a workspace that was sent to the workers. Workers that cannot be reached remove the workspace when they end."""
+        """Remove a workspace from the workers to which it was sent.
+
+        A worker that cannot be reached removes the workspace when the worker ends.
+        """
         self._unregister(self._plugin(name))
 
     def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
-        """Run the call `fn(*arguments)` on one worker immediately, even if all threads of the worker are busy. Raises `WorkerLost`."""
+        """Run the call `fn(*arguments)` on one worker immediately, even if all threads of the worker are busy.
+
+        Raises `WorkerLost` if the worker has ended.
+        """
         try:
             if worker in self._client.nthreads([worker]):  # otherwise, the call fails only after half a minute
                 answer: T = self._client.run(fn, *arguments, workers=[worker])[worker]
@@ -182,7 +188,7 @@ class DaskCluster(FileTransferExecutor):
             self._client.unregister_worker_plugin(plugin)
 
     def _left_behind(self) -> list[str]:
-        """Return the names of the workspaces that were sent by batches whose process is no longer connected to the scheduler."""
+        """Return the names of workspaces that were sent by processes that are no longer connected to the scheduler."""
 
         def names(dask_scheduler: Any) -> list[str]:  # sent as code: thingc need not be installed on the scheduler
             return [
@@ -195,7 +201,7 @@ class DaskCluster(FileTransferExecutor):
         return []
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Disconnect from the scheduler. The scheduler and its workers keep running."""
+        """Disconnect from the scheduler. The scheduler and its workers continue to run."""
         try:
             self._client.close(5.0)
         except Exception:  # the scheduler may be gone

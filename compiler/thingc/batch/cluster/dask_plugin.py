@@ -1,4 +1,4 @@
-"""A dask plugin that unpacks the workspace of a batch on each worker, and removes it when the batch has ended."""
+"""A dask plugin that unpacks the workspace of a batch on each worker, and removes the workspace when the batch has ended."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 class UnpackedWorkspace(WorkerPlugin):
     """A dask plugin that unpacks a workspace on every worker, including workers that connect later.
 
-    If the workspace cannot be unpacked, `remote_workers.evaluate_there` reports the reason.
+    If the plugin cannot unpack the workspace, `remote_workers.evaluate_there` reports the reason.
     """
 
     def __init__(self, shipment: str, transfer: WorkspaceArchive) -> None:
@@ -23,10 +23,10 @@ class UnpackedWorkspace(WorkerPlugin):
         self.transfer = transfer
 
     def setup(self, worker: Any) -> None:
-        """Unpack the workspace into the folder of a worker. dask deletes this folder when the worker ends."""
+        """Unpack the workspace into the folder of a worker. This folder is deleted by dask when the worker ends."""
         settle(self.shipment, self.transfer, worker.local_directory, worker.address)
         self.transfer = replace(self.transfer, data=b"")  # the scheduler keeps the data for later workers
 
     async def teardown(self, worker: Any) -> None:
-        """End the idle runner processes on a worker, and remove the unpacked workspace. This can take a moment."""
+        """End the idle runner processes on a worker, and remove the unpacked workspace. Ending the processes can take a moment."""
         await asyncio.to_thread(leave, self.shipment)

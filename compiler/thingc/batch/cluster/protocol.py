@@ -14,18 +14,21 @@ from thingc.batch.folder import BatchFault
 T = TypeVar("T")
 
 PATIENCE = 60.0
-"""Time [s] after which a batch ends if its cluster has no workers."""
+"""Time [s] after which a batch ends with an error if its cluster does not have any workers."""
 
 
 class WorkerLost(Exception):
-    """Raised if a worker has ended, or does not have the requested data. The batch then submits the variants of this worker again."""
+    """Raised if a worker has ended, or if a worker does not have the requested data.
+
+    After this exception, the batch submits the variants of the worker again.
+    """
 
 
 class Cluster(Executor):
     """An executor that runs calls on other machines.
 
-    At most `ahead` chunks run at the same time. The first chunks contain `first` variants. Later chunks are sized so that each takes about
-    `chunk_seconds` seconds, and contain at most `chunk_most` variants.
+    At most `ahead` chunks run at the same time. Each of the first chunks contains `first` variants. The size of later chunks is chosen so
+    that building a chunk takes about `chunk_seconds` seconds, but is at most `chunk_most` variants.
     """
 
     ahead = 1
@@ -35,14 +38,14 @@ class Cluster(Executor):
 
     @abstractmethod
     def check(self, files: Mapping[str, str]) -> None:
-        """Raise `BatchFault` unless all workers can read these files and have the same package versions installed.
+        """Raise `BatchFault` unless all workers can read the given files and have the same package versions installed.
 
         `files` maps absolute paths of files and folders to their digests (see `up_to_date.state_of`).
         """
 
     @abstractmethod
     def fault(self) -> BatchFault | None:
-        """Return an error if the cluster can no longer return results. Otherwise, return None."""
+        """Return an error if the cluster can no longer return results. Return None if the cluster can still return results."""
 
 
 class FileTransferExecutor(Cluster):
@@ -61,9 +64,12 @@ class FileTransferExecutor(Cluster):
 
     @abstractmethod
     def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
-        """Call `fn` immediately on the worker with this address, even if the worker is busy. Raises `WorkerLost`."""
+        """Call `fn` immediately on the worker with this address, even if the worker is busy.
+
+        Raises `WorkerLost` if the worker has ended.
+        """
 
 
 def missing(package: str) -> BatchFault:
-    """Return the error that is raised if a Python package that a cluster requires is not installed."""
+    """Return the error for a Python package that a cluster requires but that is not installed."""
     return BatchFault(Code.CLUSTER, f"the package `{package}` is not installed, and `--cluster` needs it", "pip install 'thingc[cluster]'")

@@ -1,9 +1,10 @@
-"""Build variants on workers without a shared folder. The driver sends the workspace to each worker once, and fetches built variants.
+"""Build variants on workers without a shared folder.
 
-`RemoteExecutor` wraps a cluster, so that a batch can use it like an executor that writes variants to the folder of the batch. On a worker,
-`evaluate_there` builds variants from the unpacked workspace into a folder of the worker, and returns the list of their files. The driver
-fetches these files in groups of a few megabytes, and writes the variants. A file that several variants share is fetched once. It is not
-fetched if the store of the driver already contains it.
+The driver sends the workspace to each worker once, and fetches built variants from the worker. The class `RemoteExecutor` wraps a cluster,
+so that a batch can use the cluster like an executor that writes variants to the batch folder. On a worker, `evaluate_there` builds variants
+from the unpacked workspace into a folder of the worker, and returns a list of the built files. The driver fetches built files in groups of
+a few megabytes, and writes the variants. A file that several variants share is fetched only once. A file that the store of the driver
+contains is not fetched.
 
     <place>/work/                the unpacked workspace
     <place>/out/variants/<id>/   built variants that have not been fetched
@@ -45,35 +46,42 @@ from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 T = TypeVar("T")
 
 WORK, OUT, ASIDE = "work", "out", os.path.join("aside", "a", "b", "c")
-"""Names of the subfolders of a shipment. The last subfolder is deeply nested, so that paths to the other subfolders are displayed as
-absolute paths.
+"""Names of the subfolders of the folder into which a workspace is unpacked.
+
+The subfolder `ASIDE` is deeply nested, so that thingc displays paths to the other subfolders as absolute paths.
 """
 PULL_BYTES = 8_000_000
-"""Size [bytes] of a group of files that are fetched together. A larger file is fetched alone."""
+"""Maximum total size [bytes] of a group of files that are fetched together. A file that is larger than this size is fetched alone."""
 CHUNK_SECONDS = 2.0
-"""Target duration [s] of a chunk. The duration is longer than without file transfer, because each chunk needs an additional request."""
+"""Target duration [s] for building a chunk of variants.
+
+This duration is longer than for a shared file system, because each chunk needs an additional request.
+"""
 FAREWELL = 30.0
-"""Time limit [s] for running transfers at the end of a batch."""
+"""Time limit [s] for file transfers that are running when a batch ends."""
 
 
 # --- on the worker ----------------------------------------------------------------------------------------------------
 
 
 class WorkerFolder(FrozenStruct):
-    """The folder `folder` of a workspace on a worker, as an absolute path without symbolic links. `worker` is the address of the worker."""
+    """A folder on a worker that contains a workspace, as an absolute path without symbolic links. `worker` is the address of the worker."""
 
     folder: str
     worker: str
 
 
 _PLACES: dict[str, WorkerFolder] = {}
-"""Shipment folders of this process, by the name of the shipment."""
+"""The folders of this process into which workspaces are unpacked, by the name of the workspace."""
 _REFUSED: dict[str, str] = {}
-"""Reasons why this process could not unpack shipments, by the name of the shipment."""
+"""The reasons why this process could not unpack workspaces, by the name of the workspace."""
 
 
 def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> None:
-    """Unpack a workspace atomically into the folder of a worker. Raises `OSError`, and `ValueError` for a damaged archive."""
+    """Unpack a workspace atomically into the folder of a worker.
+
+    Raises `OSError` if writing fails, and `ValueError` for a damaged archive.
+    """
     place = os.path.join(os.path.realpath(folder), name)
     fresh = f"{place}.new"
     try:
@@ -89,7 +97,7 @@ def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> N
 
 
 def leave(name: str) -> None:
-    """Remove the workspace of a batch from a worker. Builds in progress fail, because their results are no longer needed."""
+    """Remove the workspace of a batch from a worker. Builds in progress fail, because the batch no longer needs their results."""
     place = _PLACES.pop(name, None)
     _REFUSED.pop(name, None)
     if place is None:
@@ -109,10 +117,10 @@ def _worker_folder(name: str) -> WorkerFolder:
 
 
 class BuiltFile(FrozenStruct):
-    """A file of the variant with this `id` on a worker.
+    """A file on a worker that belongs to the variant with this `id`.
 
-    `path` is the path in the folder of the variant, and `size` the size [bytes]. `sha256` is empty for the manifest. `shared` is true for a
-    file in `assets/`, which several variants share.
+    `path` is the path of the file in the folder of the variant, and `size` is the size of the file [bytes]. `sha256` is empty for the
+    manifest of the variant. `shared` is True for a file in `assets/`, which several variants share.
     """
 
     id: str
@@ -128,7 +136,7 @@ class BuiltFile(FrozenStruct):
 
 
 class Answer(FrozenStruct):
-    """The results that a worker returns for a chunk: a row for each variant, and the files of each built variant by its id."""
+    """The data that a worker returns for a chunk: a row of results for each variant, and the files of each built variant by its id."""
 
     place: WorkerFolder
     rows: list[Row]
@@ -138,7 +146,8 @@ class Answer(FrozenStruct):
 def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float) -> Answer:
     """Build the variants of a chunk on a worker, as `engine.evaluate` does on this machine.
 
-    `job` is encoded by `RemoteExecutor`, and contains paths relative to the workspace. Raises `WorkerLost` and `RunnersBroken`.
+    `job` is a string that `RemoteExecutor` has encoded, in which paths are relative to the workspace. Raises `WorkerLost` if the workspace
+    is missing, and `RunnersBroken` if runner processes cannot be started.
     """
     if name in _REFUSED:  # otherwise, a worker that connects later would fail for every chunk
         raise RunnersBroken(f"a worker cannot unpack the workspace: {_REFUSED[name]}", "")
@@ -153,7 +162,7 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float
 
 @lru_cache(maxsize=4)
 def _settled(job: str, place: WorkerFolder) -> str:
-    """Replace the relative paths in a job by paths on the worker. Unless the job specifies a store, the store of the worker is used."""
+    """Replace the relative paths in a job by paths on the worker. If the job does not specify a store, the store of the worker is used."""
     decoded = Job.decode(job)
     work = os.path.join(place.folder, WORK)
     cwd = os.path.join(work, decoded.cwd) if decoded.cwd is not None else ""
@@ -166,9 +175,9 @@ def _settled(job: str, place: WorkerFolder) -> str:
 
 
 def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
-    """Return the files of a built variant that the driver must fetch.
+    """Return a list of those files of a built variant that the driver must fetch.
 
-    Files whose contents are in the row of a packed variant are omitted.
+    The list does not contain files of a packed variant whose contents are in the row.
     """
     folder = folder_layout.variant_folder(os.path.join(place.folder, OUT), row["id"])
     assets = os.path.join(place.folder, OUT, folder_layout.ASSETS)
@@ -190,7 +199,10 @@ def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
 
 
 def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[bytes]:
-    """Return the contents of files in the folder `out/` of a worker, and then delete the variants `done`. Raises `WorkerLost`."""
+    """Return the contents of files in the folder `out/` of a worker, and then delete the variants `done`.
+
+    Raises `WorkerLost` if the worker no longer has the files.
+    """
     out = os.path.join(_worker_folder(name).folder, OUT)
     contents: list[bytes] = []
     for path in paths:
@@ -210,9 +222,9 @@ def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[byt
 class RemoteExecutor(Cluster):
     """An executor for a cluster whose workers do not share a file system with this machine.
 
-    `folder` is the folder of the batch, `store` is the store of the driver, and `name` is the name under which the workspace is sent to the
-    workers. `submit` only accepts the function `evaluate`, and the returned future is done when the variants have been written. Entering
-    the context raises `BatchFault` if a worker cannot unpack the workspace. Leaving the context does not close the cluster.
+    `folder` is the folder of the batch, and `store` is the store of the driver. The workspace has the name `name` on the workers. The
+    method `submit` accepts only the function `evaluate`. The returned future is done when the variants have been written. On entry, the
+    context manager raises `BatchFault` if a worker cannot unpack the workspace. On exit, the context manager does not close the cluster.
     """
 
     chunk_seconds = CHUNK_SECONDS
@@ -235,19 +247,19 @@ class RemoteExecutor(Cluster):
 
     @property
     def ahead(self) -> int:  # type: ignore[override]
-        """The maximum number of chunks that run at the same time, as specified by the cluster."""
+        """The maximum number of chunks that the cluster runs at the same time."""
         return self.cluster.ahead
 
     def check(self, files: Mapping[str, str]) -> None:
-        """Check the workers of the cluster. See `Cluster.check`."""
+        """Check the workers of the cluster, as described for `Cluster.check`."""
         self.cluster.check(files)
 
     def fault(self) -> BatchFault | None:
-        """Return the error of the cluster, if any. See `Cluster.fault`."""
+        """Return the error of the cluster or None, as described for `Cluster.fault`."""
         return self.cluster.fault()
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Build the variants of a chunk on a worker, and then write them to the folder of the batch on this machine."""
+        """Build the variants of a chunk on a worker, and then write these variants to the folder of the batch on this machine."""
         if fn is not evaluate or named:
             raise TypeError("shipped workspaces can only evaluate chunks")
         job, tasks, timeout = arguments
@@ -266,7 +278,10 @@ class RemoteExecutor(Cluster):
         self.cluster.unship(self.name)
 
     def _packed(self, text: str) -> str:
-        """Convert a job so that a worker can use it. Paths become relative to the workspace, and a store on this machine is omitted."""
+        """Convert a job so that a worker can use it.
+
+        Paths in the converted job are relative to the workspace, and a store on this machine is omitted.
+        """
         job = Job.decode(text)
         root, here = os.path.realpath(self.transfer.root), os.path.realpath(os.getcwd())
         inside = os.path.join(here, "").startswith(os.path.join(root, ""))
@@ -291,7 +306,10 @@ class RemoteExecutor(Cluster):
                 outer.set_exception(fault)
 
     def _taken(self, answer: Answer) -> list[Row]:
-        """Write the variants that a worker has built, and return their rows as a runner on this machine does. Raises `WorkerLost`."""
+        """Write the variants that a worker has built, and return their rows in the same form as a runner process on this machine.
+
+        Raises `WorkerLost` if the worker has ended.
+        """
         blobs = _Blobs(self, answer)
         rows: list[Row] = []
         for given in answer.rows:
@@ -325,7 +343,7 @@ class RemoteExecutor(Cluster):
             keep_asset(self.folder, sha256, blobs)
 
     def _mapped(self, said: Any, work: str, key: str = "") -> Any:
-        """Replace all paths on the worker in a row of results by paths on this machine."""
+        """In a row of results, replace all paths on the worker by paths on this machine."""
         if isinstance(said, dict):
             return {name: value if name == FILES else self._mapped(value, work, name) for name, value in said.items()}
         if isinstance(said, list):
@@ -341,7 +359,10 @@ def _stopped(row: Row, message: str) -> Row:
 
 
 class _Blobs:
-    """Reads the files of the variants in an answer of a worker. Files are read from the store of the driver, or fetched in groups."""
+    """Reads the files of the variants that a worker has built.
+
+    Each file is read from the store of the driver, or fetched from the worker together with other files.
+    """
 
     def __init__(self, shipping: RemoteExecutor, answer: Answer) -> None:
         self.shipping = shipping
@@ -351,9 +372,10 @@ class _Blobs:
         self._waiting: deque[BuiltFile] | None = None
 
     def files(self, id: str) -> dict[str, Content]:
-        """Return the files of the variant with this id. Call this method once per built variant, in the order of the rows of the answer.
+        """Return the files of the variant with this id.
 
-        Raises `WorkerLost` and `StoreUnusable`.
+        Call this method once per built variant, in the order of the rows that the worker has returned. Raises `WorkerLost` if the worker
+        has ended, and `StoreUnusable` if the store cannot be read.
         """
         if self._waiting is None:
             self._waiting = deque(self._wanted())
@@ -371,7 +393,10 @@ class _Blobs:
         return contents
 
     def read(self, sha256: str) -> bytes:
-        """Return the content of a shared file with this SHA-256. Raises `WorkerLost` and `StoreUnusable`."""
+        """Return the content of a shared file with this SHA-256.
+
+        Raises `WorkerLost` if the worker has ended, and `StoreUnusable` if the store cannot be read.
+        """
         if sha256 in self.shared:
             return self.shared[sha256]
         with contextlib.suppress(BlobMissing):
@@ -379,7 +404,10 @@ class _Blobs:
         return self._asked([BuiltFile(id="", path="", size=0, sha256=sha256, shared=True)], ())[0]
 
     def _next_is(self, id: str) -> bool:
-        """Return whether the next file belongs to the variant with this id. If so, fetch the file if it has not been fetched yet."""
+        """Return whether the next file belongs to the variant with this id.
+
+        If the file belongs to this variant and has not been fetched yet, fetch the file.
+        """
         assert self._waiting is not None
         if not self._ahead and self._waiting and self._waiting[0].id == id:
             group = [self._waiting.popleft()]

@@ -1,7 +1,7 @@
-"""Build the variants of a batch as SLURM jobs, which are submitted with submitit. Each chunk of variants is a job.
+"""Build the variants of a batch as SLURM jobs, which are submitted with submitit. Each chunk of variants is built by one SLURM job.
 
-Chunks are large, so that a job takes long compared with its time in the queue. An example of the settings is
-`slurm:partition=cpu,cpus=8,time=2 h`. With `cluster=local`, jobs are processes on this machine, and SLURM is not required.
+Chunks are large, so that building a chunk takes long compared with the time of the job in the queue. An example of an address with settings
+is `slurm:partition=cpu,cpus=8,time=2 h`. With `cluster=local`, jobs are processes on this machine, and SLURM is not required.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from thingc.batch.planning import Variant
 T = TypeVar("T")
 
 JOB_SECONDS = 300.0
-"""Target duration [s] of a job. It is long compared with the time of a job in the queue."""
+"""Target duration [s] of a SLURM job. This duration is long compared with the time of a job in the queue."""
 JOBS = 16
-"""Default number of jobs at the same time."""
+"""Default number of SLURM jobs that run at the same time."""
 POLL = 0.5
-"""Polling interval [s] for results. submitit itself asks SLURM once a minute."""
+"""Interval [s] at which results are polled. The library submitit itself asks SLURM once a minute."""
 
 
 class SlurmSettings(FrozenStruct):
     """The settings of SLURM jobs, parsed from an address such as `slurm:partition=cpu,cpus=8`.
 
-    `cpus` is the number of cores of a job, which is also the number of variants that it builds at the same time. `minutes` is the time
-    limit of a job. `cluster` is submitit's name of the executor (`slurm` or `local`), and `more` contains further parameters for submitit.
+    `cpus` is the number of cores of a job. A job builds this many variants at the same time. `minutes` is the time limit of a job.
+    `cluster` is the name of an executor of submitit (`slurm` or `local`), and `more` contains further parameters for submitit.
     """
 
     cpus: int = 1
@@ -51,7 +51,7 @@ class SlurmSettings(FrozenStruct):
 _MORE = {
     "partition": "slurm_partition", "account": "slurm_account", "qos": "slurm_qos", "constraint": "slurm_constraint", "memory": "mem_gb",
 }
-"""submitit's names of settings that are passed on unchanged."""
+"""For settings that are passed on unchanged, the names that submitit uses."""
 
 
 def settings_of(text: str) -> SlurmSettings:
@@ -91,9 +91,9 @@ def _minutes(text: str) -> int:
 
 
 def spread(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> dict[str, Any]:
-    """Build the variants of a chunk with `width` runner processes. This function runs in the SLURM job.
+    """Build the variants of a chunk in `width` runner processes. This function runs in the SLURM job.
 
-    It returns `{"rows": [...]}`, or `{"broken": message, "detail": ...}` if runner processes cannot be started.
+    The function returns `{"rows": [...]}`, or `{"broken": message, "detail": ...}` if runner processes cannot be started.
     """
     size = max(1, len(tasks) // (4 * width))
     with LocalExecutor(width) as executor:
@@ -108,7 +108,7 @@ def spread(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> di
 def _silent() -> Iterator[None]:
     """Discard the standard error of processes that are started while the context is active.
 
-    submitit starts processes for local jobs. These processes print a traceback when they are cancelled or interrupted.
+    For local jobs, submitit starts such processes. When these processes are cancelled or interrupted, they print a traceback.
     """
     sys.stderr.flush()
     kept = os.dup(2)
@@ -122,9 +122,10 @@ def _silent() -> Iterator[None]:
 
 
 class SlurmCluster(Cluster):
-    """An executor that submits SLURM jobs. At most `jobs` jobs are in the queue (0: `JOBS`).
+    """An executor that submits SLURM jobs.
 
-    submitit writes files to `folder`, which must be on a shared file system. Raises `BatchFault` if SLURM is not installed.
+    At most `jobs` jobs are in the queue. For 0, use `JOBS`. The library submitit writes files to `folder`, which must be on a shared file
+    system. Raises `BatchFault` if SLURM is not installed.
     """
 
     def __init__(self, settings: SlurmSettings, *, jobs: int = 0, folder: str) -> None:
@@ -158,7 +159,10 @@ class SlurmCluster(Cluster):
         threading.Thread(target=self._watch, daemon=True, name="thingc-slurm").start()
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Submit a SLURM job that calls `evaluate`, and return a future of its result. Raises `TypeError` for any other function."""
+        """Submit a SLURM job that calls `evaluate`, and return a future of its result.
+
+        Raises `TypeError` if the function is not `evaluate`.
+        """
         if fn is not evaluate or named:
             raise TypeError("SLURM jobs can only evaluate chunks")
         future: Future[T] = Future()
@@ -176,14 +180,17 @@ class SlurmCluster(Cluster):
         return future
 
     def check(self, files: Mapping[str, str]) -> None:
-        """Do nothing, because workers exist only while a job runs. A job that cannot access the files reports an error."""
+        """This method does nothing, because SLURM workers exist only while a job runs.
+
+        If a job cannot access the files, the job reports an error.
+        """
 
     def fault(self) -> BatchFault | None:
-        """Return the error of the last submission of a job, or None."""
+        """Return the error that occurred when the last job was submitted, or None."""
         return self._fault
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Cancel queued and running jobs, and remove the files of submitit."""
+        """Cancel queued and running jobs, and remove the files that submitit has written."""
         with self._lock:
             left = list(self._jobs)
         for future in left:

@@ -1,11 +1,12 @@
-"""Pack a workspace into an archive, to be sent to machines that cannot access its folder. Equal workspaces result in equal archives.
+"""Pack a workspace into an archive, which can be sent to machines that cannot access the folder of the workspace.
 
-It is not known in advance which files the code of parts opens. The archive therefore contains the whole folder of the workspace, except
+Equal workspaces result in equal archives. The files that the code of parts opens are not known in advance. The archive therefore contains
+all files of the workspace except
 - hidden files and folders, `__pycache__`, `node_modules`, `*.pyc`, and virtual environments;
 - the build folder of the workspace, and the folders of batches.
 
-Documents, part folders and the code of parts that the plan uses are always included. Symbolic links are packed as links. A link to a target
-outside the workspace is an error, because the target can differ on another machine.
+Documents, part folders and the code of parts that the plan uses are included in any case. A symbolic link is packed as a link. A symbolic
+link to a target outside the workspace is an error, because the target can differ on another machine.
 """
 
 from __future__ import annotations
@@ -28,20 +29,20 @@ from thingc.batch.planning import OUTSIDE, Plan
 from thingc.documents.workspace import OWN_FILE, Workspace
 
 MOST_BYTES = 100_000_000
-"""Maximum total size [bytes] of the files."""
+"""Maximum total size [bytes] of the files in an archive."""
 MOST_FILES = 20_000
-"""Maximum number of files, folders and links."""
+"""Maximum number of files, folders and links in an archive."""
 NAMES = frozenset(("__pycache__", "node_modules"))
 """Names of folders that the archive omits, in addition to hidden folders."""
 MODIFIED = 946_684_800
-"""Modification time [s] of all entries (2000-01-01)."""
+"""Modification time [s] of all entries of an archive (2000-01-01)."""
 
 
 class WorkspaceArchive(FrozenStruct):
-    """A workspace that is packed into an archive.
+    """A workspace that has been packed into an archive.
 
     `root` is the absolute path of the workspace on this machine. `data` is a tar archive compressed with zlib, `sha256` (hex) is the hash
-    of the uncompressed archive, and `names` is the number of entries.
+    of the uncompressed archive, and `names` is its number of entries.
     """
 
     root: str
@@ -50,9 +51,9 @@ class WorkspaceArchive(FrozenStruct):
     names: int
 
     def unpack(self, folder: str) -> None:
-        """Unpack the workspace into a new folder. Nothing is written outside this folder.
+        """Unpack the workspace into a new folder. Files outside this folder are never written.
 
-        Raises `OSError`, and `ValueError` if the archive is damaged or contains unsafe paths.
+        Raises `OSError` if writing fails, and `ValueError` if the archive is damaged or contains unsafe paths.
         """
         if not hasattr(tarfile, "data_filter"):
             raise ValueError("this version of Python cannot unpack archives safely: 3.11.4 or newer is required")
@@ -72,10 +73,10 @@ class WorkspaceArchive(FrozenStruct):
 
 
 def pack(plan: Plan, batch: str) -> WorkspaceArchive:
-    """Pack the workspace of a plan into an archive. `batch` is the folder of the batch, which is omitted.
+    """Pack the workspace of a plan into an archive. `batch` is the folder of the batch, which the archive omits.
 
-    Raises `BatchFault` if the workspace is too large, contains an unreadable file or a link to a target outside, or has changed since the
-    plan was computed.
+    Raises `BatchFault` if the workspace is too large, contains an unreadable file or a link to an outside target, or has changed since
+    planning.
     """
     workspace = plan.workspace
     names = _Search(workspace, (workspace.build, batch)).names(plan)
@@ -90,7 +91,7 @@ def pack(plan: Plan, batch: str) -> WorkspaceArchive:
 
 
 class _Search:
-    """Finds the files of a workspace to pack. `without` contains the absolute paths of folders that are omitted."""
+    """Finds the files of a workspace that an archive must contain. `without` contains the absolute paths of folders to omit."""
 
     def __init__(self, workspace: Workspace, without: tuple[str, ...]) -> None:
         self.workspace = workspace

@@ -1,4 +1,4 @@
-"""Use a document as a family of robots in memory, with fast results and models for any settings.
+"""Compile a document as a family of robots in memory, which quickly computes results and models for any settings.
 
     family = thingc.family("assemblies/arm.yaml")
     family.evaluate({"reach": "120 mm"})["mass"]

@@ -1,4 +1,4 @@
-"""Convert many settings to a few MuJoCo models and arrays, for simulators that step many worlds with the same model at once."""
+"""Convert many settings to a few MuJoCo models and arrays, for simulators that step many worlds with one model at once."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 
 class Batched(OneLineRepr, FrozenStruct, eq=False):
-    """A group of settings that share one MuJoCo model, and the arrays in which the models of these settings differ.
+    """A group of settings that share one MuJoCo model, and the arrays with the values that differ between these settings.
 
-    `fields` maps the name of a field of `MjModel` (`body_mass`; `opt.gravity` for an option) to an array with shape (settings, *shape of
-    the field), as `thingc.batch.apply` requires. Fields in `LEADING` only contain the rows of bodies. `indices` contains the indices of
-    these settings in the input. `model` is the model of the first of these settings. If the settings have different meshes, the model
-    contains all meshes, and `geom_dataid` selects the mesh of each geom.
+    `fields` maps the name of a field of `MjModel` (`body_mass`; `opt.gravity` for an option) to an array for `thingc.batch.apply`. The
+    shape of an array is (settings, *shape of the field). Arrays of the fields in `LEADING` contain only the rows of bodies. `indices`
+    contains the indices of the settings of this group in the input. `model` is the MuJoCo model of the first settings in this group. If the
+    settings have different meshes, the shared model contains all meshes, and `geom_dataid` selects the mesh of each geom.
     """
 
     model: mujoco.MjModel
@@ -36,10 +36,10 @@ class Batched(OneLineRepr, FrozenStruct, eq=False):
 
 
 class Batches(OneLineRepr, FrozenStruct):
-    """The result for a list of settings.
+    """The groups into which a list of settings was divided.
 
-    `groups` contains groups of settings that share a model, and `refused` the refused settings by index. The groups are ordered by the
-    index of their first settings.
+    `groups` contains groups of settings that share a model, and `refused` maps indices to settings without a model. The groups are ordered
+    by the index of the first settings in each group.
     """
 
     groups: tuple[Batched, ...]
@@ -47,11 +47,11 @@ class Batches(OneLineRepr, FrozenStruct):
 
 
 def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], ModelSource] | None) -> Batches:
-    """Group the models of many settings, so that the settings of each group can share a model.
+    """Group the models of many settings, so that all settings of a group can share a model.
 
     The models of a group differ only in numbers that a simulation reads at every step (see `thingc.batch.shared_model`). If `source` is
-    given, they may also differ in meshes; they must then have the same elements, limits and contacts. `source` returns the XML and the
-    meshes of the model at an index. The same model object may occur several times in `models`.
+    given, the models of a group can also differ in meshes, but must have the same elements, limits and contacts. The callback `source`
+    returns the XML and the meshes of the model with a given index. `models` can contain the same model object several times.
     """
     groups: dict[bytes, _Group] = {}
     refused: dict[int, NoModel] = {}
@@ -89,7 +89,7 @@ class _Group:
         self.rows: dict[str, dict[int, Array]] = {}
 
     def value(self, model: mujoco.MjModel, name: str) -> Array:
-        """Return the value of a field of a model. For fields in `LEADING`, return only the rows that belong to bodies."""
+        """Return the value of a field of a MuJoCo model. For fields in `LEADING`, return only the rows that belong to bodies."""
         import numpy as np
 
         value = np.asarray(getattr(*owner_of(model, name)))
@@ -104,7 +104,7 @@ class _Group:
         self.indices.append(index)
 
     def stack(self, name: str) -> Array:
-        """Return the values of a field for all models of the group, as an array with shape (models, *shape of the field)."""
+        """Return the values of a field in all models of the group, as an array with shape (models, *shape of the field)."""
         import numpy as np
 
         first = self.first[name]
@@ -116,7 +116,7 @@ class _Group:
 
 
 def _stacked(groups: Sequence[_Group], model: mujoco.MjModel, more: Mapping[str, Array]) -> Batched:
-    """Combine the settings of several groups in one `Batched`. `more` contains additional fields."""
+    """Combine the settings of several groups in one `Batched` object. `more` contains arrays for additional fields."""
     import numpy as np
 
     first = groups[0]
@@ -132,7 +132,7 @@ def _stacked(groups: Sequence[_Group], model: mujoco.MjModel, more: Mapping[str,
 
 
 def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> Batched | None:
-    """Combine groups whose models have different meshes. Return None if the models cannot be merged."""
+    """Combine groups whose models have different meshes. Return None if the models of the groups cannot be merged."""
     import numpy as np
 
     together = united([source(group.indices[0]) for group in groups], [group.model for group in groups])
@@ -144,7 +144,7 @@ def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> B
 
 
 def _kind(model: mujoco.MjModel) -> bytes:
-    """Return a digest of all values of a model that must be equal within a group: sizes, names, and arrays that cannot be changed."""
+    """Return a digest of all values in which the models of a group must be equal: sizes, names, and arrays that cannot be changed."""
     digest = hashlib.sha256()
     for name in names(model):
         if name not in changeable_fields():

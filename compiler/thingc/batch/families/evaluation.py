@@ -36,21 +36,21 @@ Planned = tuple[NumericPlan["ResultsShape"], Sequence[float]]
 
 
 TOGETHER = 4096
-"""Maximum number of settings that are read ahead and computed together."""
+"""Maximum number of settings that are read ahead and evaluated together."""
 AHEAD = 32
-"""Number of settings whose parts are built at the same time."""
+"""Number of settings whose parts are built together."""
 FEW = 8
-"""Smallest number of settings that are computed together, as columns."""
+"""Minimum number of settings that are evaluated together, with one array for each number."""
 
 
 class Evaluation:
     """Computes the results of a robot for many settings, in one mode.
 
-    `sites` contains references to mounts whose positions are also results. If `torques` is False, the torque margin is not computed. With
-    `tests`, which are names of document tests, the values that these tests measure are computed instead of all other results.
+    `sites` contains references to mounts whose positions are additional results. If `torques` is False, the torque margin is not computed.
+    `tests` contains names of document tests. If given, only the values that these tests measure are computed.
 
-    The pose, the mounts of the reach and the rules are taken from the variants document `plan`, if any. `verify` has the same meaning as in
-    `ModelsOfMode`.
+    The variants document `plan`, if any, specifies the pose, the mounts for the result `reach`, and the rules. `verify` has the same
+    meaning as in the class `ModelsOfMode`.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Evaluation:
         self.forms: PlanCaches[ResultsShape] = PlanCaches(is_refused=refusals.applies)
 
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
-        """Yield the results of each set of settings, in order. With `tests`, the tests of the document are also run."""
+        """Yield the results of each set of settings, in order. With `tests`, also run the tests of the document."""
         source = iter(many)
         while chunk := list(islice(source, 1 if tests else TOGETHER)):
             ready: dict[int, Planned] = {}
@@ -95,9 +95,9 @@ class Evaluation:
                     yield self._judged(settings, read, plan.made.of(outputs), plan.made.problems)
 
     def confirms(self, plan: NumericPlan[ResultsShape], outputs: Sequence[float], read: ParsedSettings) -> bool:
-        """Compile settings, and return whether the compilation gives the same results as the plan.
+        """Compile the settings, and return whether the compilation gives the same results as the plan.
 
-        If not, stop using plans for such settings.
+        If the results differ, stop using plans for such settings.
         """
         if self._measured(read) == (plan.made.of(outputs), plan.made.problems):
             return True
@@ -105,7 +105,10 @@ class Evaluation:
         return False
 
     def _together(self, plan: NumericPlan[ResultsShape], chunk: Sequence[Item], place: int, ready: Collection[int]) -> dict[int, Planned]:
-        """Run a plan for all settings after the index `place` that differ only in numbers. Return the outputs of the plan by index."""
+        """Run a plan for all settings after the index `place` that differ from the current settings only in numbers.
+
+        Return a mapping from the index of the settings to the outputs of the plan.
+        """
         form = (chunk[place][1].names, chunk[place][1].texts)
         alike = [
             other for other in range(place + 1, len(chunk))
@@ -125,9 +128,9 @@ class Evaluation:
     ) -> tuple[Floats, Booleans, tuple[Diagnostic, ...]] | None:
         """Compute the results of many settings at once with a plan. Each row of `rows` contains values of the numbers `names`.
 
-        Return the outputs of the plan, a flag for each row that is True if the plan applies to it, and the diagnostics that all rows have
-        in common. Return None if no plan exists. `item` converts a row to settings. `restricted` returns a plan that computes only the
-        required outputs.
+        Return the outputs of the plan, a flag for each row that is True if the plan applies, and the diagnostics that all rows have in
+        common. Return None if no plan exists for these settings. The callback `item` converts a row to settings. The callback `restricted`
+        returns a plan that computes only the required outputs.
         """
         if len(rows) < FEW or self.rules:
             return None
@@ -147,9 +150,9 @@ class Evaluation:
         return outputs, applies, plan.made.problems
 
     def plan_at(self, read: ParsedSettings) -> tuple[NumericPlan[ResultsShape] | None, str]:
-        """Return the plan that applies to the given settings. It is created if necessary.
+        """Return the plan that applies to the given settings. If no plan exists, create a plan.
 
-        If this is impossible, return None and the reason.
+        If no plan can be created, return None and the reason.
         """
         form = self.forms.of(read)
         known = form.plan_for(read)
@@ -160,7 +163,10 @@ class Evaluation:
         return (None if known is None else known[0]), "; ".join(f"`{name}`: {why}" for name, why in form.why.items()) or form.refused or ""
 
     def _plan(self, read: ParsedSettings, form: PlanCache[ResultsShape]) -> NumericPlan[ResultsShape] | None:
-        """Create a plan that gives the same results as compilations. If this is impossible, store the reason in `form` and return None."""
+        """Create a plan that gives the same results as a compilation.
+
+        If no plan can be created, store the reason in `form` and return None.
+        """
         first = self._measured(read)
         if not first[0]:
             return None
@@ -194,9 +200,9 @@ class Evaluation:
         return results, tuple(report.ordered())
 
     def _compiled(self, read: ParsedSettings) -> tuple[Results, Report, Compilation | None]:
-        """Compile the document with the given settings. Return the results, the report, and the compilation.
+        """Compile the document with the given settings. Return a tuple of the results, the report, and the compilation.
 
-        For refused settings, the results are empty. After errors, the compilation is None.
+        If the settings are refused, the results are empty. If there are errors, the compilation is None.
         """
         if read.report is not None:
             return {}, read.report, None
@@ -240,7 +246,10 @@ class Evaluation:
         return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
 
     def _broken(self, read: ParsedSettings, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
-        """Return the first rule that the results violate, or None. Also return the errors of rules that cannot be evaluated."""
+        """Return the first rule that the results violate, or None if all rules are satisfied.
+
+        Also return the errors of rules that cannot be evaluated.
+        """
         has_texts = any(name in self.reader.parameters for name, _ in read.texts)  # not only numbers: flags, texts or expressions
         given: Mapping[str, ExpressionValue] = self.reader.values(read) if has_texts else self.reader.quantities(read)
         undecided: list[Diagnostic] = []
@@ -252,9 +261,9 @@ class Evaluation:
 
 
 class ResultsShape(TracedResults):
-    """The names of the results that one plan computes, with the values that do not depend on numbers.
+    """The names of the results that one plan computes, and the values of results that do not depend on numbers.
 
-    `problems` contains the diagnostics that all results have in common.
+    `problems` contains the diagnostics that are the same for all numbers.
     """
 
     def __init__(self, results: Mapping[str, Any], problems: tuple[Diagnostic, ...]) -> None:

@@ -1,4 +1,4 @@
-"""The function `thingc.family(document)` and its result, a `RobotFamily`."""
+"""The function `thingc.family(document)`, and the class `RobotFamily` that this function returns."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ if TYPE_CHECKING:
 class ModeNames(tuple[str, ...]):
     """The names of all modes of a family of robots.
 
-    Call this object with settings to get the robot's `thingc.modes.Modes`, which switch between modes at run time. The names of the
-    required modes are further arguments (default: all modes). For refused settings, the call returns `NoModel`, which is false in a boolean
-    context. Raises `UnknownChoice` for an unknown mode.
+    Call this object with settings to get a `thingc.modes.Modes`, which switches the robot between modes at run time. Further arguments
+    select modes by name (default: all modes). For refused settings, the call returns `NoModel`, which is false in a boolean context. Raises
+    `UnknownChoice` for an unknown mode.
     """
 
     of: Callable[[Mapping[str, Any] | Variant, Sequence[str]], Modes | NoModel]
@@ -65,14 +65,16 @@ class ModeNames(tuple[str, ...]):
 class RobotFamily:
     """A family of robots: an assembly or variants document that is compiled in memory for many settings.
 
-    Settings map names of parameters, or paths in the document such as `joints.elbow.limit.upper` or `joints.*.dynamics.damping`, to values.
-    A value is a number in SI units, or a string as in documents. A `Variant` of a plan is also accepted. Settings are checked as for
-    `thingc build -p`, and errors are part of the results. The documents are read once; later changes have no effect.
+    Settings are a mapping from names of parameters, or from paths in the document such as `joints.elbow.limit.upper` or
+    `joints.*.dynamics.damping`, to values. A value is a number in SI units, or a string as in documents. Methods also accept a `Variant` of
+    a plan as settings. Settings are checked as for `thingc build -p`, and errors in settings are part of the results. The documents are
+    read once, so later changes of the documents have no effect.
 
-    Most models and results are computed without a compilation. Some of them are compared with a compilation. If `verify` is a number n,
-    these are the first one, and then one in n (0: none). If `verify` is None, these are the first, second, fourth, eighth and so on.
+    Most models and results are computed without a compilation. Some of these models and results are compared with a compilation. If
+    `verify` is a number n, the first model or result is compared, and then one in n (0: none). If `verify` is None, the first, second,
+    fourth, eighth and so on are compared.
 
-    This class is not thread-safe. After a fork, or when the object is pickled, each process has its own family. On exit, the context
+    This class is not thread-safe. After a fork, or after unpickling, each process has its own copy of the family. On exit, the context
     manager ends the worker process that builds parts. All methods that build parts or read their meshes raise `StoreUnusable` if the store
     cannot be used, or if files are missing.
     """
@@ -81,10 +83,10 @@ class RobotFamily:
         self, document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None,
         verify: int | None = None, compat: Iterable[str] | str | None = None, options: Options | None = None,
     ) -> None:
-        """Open a document as a family. `options` replace `store`, `jobs` and `compat`.
+        """Open a document as a family. `options` replaces `store`, `jobs` and `compat`.
 
         Raises `CompileError` for a document with errors, `UnknownChoice` for an unknown mode or program, and `FamilyError` if `jobs` or
-        `verify` is not an integer of at least 0.
+        `verify` is negative or not an integer.
         """
         at_least(0, jobs=jobs)
         if verify is not None and not is_whole(verify, 0):
@@ -126,7 +128,7 @@ class RobotFamily:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Support copying and pickling. A copy reads the documents again."""
+        """Support copying and pickling of the family. A copied family reads the documents again."""
         return self._again, ()
 
     def close(self) -> None:
@@ -145,9 +147,9 @@ class RobotFamily:
     def evaluate(self, settings: Any, *, tests: bool = False) -> Evaluated | list[Evaluated]:
         """Compute the results of the robot for one set of settings. For a list of settings, return a list of results.
 
-        The variants document specifies the mode and the pose. For an assembly document, the mode is the mode of the family, and the pose is
-        the pose of this mode. With `tests`, the tests of the assembly document are also run. Errors in settings are not raised, but are
-        part of the results.
+        The variants document specifies the mode and the pose. For an assembly document, use the mode of the family, and the pose of this
+        mode. With `tests`, also run the tests of the assembly document. Errors in settings do not raise exceptions, but are part of the
+        results.
         """
         found = list(self._evaluation_of(self.mode).each(map(self._read, as_many(settings)), tests=tests))
         return found[0] if is_single(settings) else found
@@ -155,10 +157,11 @@ class RobotFamily:
     def model(
         self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True, floor: bool = False,
     ) -> mujoco.MjModel | NoModel:
-        """Return a new MuJoCo model of the robot with the given settings. For refused settings, return `NoModel`, which is false.
+        """Return a new MuJoCo model of the robot with the given settings.
 
-        `mode` is the name of the mode. Without `visual`, visual geometry is omitted. With `floor`, the model includes the floor of its
-        scene. Raises `UnknownChoice` for an unknown mode.
+        For refused settings, return a `NoModel`, which is false in a boolean context. `mode` is the name of the mode of the model. Without
+        `visual`, the model does not contain visual geometry. With `floor`, the model includes the floor of its scene. Raises
+        `UnknownChoice` for an unknown mode.
         """
         return next(self._of(mode, visual, floor).each([self._read(settings)], share=False))
 
@@ -168,19 +171,19 @@ class RobotFamily:
     ) -> Iterator[mujoco.MjModel | NoModel]:
         """Yield the MuJoCo models of the robot for many settings, in order. At most 128 settings are read ahead.
 
-        With `share`, several yielded models can be the same object. A model is then valid until the next model is requested. An `MjData` of
-        the model stays valid as long as the model is the same object. If the caller changes a shared model, the change may persist in the
-        next model. For refused settings, a `NoModel` is yielded. Raises `UnknownChoice` for an unknown mode.
+        With `share`, several yielded models can be the same object. With `share`, a model is valid only until the next model is requested.
+        An `MjData` remains valid as long as the yielded model is the same object. If the caller changes a shared model, the change may
+        persist in the next model. For refused settings, the iterator yields a `NoModel`. Raises `UnknownChoice` for an unknown mode.
         """
         return self._of(mode, visual, floor).each(map(self._read, as_many(many)), share=share)
 
     def batched(
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, union: bool = True, floor: bool = False,
     ) -> Batches:
-        """Convert many settings to a few MuJoCo models without visual geometry, and to arrays with the differences between settings.
+        """Convert many settings to a few MuJoCo models without visual geometry, and to arrays with the values that differ between settings.
 
-        With `union`, settings with different geometry can share a model, which then contains the meshes of all these settings. With
-        `floor`, models include the floor of their scenes. Raises `UnknownChoice` for an unknown mode.
+        With `union`, settings with different geometry can share a model, which contains the meshes of all these settings. With `floor`,
+        models include the floor of their scenes. Raises `UnknownChoice` for an unknown mode.
         """
         models, read = self._of(mode, False, floor), [self._read(one) for one in as_many(many)]
         models.take_back()
@@ -189,13 +192,13 @@ class RobotFamily:
     def write(
         self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str], *, emit: Sequence[str] | str = (),
     ) -> tuple[Diagnostic, ...]:
-        """Write the build of these settings into `folder`, with the same bytes as `thingc build`, and return the diagnostics.
+        """Write a build for these settings into `folder`, with the same bytes as `thingc build`, and return the diagnostics.
 
-        If there are errors, nothing is written. `emit` contains the names of the targets, or is a string as for `--emit`. By default, the
-        targets of the variants document are written, else the default targets of a build. All targets except `hag`, `glb` and `html` can be
-        computed without a compilation. MuJoCo does not check the computed models, unless they are compared with a compilation. Raises
-        `UnknownChoice` for an unknown target, `OutputError` for an error of the operating system, and `UnexpectedFilesError` if the folder
-        contains other files.
+        If the settings have errors, the method does not write any files. `emit` contains the names of the targets, or is a string as for
+        the option `--emit`. By default, write the targets of the variants document, or else the default targets of a build. The files of
+        all targets except `hag`, `glb` and `html` can be computed without a compilation. MuJoCo does not check computed models, unless they
+        are compared with a compilation. Raises `UnknownChoice` for an unknown target, `OutputError` for an error of the operating system,
+        and `UnexpectedFilesError` if the folder contains other files.
         """
         from thingc.driver.output import OutputError, write_build
         from thingc.geometry.store.local import BlobMissing
@@ -220,7 +223,7 @@ class RobotFamily:
         return problems
 
     def _switching(self, settings: Mapping[str, Any] | Variant, modes: Sequence[str]) -> Modes | NoModel:
-        """Return the modes of the robot with the given settings, which switch between modes at run time."""
+        """Return a `Modes` object for the robot with the given settings, which switches between modes at run time."""
         from thingc.modes import Modes
 
         given, read = self._read(settings)
@@ -236,10 +239,10 @@ class RobotFamily:
         return Modes.parse(described) if isinstance(described, bytes) else NoModel(settings=given, problems=problems)
 
     def adopt(self, settings: Mapping[str, Any] | Variant) -> tuple[Diagnostic, ...]:
-        """Write settings into the assembly document, as `thingc set` does, and return the diagnostics.
+        """Write settings into the assembly document, as the command `thingc set` does, and return the diagnostics.
 
-        Comments and layout of the document are preserved, and values are written in its units. If there are errors, nothing is written.
-        This family is not changed. Raises `OSError` if the document cannot be read.
+        The document keeps its comments and layout, and values are written in the units of the document. If the settings have errors, the
+        method does not change the document. This `RobotFamily` object does not change. Raises `OSError` if the document cannot be read.
         """
         from thingc.driver.edit_document import write_values
 
@@ -257,12 +260,12 @@ class RobotFamily:
     ) -> FamilyFunction:
         """Return a differentiable function that maps numbers in the document to results of the robot.
 
-        `names` contains names of parameters, or paths in the document. `outputs` contains names of results of `evaluate`, groups of results
-        (`centre`, `inertia`, `box`), or positions of mounts in the world (`site:hook`, `site:hook.z`). Alternatively, all outputs are
-        values that document tests measure, such as `tests.weight`. `at` contains additional fixed settings. The rules of a variants
-        document do not apply.
+        `names` contains names of parameters, or paths in the document. `outputs` contains names of results of `evaluate`, names of groups
+        of results (`centre`, `inertia`, `box`), or positions of mounts in the world (`site:hook`, `site:hook.z`). Alternatively, `outputs`
+        contains only values that document tests measure, such as `tests.weight`. `at` contains additional settings, which are fixed. The
+        function does not apply the rules of a variants document.
 
-        Raises `FamilyError` for a name that does not belong to a number and for an unknown result, and `UnknownChoice` for an unknown mode.
+        Raises `FamilyError` for an unknown result or for a name that does not belong to a number, and `UnknownChoice` for an unknown mode.
         """
         from thingc.batch.families.function import FamilyFunction
 
@@ -279,11 +282,12 @@ class RobotFamily:
         self, outputs: Sequence[str] | str = ("mass", "centre"), names: Sequence[str] | str = (), *, mode: str | None = None,
         at: Mapping[str, Any] | None = None,
     ) -> list[Sensitivity]:
-        """Compute the derivative of each output by each number in `names`. By default, these are all numeric parameters of the document.
+        """Compute the derivative of each output by each number in `names`.
 
-        `names` contains names of parameters, or paths in the document. `outputs` is as for `function`, and can also contain patterns such
-        as `tests.*`. `at` contains further settings, and can contain values of the numbers themselves. Raises the same errors as
-        `function`, and `FamilyError` for settings without results.
+        By default, `names` contains all numeric parameters of the document. `names` contains names of parameters, or paths in the document.
+        `outputs` has the same meaning as in `function`, and can also contain patterns such as `tests.*`. `at` contains further settings,
+        and can also contain values of the numbers in `names`. Raises the same errors as `function`, and `FamilyError` for settings without
+        results.
         """
         from thingc.batch.families.sensitivity import results_by_function, sensitivities
 
@@ -311,10 +315,10 @@ class RobotFamily:
     ) -> FamilyMjx:
         """Return a pure function that maps numbers in the document to models of MJX (MuJoCo in JAX).
 
-        `names` contains names of parameters, or paths in the document. `at` contains additional fixed settings. With `floor`, models
-        include the floor of their scenes. Raises `FamilyError` for a name that does not belong to a number, and for features that MJX does
-        not support. With `dtype="float64"`, also raises `FamilyError` if JAX does not use 64-bit numbers. Raises `UnknownChoice` for an
-        unknown mode.
+        `names` contains names of parameters, or paths in the document. `at` contains additional settings, which are fixed. With `floor`,
+        models include the floor of their scenes. Raises `FamilyError` for a name that does not belong to a number, and for features that
+        MJX does not support. With `dtype="float64"`, also raises `FamilyError` if JAX does not use 64-bit numbers. Raises `UnknownChoice`
+        for an unknown mode.
         """
         from thingc.batch.families.mjx_family import FamilyMjx
 
@@ -328,10 +332,10 @@ class RobotFamily:
         return of_parameters(self._spec, self._reader.parameters, self._bound)
 
     def numbers(self, settings: Mapping[str, Any] | Variant) -> dict[str, float]:
-        """Return the values of all numeric settings [SI] and flags (0 or 1) by name.
+        """Return a mapping from the names of all numeric settings and flags to their values [SI]. Flags are 0 or 1.
 
-        The result includes fixed values of the family, and values that are computed from the settings. Values that equal the values in the
-        documents are omitted.
+        The mapping includes fixed values of the family, and values that are computed from the settings. Settings that equal the values in
+        the documents are omitted.
         """
         _, read = self._read(settings)
         values, own = self._reader.values(read), self._reader.parameters
@@ -344,14 +348,14 @@ class RobotFamily:
 
     @property
     def variants(self) -> Iterator[Variant]:
-        """An iterator over the variants of the variants document, in order. It is empty for an assembly document."""
+        """An iterator over the variants of the variants document, in order. The iterator is empty for an assembly document."""
         return iter(self._plan or ())
 
     def explain(self, name: str, value: Any = None, *, mode: str | None = None) -> Explanation | NoModel:
         """Explain how the MuJoCo models of a mode depend on one number in the document, and how fast new models are computed.
 
-        `name` is the name of a parameter, or a path. The number is set to `value` (None: the value in the document) and to nearby values.
-        Returns `NoModel` if the number cannot be set to `value`.
+        `name` is the name of a parameter, or a path in the document. The number is set to `value` and to nearby values. For None, use the
+        value in the document. Returns `NoModel` if the number cannot be set to `value`.
         """
         models = self._of(mode, False)
         settings: dict[str, Any] = {one: self._stated(one) if value is None else value for one in self._reader.meant(str(name))}
@@ -375,7 +379,7 @@ class RobotFamily:
         return settings if isinstance(settings, Mapping) else {}, self._reader.read(settings)
 
     def _stated(self, name: str) -> Any:
-        """Return the value of a number in the document [SI], or an empty string if the document does not contain a value."""
+        """Return the value of a number in the document [SI], or an empty string if the document does not contain the number."""
         kind = self._reader.kind(name)
         return kind.value if isinstance(kind, Quantity) else "" if kind is None else kind
 
@@ -408,7 +412,7 @@ class RobotFamily:
     def _check_tests(self, names: Sequence[str], *, alone: bool) -> None:
         """Raise `FamilyError` if a name refers to a test whose result is not differentiable.
 
-        Unless `alone` is True, also raise it for any test.
+        Unless `alone` is True, also raise `FamilyError` for any other test.
         """
         for name in names:
             if name not in self._spec.tests:
@@ -442,7 +446,10 @@ class RobotFamily:
         return self._plan.written_in if self._plan is not None else {}
 
     def _written(self, names: Iterable[str]) -> dict[str, ScalarNode]:
-        """Return the nodes of the document that contain the given numbers, by name. Expressions and missing values are omitted."""
+        """Return a mapping from the names of numbers to the nodes of the document that contain these numbers.
+
+        Numbers that are missing or given by an expression are omitted.
+        """
         from thingc.driver.edit_document import keys_of
 
         root = self._sources.documents.root
@@ -462,7 +469,7 @@ class RobotFamily:
 
 
 def _planned(path: str, options: Options) -> Plan | None:
-    """Return the plan of variants if the document is a variants document, otherwise None. Raises `CompileError` for errors."""
+    """Return the plan of a variants document, or None for an assembly document. Raises `CompileError` if the document has errors."""
     from thingc.batch.variants_document import read_plan
     from thingc.documents.load.documents import load
     from thingc.documents.workspace import Workspace
@@ -478,12 +485,12 @@ def _planned(path: str, options: Options) -> Plan | None:
 
 
 def is_single(settings: Any) -> bool:
-    """Return whether an argument is a single set of settings. Also return True for a value that is not a list of settings."""
+    """Return True if an argument is a single set of settings. Also return True for any other value that is not a list of settings."""
     return isinstance(settings, (Mapping, str, bytes)) or not isinstance(settings, Iterable)
 
 
 def as_many(settings: Any) -> Iterable[Any]:
-    """Convert an argument, which is a single set of settings or an iterable of sets of settings, to an iterable of sets of settings."""
+    """Convert an argument to an iterable of settings. The argument is a single set of settings or an iterable of such sets."""
     return [settings] if is_single(settings) else settings
 
 
@@ -495,10 +502,10 @@ def family(
     document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None, verify: int | None = None,
     compat: Iterable[str] | str | None = None,
 ) -> RobotFamily:
-    """Open an assembly or variants document as a family of robots in memory. The result is a `RobotFamily`.
+    """Open an assembly or variants document as a family of robots in memory, and return a `RobotFamily`.
 
     Args:
-        store: The folder of cached parts (None: the user's cache).
+        store: The folder of the part cache (None: the user's cache).
         jobs: Number of parts to build in parallel.
         mode: The default mode (None: the first).
         verify: Controls how often a result is compared with a compilation.

@@ -27,22 +27,24 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 STEPS = (4e-3, 2.5e-4, 1.5e-5)
-"""Distances of two settings from which a derivative is estimated, relative to the number. A smaller one is used if a result is not `FINE`,
-for example because one layer more is printed at one of the settings.
+"""Relative distances of two settings from which a derivative is estimated, as fractions of the number.
+
+If the estimate is less accurate than `FINE`, for example because one setting has an additional printed layer, a smaller distance is used.
 """
 FINE = 1e-4
-"""Relative error of an estimate that needs no smaller steps."""
+"""Relative error below which an estimated derivative needs no smaller distance."""
 
 
 class NotDifferentiable(FamilyError):
-    """Raised if a result does not have a derivative at the given settings. The message contains the result and the reason."""
+    """Raised if a result does not have a derivative at the given settings. The message contains the name of the result and the reason."""
 
 
 class FamilyValues(np.ndarray[Any, np.dtype[np.float64]]):
-    """The results of a `FamilyFunction` in SI units, as an array with shape `(m,)` or `(k, m)`. Missing results are NaN.
+    """The results of a `FamilyFunction` in SI units, as an array with shape `(m,)` or `(k, m)`. Missing results have the value NaN.
 
-    `ok` is True for settings without errors that have all results. It is a boolean, or an array with shape `(k,)`. `problems` contains the
-    diagnostics of every set of settings. Arrays that are computed from this array do not have these attributes.
+    `ok` is True for settings without errors for which all results exist. For several sets of settings, `ok` is an array with shape `(k,)`,
+    otherwise a boolean. `problems` contains the diagnostics for each set of settings. Arrays that numpy computes from this array do not
+    have these attributes.
     """
 
     ok: bool | npt.NDArray[np.bool_] | None
@@ -55,8 +57,9 @@ class FamilyValues(np.ndarray[Any, np.dtype[np.float64]]):
 class FamilyJacobian(np.ndarray[Any, np.dtype[np.float64]]):
     """The derivatives of m results by n numbers in SI units, as an array with shape `(m, n)`.
 
-    `error` is an array with the same shape. It is 0 for exact derivatives, whose rounding error is about 1e-15. For a derivative that is
-    computed by finite differences, it is an estimate of the error. Arrays that are computed from this array have the error None.
+    `error` is an array with the shape of the derivatives. The error is 0 for exact derivatives, whose rounding error is about 1e-15. For
+    derivatives that are computed by finite differences, `error` contains estimates of the error. Arrays that numpy computes from this array
+    have the error None.
     """
 
     error: Floats | None
@@ -67,10 +70,10 @@ class FamilyJacobian(np.ndarray[Any, np.dtype[np.float64]]):
 
 @dataclass(frozen=True)
 class RestrictedPlan:
-    """A plan that computes only the outputs of a function.
+    """A plan that computes only those outputs that a `FamilyFunction` needs.
 
-    `traced` maps the index of each name on which no part depends to the index of its variable in the plan. `modelled` is the same for names
-    on which parts depend.
+    For names on which no part depends, `traced` maps the index of the name to the index of its variable in the plan. For names on which
+    parts depend, `modelled` contains the same mapping.
     """
 
     plan: NumericPlan[ResultsShape]
@@ -82,7 +85,7 @@ class RestrictedPlan:
     def derivatives(self) -> DerivativeFunction:
         """A function that computes the outputs and their derivatives by the names in `traced`.
 
-        Its arguments are all variables of the plan.
+        The arguments of this function are all variables of the plan.
         """
         return derivative_function(self.restricted.program, list(self.traced.values()))
 
@@ -90,7 +93,8 @@ class RestrictedPlan:
     def through_parts(self) -> Mapping[int, DerivativeFunction]:
         """For each name in `modelled`, a function that computes the derivatives of the outputs by this name.
 
-        Its arguments are all variables of the plan, the derivatives of the numbers of parts by the name, and the value of the name.
+        The arguments of such a function are all variables of the plan, the derivatives of the numbers of parts by the name, and the value
+        of the name.
         """
         program, first = self.restricted.program, len(self.plan.free)
         numbers = program.variables[first:]
@@ -101,10 +105,10 @@ class RestrictedPlan:
 
 
 class FamilyFunction:
-    """A function that maps values of the numbers `names` to the results `outputs`, in one mode. All values are in SI units.
+    """A function from values of the numbers `names` to the results `outputs`, in one mode. All values are in SI units.
 
-    All other settings are fixed. `start` `(n,)` contains the values in the document. `bounds` `(n, 2)` contains the lower and upper bounds
-    of parameters, which are infinite if the document does not specify them.
+    All other settings have fixed values. `start` `(n,)` contains the values of the numbers in the document. `bounds` `(n, 2)` contains the
+    lower and upper bounds of parameters. Bounds that the document does not specify are infinite.
     """
 
     def __init__(
@@ -130,7 +134,7 @@ class FamilyFunction:
         self._plans: dict[int, RestrictedPlan] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Support copying and pickling. A copy opens the document again."""
+        """Support copying and pickling of the function. A copied function opens the document again."""
         return self._again, ()
 
     def __repr__(self) -> str:
@@ -139,8 +143,8 @@ class FamilyFunction:
     def value(self, x: npt.ArrayLike) -> FamilyValues:
         """Compute the outputs for given values of the numbers.
 
-        An array with shape `(n,)` gives `(m,)`, and an array `(k, n)` gives `(k, m)`. The results equal the results of
-        `RobotFamily.evaluate` bit by bit. Raises `FamilyError` for an array of another shape.
+        For an array with shape `(n,)`, return an array `(m,)`. For an array with shape `(k, n)`, return an array `(k, m)`. The results
+        equal the results of `RobotFamily.evaluate` bit by bit. Raises `FamilyError` if `x` has another shape.
         """
         rows, single = self._rows(x)
         made, ok = np.full((len(rows), len(self.outputs)), np.nan), np.zeros(len(rows), dtype=np.bool_)
@@ -163,9 +167,9 @@ class FamilyFunction:
     def jacobian(self, x: npt.ArrayLike) -> FamilyJacobian:
         """Compute the derivatives of the outputs by the numbers as an array `(m, n)`, at the values `x` `(n,)`.
 
-        Derivatives are exact, unless a part, a decision of the compiler or a search depends on a number. In this case, they are estimated
-        from nearby settings, and their `error` is greater than 0. Raises `NotDifferentiable` if a derivative does not exist, and
-        `FamilyError` for an array of another shape or refused settings.
+        Derivatives are exact, unless a part, a decision of the compiler or a search depends on a number. Derivatives that are not exact are
+        estimated from nearby settings, and their `error` is greater than 0. Raises `NotDifferentiable` if a derivative does not exist, and
+        `FamilyError` if `x` has another shape or the settings are refused.
         """
         rows, single = self._rows(x)
         if not single:
@@ -192,9 +196,9 @@ class FamilyFunction:
         return jacobian
 
     def jax(self, *, dtype: str = "float64") -> JaxFunction:
-        """Return a pure JAX function that maps values `(n,)` of the numbers to `(outputs (m,), ok)`.
+        """Return a pure JAX function that maps values `(n,)` of the numbers to a tuple of outputs `(m,)` and a flag `ok`.
 
-        The JAX function makes the same decisions as the compiler makes for `start`. For settings that are refused, or that require other
+        The JAX function makes the same decisions as the compiler for the values `start`. If settings are refused or require other
         decisions, `ok` is False and the outputs are undefined. Raises `FamilyError` if JAX does not support an operation, or if a part or a
         decision depends on one of the numbers. With `dtype="float64"`, also raises `FamilyError` if JAX does not use 64-bit numbers.
         """
@@ -212,7 +216,7 @@ class FamilyFunction:
     # --- implementation -------------------------------------------------------------------------------------------------
 
     def _require(self, row: Floats) -> None:
-        """Raise `FamilyError` if the settings with these values are refused, or if one of the outputs is missing."""
+        """Raise `FamilyError` if settings with these values are refused, or if one of the outputs is missing."""
         values = self.value(row)
         if not values.ok:
             missing = "; ".join(f"there is no `{name}`" for name, value in zip(self.outputs, values, strict=True) if np.isnan(value))
@@ -238,7 +242,7 @@ class FamilyFunction:
     def _derivatives_at(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
         """Return the indices of the numbers whose derivatives a plan computes exactly, and these derivatives.
 
-        A plan is created if necessary. Return None if no plan applies to the settings.
+        If no plan exists, create a plan. Return None if no plan applies to the settings.
         """
         found = self._exact(read)
         if found is None and read.report is None:
@@ -251,7 +255,7 @@ class FamilyFunction:
     def _exact(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
         """Return the indices of the numbers whose derivatives an existing plan computes exactly, and these derivatives.
 
-        Return None without a plan.
+        Return None if no plan exists.
         """
         for one, given in self._known(read):
             try:
@@ -267,7 +271,7 @@ class FamilyFunction:
         return None
 
     def _known(self, read: ParsedSettings) -> Iterator[tuple[RestrictedPlan, tuple[float, ...]]]:
-        """Yield each existing plan that may apply to the given settings, together with its variables."""
+        """Yield each existing plan that may apply to the given settings, together with the values of its variables."""
         known = self._evaluation.forms.of(read).plans if read.report is None else ()
         for one in self._plans.values():
             if any(one.plan is other for other in known) and (given := one.plan.given(read.values)) is not None:
@@ -276,9 +280,9 @@ class FamilyFunction:
     def _beside(self, x: Floats, place: int, own: Floats) -> tuple[Floats, Floats]:
         """Return the derivatives of all outputs by one number, and their errors, if the compiler compares equal numbers at `x`.
 
-        The results may be computed by other operations for greater and for smaller values. The derivatives on both sides of `x` must
-        therefore agree with each other, and with the change of the results. If only one side is valid, as at a bound, the derivative `own`
-        at `x` is returned. Raises `NotDifferentiable` if the derivatives do not agree.
+        For greater and for smaller values of the number, the compiler may compute the results by different operations. The derivatives on
+        both sides of `x` must therefore agree with each other, and with the change of the results. If only the values on one side are
+        valid, as at a bound, return the derivative `own` at `x`. Raises `NotDifferentiable` if the derivatives on both sides differ.
         """
         low, high = self.bounds[place]
         scale = abs(x[place]) or min(high - low, 1.0)
@@ -310,7 +314,7 @@ class FamilyFunction:
     def _estimated(self, x: Floats, place: int) -> tuple[Floats, Floats]:
         """Estimate the derivatives of all outputs by one number from the results at five nearby settings.
 
-        Return the derivatives and their errors.
+        Return arrays with the derivatives and with their errors.
         """
         low, high = self.bounds[place]
         width = high - low if np.isfinite(low) and np.isfinite(high) else np.inf
@@ -328,7 +332,7 @@ class FamilyFunction:
         return best, error
 
     def _stencil(self, x: Floats, place: int, step: float) -> tuple[Floats, Floats]:
-        """Return five settings within the bounds, one of which is `x`, and the weights `(4, 5)` of their results in derivatives."""
+        """Return five settings within the bounds, including `x`, and weights `(4, 5)` that combine their results to derivatives."""
         low, high = self.bounds[place]
         nodes = min(max(x[place], low + 2.0 * step), high - 2.0 * step) + step * np.arange(-2.0, 3.0)
         nodes[np.argmin(np.abs(nodes - x[place]))] = x[place]
@@ -337,10 +341,10 @@ class FamilyFunction:
         return points, _weights(nodes - x[place])
 
     def _through_parts(self, x: Floats, place: int, step: float) -> Floats | None:
-        """Return estimates `(5, m)` of the derivatives of all outputs by a number on which parts depend, or None if this is impossible.
+        """Return estimates `(5, m)` of the derivatives of all outputs by a number on which parts depend, or None.
 
-        Only the numbers of the parts are estimated from nearby settings. The chain rule then gives the derivatives of the results. There is
-        one row for each row of weights, and one with the noise of the numbers.
+        Only the derivatives of the numbers of parts are estimated, from nearby settings. The chain rule then gives the derivatives of the
+        outputs. The result has one row for each row of weights, and one row for the noise of the numbers.
         """
         low, high = self.bounds[place]
         for offset in (0.0, SPECIAL * step, -SPECIAL * step) if any(place in one.modelled for one in self._plans.values()) else ():
@@ -369,9 +373,9 @@ class FamilyFunction:
         return None
 
     def _sound(self, points: Floats, place: int) -> Floats:
-        """Return the results at several settings near each other.
+        """Return the results for several settings that are close to each other.
 
-        Raises `NotDifferentiable` if one of these settings does not have results.
+        Raises `NotDifferentiable` if results are missing for one of these settings.
         """
         values = self.value(points)
         if not np.all(values.ok):
@@ -383,7 +387,7 @@ class FamilyFunction:
         return np.asarray(values)
 
     def _rows(self, x: npt.ArrayLike) -> tuple[Floats, bool]:
-        """Convert values of the numbers to an array with one row per set of settings. Also return whether there is only a single row."""
+        """Convert values of the numbers to an array with one row per set of settings. Also return True if the values are a single row."""
         try:
             rows = np.array(x, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
@@ -398,7 +402,7 @@ class FamilyFunction:
         return settings, self._reader.read(settings)
 
     def _number(self, name: str) -> Quantity:
-        """Return the value of a number in the document. Raises `FamilyError` if the value in the document is not a number."""
+        """Return the value of a number in the document. Raises `FamilyError` if the document does not contain a number with this name."""
         if not isinstance(name, str) or "*" in name:
             raise FamilyError(f"expected the name of one number, found `{name}`", "write the names one by one")
         kind = self._reader.kind(name)
@@ -416,9 +420,9 @@ class FamilyFunction:
         raise FamilyError(f"the document has no value for `{name}`", "give it one in the document")
 
     def _expanded(self, outputs: Sequence[str]) -> tuple[str, ...]:
-        """Replace groups of results by the names of their results: `centre` by `centre.x`, `centre.y` and `centre.z`.
+        """Replace names of groups of results by the names of single results.
 
-        Raises `FamilyError` for an unknown result.
+        For example, replace `centre` by `centre.x`, `centre.y` and `centre.z`. Raises `FamilyError` for an unknown result.
         """
         settings, read = self._item(self.start)
         results = next(self._evaluation.each([(settings, read)], tests=False))
@@ -443,22 +447,24 @@ def _errors(problems: Sequence[Diagnostic]) -> str:
 
 
 BESIDE = 1e-6
-"""Relative distance of the values on both sides of a special value of a number."""
+"""Relative distance of the two values that are tested on both sides of a special value of a number."""
 SAME = 1e-3
 """Relative difference up to which the derivatives on both sides of a special value are treated as equal."""
 SPECIAL = 1e-6
-"""Distance from a number that may be special, such as the default of a part, relative to the step."""
+"""Distance of settings from a number that may be special, such as the default of a part, as a fraction of the step."""
 NOISE = 1e-9
-"""Relative noise of what is measured of a part: slicing rounds to 1e-8 mm."""
+"""Relative noise of the measured values of a part, because slicing rounds to 1e-8 mm."""
 ROUNDING = 1e-15
 """Relative rounding error of a value, which limits the accuracy of a difference quotient."""
 
 
 def _weights(offsets: Floats) -> Floats:
-    """Return weights `(4, 5)` for the values of a function at five offsets. The weighted sums are estimates of its derivative at 0.
+    """Return an array of weights `(4, 5)` for the values of a function at five offsets from 0.
 
-    The first row is the derivative of the polynomial through all values. The others differ from it by estimates of its error: they are the
-    derivatives of polynomials through three values, and the first row with the fourth differences, which a jump or noise changes.
+    Each weighted sum of the values is an estimate of the derivative of the function at 0. The first row of weights gives the derivative of
+    the polynomial through all five values. The other rows give less accurate derivatives, whose distance from the first derivative
+    estimates its error: the derivatives of polynomials through three values, and the first row with the fourth differences, which a jump or
+    noise changes.
     """
     size = np.abs(offsets).max()
     rows = np.zeros((4, 5))

@@ -17,17 +17,17 @@ from thingc.batch.plans.tape import OPERATORS
 from thingc.batch.results import FamilyError
 
 JaxFunction = Callable[[Any], "tuple[Any, Any]"]
-"""A function that maps values `(n,)` to outputs `(m,)` and a flag that shows whether the program applies to these values."""
+"""A function that maps values `(n,)` to outputs `(m,)` and to a flag. The flag is True if the program applies to these values."""
 LONGEST = 10_000
-"""Maximum number of statements of a program, because the compile time grows faster than their number."""
+"""Maximum number of statements in a program, because the compile time of JAX grows faster than this number."""
 
 
 def jax_function(program: Program, by: Sequence[int], values: Sequence[float], dtype: str, instead: str = "value") -> JaxFunction:
-    """Convert a program to a JAX function of the variables with the indices `by`. All other variables keep their value in `values`.
+    """Convert a program to a JAX function of the variables with the indices `by`. All other variables have the constant values in `values`.
 
-    The JAX function makes the same decisions as the program makes for `values`. It returns the outputs, and a boolean that is False for
-    variables that require other decisions. Raises `FamilyError` if JAX does not support an operation, if the program is too long, and, for
-    the dtype `float64`, if JAX does not use 64-bit numbers. The help text of the error suggests the method `instead`.
+    The JAX function makes the same decisions as the program for `values`. The JAX function returns the outputs, and a boolean that is False
+    for variables that require other decisions. Raises `FamilyError` if JAX does not support an operation, if the program is too long, or if
+    `dtype` is `float64` and JAX does not use 64-bit numbers. The help text of the error suggests the method `instead`.
     """
     if dtype not in ("float64", "float32"):
         raise FamilyError(f"expected `dtype` to be \"float64\" or \"float32\", found `{dtype}`")
@@ -80,6 +80,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "max": lambda *values: reduce(jnp.maximum, values),
     "quarter_exact": lambda angle: (jnp.cos(angle), jnp.sin(angle)), "_principal_moments": _moments,
 }
-"""The JAX functions for the operations of programs, by name. Decisions within them, such as exact quarter turns, are not repeated, so last
-digits may differ.
+"""For each operation of programs, by name, the function of JAX that computes the operation.
+
+The functions do not repeat the decisions of the original functions, such as exact quarter turns, so last digits may differ.
 """

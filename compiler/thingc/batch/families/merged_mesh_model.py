@@ -1,4 +1,7 @@
-"""Merge MuJoCo models that have different meshes into one model, which contains all meshes. An array selects the mesh of each geom."""
+"""Merge MuJoCo models that have different meshes into one model, which contains all meshes.
+
+In the merged model, an array selects the mesh of each geom.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ if TYPE_CHECKING:
     import mujoco
 
 _OF_MESHES = ("mesh_", "nmesh", "bvh_", "nbvh", "oct_", "names", "name_", "paths", "mat_", "tex_", "geom_matid", "stat.")
-"""Prefixes of fields of meshes, and of fields that depend on meshes or on visual geometry."""
+"""Prefixes of the names of fields that describe meshes, or that depend on meshes or on visual geometry."""
 _FOLLOWING = frozenset(("noct", "nnames", "nnames_map", "npaths", "nbuffer", "narena", "nmat", "geom_dataid"))
 
 
@@ -27,9 +30,9 @@ class ModelSource(FrozenStruct, eq=False):
 
 
 def likeness(model: mujoco.MjModel) -> bytes:
-    """Return a digest of all values that must be equal in models to be merged.
+    """Return a digest of all values in which models must be equal so that they can be merged.
 
-    These are all values except meshes and changeable numbers.
+    The digest covers all values of the model except meshes and numbers that can be changed.
     """
     digest = hashlib.sha256()
     for name in names(model):
@@ -43,8 +46,8 @@ def likeness(model: mujoco.MjModel) -> bytes:
 def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> tuple[mujoco.MjModel, list[list[int]]] | None:
     """Merge several MuJoCo models without visual geometry into one.
 
-    Return the model, and the mesh number of every geom in each of the sources. The mesh number of a geom without a mesh is -1. Return None
-    if the geoms of the merged model do not match the geoms of the sources.
+    Return the merged model, and a list for each source model with the mesh number of every geom. For a geom without a mesh, the mesh number
+    is -1. Return None if the geoms of the merged model do not match the geoms of the source models.
     """
     root = ElementTree.fromstring(sources[0].text)
     for body in root.iter("body"):
@@ -92,10 +95,10 @@ def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> 
 
 
 def _with_hulls(text: str, files: dict[str, bytes], meshes: Sequence[str]) -> mujoco.MjModel:
-    """Compile a MuJoCo model so that every mesh has a convex hull, even if no colliding geom uses the mesh.
+    """Compile a MuJoCo model in which every mesh has a convex hull, including meshes that no colliding geom uses.
 
-    MuJoCo computes a convex hull only for the meshes of colliding geoms, but each geom can later use any mesh. A temporary geom is
-    therefore added for each mesh and deleted again, because its hull remains in the model.
+    MuJoCo computes convex hulls only for meshes of colliding geoms. However, any geom of the merged model can later use any mesh. The
+    function therefore adds a temporary geom for each mesh and deletes it again. The hull of the mesh remains in the model.
     """
     import mujoco
 

@@ -19,11 +19,12 @@ if TYPE_CHECKING:
 
 
 class ModelTemplate:
-    """The XML of a MuJoCo model with slots, in which numbers and names of meshes can be inserted.
+    """The XML of a MuJoCo model with slots, into which numbers and names of meshes can be inserted.
 
-    `outputs` contains the numbers for the slots, in the order in which `text` expects their values. `why` is the reason why the faster
-    `Arrays` cannot be used. If parts depend on numbers, the names of the `meshes` of these parts are also slots. `slotted` is the XML with
-    slots. `places` maps each slot to the index of its value. `plain` is the XML with the numbers of the traced compilation.
+    `outputs` contains the numbers for the slots, in the order in which the method `text` expects their values. `why` is the reason why the
+    faster `Arrays` cannot be used. If parts depend on numbers, the XML also has slots for the names of the `meshes` of these parts.
+    `slotted` is the XML text with slots. `places` maps each slot to the index of its value. `plain` is the XML text with the numbers of the
+    traced compilation.
     """
 
     def __init__(self, rehearsal: TraceResult, why: str = "", meshes: Sequence[str] = ()) -> None:
@@ -40,25 +41,28 @@ class ModelTemplate:
         self.plain = self.text([number.value for number in self.outputs], meshes)
 
     def text(self, values: Sequence[float], meshes: Sequence[str] = ()) -> str:
-        """Insert values and names of meshes into the slots, and return the XML. Numbers are formatted as by a compilation."""
+        """Insert values and names of meshes into the slots, and return the XML.
+
+        Numbers are formatted in the same way as in a compilation.
+        """
         return self._template.fill({**self._numbers.words(values), **dict(zip(self._meshes.values(), meshes, strict=True))})
 
 
 _INERTIAL = {"pos": "ipos", "mass": "mass", "fullinertia": "fullinertia"}
-"""Names in `MjsBody` for the attributes of `inertial`."""
+"""For each attribute of the element `inertial`, the name of the corresponding attribute of `MjsBody`."""
 _KINDS = ("body", "geom", "site", "joint", "key")
-"""Elements whose attributes have the same names in `MjSpec`, and that can be found by name."""
+"""Kinds of elements that can be found by name, and whose attributes have the same names in `MjSpec`."""
 
 
 class NotInMjSpec(Exception):
-    """Raised if a slot has no counterpart in `MjSpec`, or if the value in the `MjSpec` differs from the value in the XML."""
+    """Raised if a slot has no counterpart in `MjSpec`, or if a value in the `MjSpec` differs from the value in the XML."""
 
 
 class RecompiledSpec:
-    """An `MjSpec` for a model template, whose numbers and meshes can be changed.
+    """An `MjSpec` that is created from a model template, and whose numbers and meshes can be changed.
 
-    `text` is the XML of the template with some values, and with the names `meshes` of the mesh files in `files`. Raises `NotInMjSpec` if
-    the number of a slot does not appear unchanged in the `MjSpec`, and `ValueError` if MuJoCo rejects the XML.
+    `text` is the XML of the template with some values inserted. `meshes` contains the names of the mesh files in `files`. Raises
+    `NotInMjSpec` if the number of a slot does not appear unchanged in the `MjSpec`, and `ValueError` if MuJoCo rejects the XML.
     """
 
     def __init__(self, template: ModelTemplate, text: str, meshes: Sequence[str], files: mujoco.MjVfs) -> None:
@@ -77,9 +81,9 @@ class RecompiledSpec:
         self._geoms = [(geom, order[geom.meshname]) for geom in self._spec.geoms if geom.meshname in order]
 
     def _entries(self, kind: str, name: str, attribute: str, stated: Sequence[str], gaps: Sequence[int | None]) -> list[int | float]:
-        """Return the elements of an attribute.
+        """Return a list with one item for each element of an attribute of the `MjSpec`.
 
-        For a slot, the element is the index of its value (an `int`), otherwise a number (a `float`).
+        For a slot, the item is the index of its value (an `int`); for any other element, it is a number (a `float`).
         """
         one = getattr(self._spec, kind)(name)
         value: Any = getattr(one, attribute, None) if one is not None else None
@@ -93,7 +97,10 @@ class RecompiledSpec:
         return [*(number if gap is None else gap for number, gap in zip(words, gaps, strict=True)), *numbers[len(words):]]
 
     def model(self, values: Sequence[float], meshes: Sequence[str], files: mujoco.MjVfs) -> mujoco.MjModel:
-        """Change the numbers and meshes of the `MjSpec`, and compile it. Raises `ValueError` if MuJoCo rejects the model."""
+        """Change the numbers and meshes of the `MjSpec`, and compile the `MjSpec` to a model.
+
+        Raises `ValueError` if MuJoCo rejects the model.
+        """
         for one, attribute, entries in self._places:
             numbers = [values[entry] + 0.0 if type(entry) is int else entry for entry in entries]
             setattr(one, attribute, numbers if len(numbers) > 1 else numbers[0])
@@ -107,10 +114,10 @@ class RecompiledSpec:
 
 
 def _gaps(template: ModelTemplate, root: ElementTree.Element) -> list[tuple[str, str, str, list[str], list[int | None]]]:
-    """Return all slots for numbers in the XML with the root element `root`.
+    """Return a list of all slots for numbers in the XML with the root element `root`.
 
-    Each entry contains the kind and the name of the element, the attribute, and the words of the attribute. The last item contains the
-    index of the value for each word, or None for a word that is not a slot.
+    Each list item contains the kind and the name of the element, the attribute, and the words of the attribute. The last field of a list
+    item contains the index of the value for each word, or None for a word that is not a slot.
     """
     found = []
     for (element, above), (own, _) in zip(_walk(ElementTree.fromstring(template.slotted)), _walk(root), strict=True):

@@ -1,4 +1,4 @@
-"""Compute in JAX the fields of a model that MuJoCo's compiler computes from other fields, such as `body_invweight0`."""
+"""Compute in JAX the fields of a model that MuJoCo's compiler derives from other fields, such as `body_invweight0`."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from mujoco import mjx
 from mujoco.mjx._src import math
 
 MANY = 100
-"""Maximum number of rotations to find principal axes; usually, 8 are enough."""
+"""Maximum number of rotations for finding principal axes. Usually, 8 rotations are enough."""
 EQUAL = 1e-9
-"""Relative difference of principal moments up to which they count as equal."""
+"""Relative difference up to which two principal moments are treated as equal."""
 
 Fields = dict[str, Any]
-"""Arrays by the name of the field of a model, such as `body_mass` or `stat.meaninertia`."""
+"""A mapping from names of model fields, such as `body_mass` or `stat.meaninertia`, to arrays."""
 
 
 def bounds(kind: int, size: Any) -> tuple[Any, Any]:
-    """Return the radius of the bounding sphere of a geometric primitive, and half of its bounding box, as in `geom_rbound` and `geom_aabb`.
+    """Return the bounding sphere radius and the half sizes of the bounding box of a geom, as in `geom_rbound` and `geom_aabb`.
 
     `kind` is MuJoCo's type of the geom, and `size` is its size as in `geom_size`.
     """
@@ -41,10 +41,10 @@ def bounds(kind: int, size: Any) -> tuple[Any, Any]:
 
 
 def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int, Any]], relaxed: Sequence[int]) -> Fields:
-    """Compute the fields of a model that `mj_setConst` computes from the other fields.
+    """Compute the fields of a model that MuJoCo's function `mj_setConst` computes from other fields.
 
-    `ratios` contains indices of actuators with their damping ratios, from which the damping is computed. `relaxed` contains the tendons
-    whose springs do not have a specified length.
+    `ratios` contains pairs of an actuator index and a damping ratio, from which the damping of the actuator is computed. `relaxed` contains
+    the indices of tendons whose spring length is not specified.
     """
     places = jax.vmap(partial(_placed, model, data))(jnp.stack([model.qpos0, model.qpos_spring] if relaxed else [model.qpos0]))
     composite = mjx.crb(model, jax.tree_util.tree_map(lambda leaf: leaf[0], places))
@@ -70,14 +70,17 @@ def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int,
 
 
 def _placed(model: mjx.Model, data: mjx.Data, qpos: Any) -> mjx.Data:
-    """Return MJX data with the positions of all bodies and tendons at `qpos`. Held bodies are at the positions that the model specifies."""
+    """Return MJX data with the positions of all bodies and tendons at `qpos`.
+
+    The bodies of held links are at the positions that the model specifies.
+    """
     held = np.flatnonzero(model.body_mocapid >= 0)
     data = data.replace(qpos=qpos, mocap_pos=model.body_pos[held], mocap_quat=model.body_quat[held])
     return mjx.tendon(model, mjx.com_pos(model, mjx.kinematics(model, data)))
 
 
 def _subtree_sums(model: mjx.Model) -> Any:
-    """Return a matrix `(bodies, bodies)` whose product with values of bodies is the sum of the values over the subtree of each body."""
+    """Return a matrix `(bodies, bodies)`. Its product with the values of all bodies contains the sum of these values for each subtree."""
     sums = np.eye(model.nbody)
     for body in range(model.nbody - 1, 0, -1):
         sums[model.body_parentid[body]] += sums[body]
@@ -85,7 +88,7 @@ def _subtree_sums(model: mjx.Model) -> Any:
 
 
 def _inverse_weights(model: mjx.Model, data: mjx.Data, inverse: Any) -> tuple[Any, Any]:
-    """Return MuJoCo's inverse weights, which are means of diagonal elements of the inverse inertia.
+    """Return two arrays with MuJoCo's inverse weights, which are means of diagonal elements of the inverse inertia.
 
     The first array contains two values for each body, for translation and rotation. The second array contains one value for each degree of
     freedom.
@@ -131,7 +134,7 @@ def _cameras(model: mjx.Model, data: mjx.Data) -> Fields:
 def _damped(model: mjx.Model, weights: Any, ratios: Sequence[tuple[int, Any]]) -> Any:
     """Return the field `actuator_biasprm` with the damping of actuators whose damping ratio is specified.
 
-    The damping is computed from the ratio, and from the inverse inertia that the actuator moves.
+    The damping is computed from the damping ratio, and from the inverse inertia that the actuator moves.
     """
     bias = model.actuator_biasprm
     for actuator, ratio in ratios:
@@ -143,8 +146,8 @@ def _damped(model: mjx.Model, weights: Any, ratios: Sequence[tuple[int, Any]]) -
 def principal_axes(matrix: Any) -> tuple[Any, Any]:
     """Return the principal moments of an inertia matrix `(3, 3)` in descending order, and the quaternion of the principal axes.
 
-    The method is Jacobi rotations. If two moments are equal, the axes have no derivative by a change that couples these two axes; the
-    derivative is then 0.
+    The moments are computed by Jacobi rotations. If two moments are equal, the axes are not differentiable with respect to a change that
+    couples the two axes. The derivative is then 0.
     """
     tolerance = float(np.finfo(matrix.dtype).eps) * jnp.trace(matrix)
     rows, columns = jnp.array([0, 0, 1]), jnp.array([1, 2, 2])

@@ -1,4 +1,4 @@
-"""Compute MJX models (MuJoCo in JAX) of a family of robots as a pure function of numbers (`pip install thingc[jax]`)."""
+"""Compute MJX models (MuJoCo in JAX) of a family of robots as a pure function of numbers in the document (`pip install thingc[jax]`)."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ if TYPE_CHECKING:
     from thingc.batch.families.models import ModelsOfMode
 
 IGNORED = ("key_", "numeric_data", "stat.")
-"""Prefixes of fields that do not affect a simulation."""
+"""Prefixes of the names of fields that do not affect a simulation."""
 OPTIONS = ("opt.timestep", "opt.gravity")
-"""The options that can differ between models of MJX. All other options are fixed when MJX converts a model."""
+"""The names of options that can differ between MJX models. MJX fixes all other options when it converts a model."""
 FRICTION = ("dof_frictionloss", "tendon_frictionloss")
 
 
 class FamilyMjx:
-    """A function that maps values of the numbers `names` to MJX models, in one mode and with all other settings fixed.
+    """A function from values of the numbers `names` to MJX models, in one mode and with fixed values of all other settings.
 
     `start` `(n,)` contains the values of the numbers in the document. `base` is the MJX model for `start`, and `mj_model` is the `MjModel`
-    from which it was converted. `varied` contains the names of the fields in which models differ. All other fields, such as keyframes, are
-    the same as in `base`.
+    from which it was converted. `varied` contains the names of the fields that can differ between the MJX models. All other fields, such as
+    keyframes, have the same values as in `base`.
     """
 
     def __init__(self, models: ModelsOfMode, function: FamilyFunction, dtype: str) -> None:
@@ -81,17 +81,17 @@ class FamilyMjx:
     def model(self, p: Any) -> tuple[mjx.Model, Any]:
         """Return the MJX model for values `(n,)` of the numbers, and a boolean that is True for valid values.
 
-        This is a pure function, which can be used with `jit`, `vmap` and `grad`. The boolean is False, and the model is undefined, for
-        values that are refused or for which the compiler makes another decision than for `start`.
+        This method is a pure function, which can be used with `jit`, `vmap` and `grad`. If the values are refused or require other
+        decisions of the compiler than `start`, the boolean is False and the model is undefined.
         """
         fields, ok = self._one(p)
         return self.base.tree_replace(fields), ok
 
     def batch(self, p: npt.ArrayLike) -> tuple[mjx.Model, mjx.Model, Any]:
-        """Return the MJX models for rows `(k, n)` of values of the numbers, as one batched model.
+        """Return one batched model with the MJX models for all rows of `p` `(k, n)`, which contain values of the numbers.
 
-        Also return the model with the axes for `in_axes` of `jax.vmap`, and flags `(k,)` that are True for valid rows. The fields in
-        `varied` have a leading axis. All other fields are shared.
+        Also return a model with the axes for `in_axes` of `jax.vmap`, and an array of flags `(k,)` that are True for valid rows. In the
+        batched model, the fields in `varied` have a leading axis. All other fields are shared by all rows.
         """
         rows = jnp.asarray(p)
         if rows.ndim != 2 or rows.shape[1] != len(self.names):
@@ -101,9 +101,10 @@ class FamilyMjx:
         return self.base.tree_replace(fields), axes.tree_replace(dict.fromkeys(fields, 0)), ok
 
     def put(self, model: mjx.Model, state: mujoco.MjData | mjx.Data) -> tuple[mjx.Model, mjx.Data]:
-        """Return an MJX model and MJX data with the state of an `MjData` or of MJX data.
+        """Return an MJX model and MJX data with the same state as an `MjData` or as other MJX data.
 
-        MJX moves a mocap body without its children. The pose of a held base is therefore also written to the returned model.
+        In MJX, moving a mocap body does not move the children of this body. For this reason, the pose of a held base is also written to the
+        returned model.
         """
         data = state if isinstance(state, mjx.Data) else mjx.put_data(self.mj_model, state)
         held = np.flatnonzero(self.mj_model.body_mocapid >= 0)
@@ -149,7 +150,7 @@ class FamilyMjx:
         self._meshes = np.array([geom for geom in moved if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH], dtype=int)
 
     def _rows(self, name: str) -> list[int]:
-        """Return the indices of the rows of a field in which an element depends on a number."""
+        """Return the indices of those rows of a field that contain an element that depends on a number."""
         write = self._writes.get(name)
         return [] if write is None else sorted(set((write.at // getattr(self.mj_model, name).shape[1]).tolist()))
 
@@ -184,9 +185,9 @@ class FamilyMjx:
         return base.tree_replace({name: jnp.asarray(getattr(self.mj_model, name)) for name in FRICTION if name in self._writes})
 
     def _raw(self, name: str) -> Any:
-        """Return a field of `base`.
+        """Return the values of a field of `base`.
 
-        For geoms with meshes, return the poses in the XML instead, to which MuJoCo's compiler adds the poses of the meshes.
+        For geoms with meshes, return the poses in the XML instead. MuJoCo's compiler combines these poses with the poses of the meshes.
         """
         value = attrgetter(name)(self.base)
         if name not in ("geom_pos", "geom_quat") or not len(self._meshes):
@@ -201,7 +202,7 @@ class FamilyMjx:
         return jnp.asarray(self.mj_model.mesh_pos[meshes]), jnp.asarray(self.mj_model.mesh_quat[meshes])
 
     def _fields(self, p: Any) -> tuple[Fields, Any]:
-        """Return the values of all fields that differ from `base`, and whether the values of the numbers are valid."""
+        """Return the values of all fields that differ from `base`, and a boolean that is True if the values of the numbers are valid."""
         numbers, ok = self._run(p)
         fields: Fields = {}
         for name, write in self._writes.items():
@@ -220,7 +221,7 @@ class FamilyMjx:
         return fields, ok & self._wraps_alike(model)
 
     def _shape(self, fields: Fields) -> None:
-        """Add the bounding volumes of geoms whose size depends on numbers, and the poses of geoms with meshes."""
+        """Add the bounding volumes of geoms whose size depends on numbers, and the poses of geoms with meshes, to `fields`."""
         if self._sized:
             radii, boxes = self.base.geom_rbound, self.base.geom_aabb
             for geom in self._sized:
@@ -235,9 +236,9 @@ class FamilyMjx:
             fields["geom_quat"] = own["geom_quat"].at[self._meshes].set(jax.vmap(math.quat_mul)(turned, turns))
 
     def _wraps_alike(self, model: mjx.Model) -> Any:
-        """Return whether every tendon wraps around its geoms on the same side as in `base`.
+        """Return True if every tendon wraps around its geoms on the same side as in `base`.
 
-        MJX determines this side only when it converts a model.
+        MJX determines the side of a tendon only when it converts a model.
         """
         wraps = np.flatnonzero(np.isin(self.mj_model.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER)))
         geoms, sides = self.mj_model.wrap_objid[wraps], np.round(self.mj_model.wrap_prm[wraps]).astype(int)
@@ -248,7 +249,7 @@ class FamilyMjx:
 
 @dataclass(frozen=True)
 class Write:
-    """The elements of a model field that depend on numbers: their flat indices, and for each the column of its number and a sign."""
+    """The elements of a model field that depend on numbers, as arrays of flat indices, columns of the numbers, and signs."""
 
     at: npt.NDArray[np.int_]
     columns: npt.NDArray[np.int_]
@@ -256,7 +257,7 @@ class Write:
 
     @classmethod
     def of(cls, entries: Sequence[tuple[int, Entry]]) -> Write:
-        """Create a `Write` from the elements of a field, each given as a tuple of a column and an entry."""
+        """Create a `Write` from the elements of a field, each given as a tuple of the column of a number and an entry."""
         return cls(
             np.array([entry.index for _, entry in entries]), np.array([column for column, _ in entries]),
             np.array([entry.sign for _, entry in entries]),

@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from thingc.targets.artifact import StoredArtifact
 
 MESH_BYTES = 256_000_000
-"""Maximum size [bytes] of the meshes in MuJoCo's virtual file system. Above this size, the file system is cleared."""
+"""Maximum total size [bytes] of the meshes in MuJoCo's virtual file system. If the meshes are larger, the file system is cleared."""
 
 KEPT = 32
-"""Number of cached compiled models. Training uses the same morphologies repeatedly."""
+"""Maximum number of cached compiled models. The cache is useful for training, which uses the same morphologies repeatedly."""
 
 Item = tuple[Mapping[str, Any], ParsedSettings]
 
@@ -43,8 +43,8 @@ Item = tuple[Mapping[str, Any], ParsedSettings]
 class ModelsOfMode:
     """Computes the MuJoCo models of one mode, with or without visual geometry, and with or without the floor.
 
-    Some of the models that a plan computes are compared with compiled models. If `verify` is a number n, these are the first model of each
-    plan, and then one in n. If `verify` is None, these are the first, second, fourth, eighth and so on.
+    Some of the models that a plan computes are compared with compiled models. If `verify` is a number n, the first model of each plan is
+    compared, and then one in n. If `verify` is None, the first, second, fourth, eighth and so on are compared.
     """
 
     def __init__(
@@ -64,7 +64,10 @@ class ModelsOfMode:
         self._kept: OrderedDict[tuple[ParsedSettings, bool], mujoco.MjModel] = OrderedDict()
 
     def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
-        """Yield the models for many settings in order. With `share`, a model is valid only until the next model is requested."""
+        """Yield the models for many settings in the order of the settings.
+
+        With `share`, a model is valid only until the next model is requested.
+        """
         waiting: list[tuple[Item, NumericPlan[Any], tuple[float, ...]]] = []
         for item in many:
             planned = None if self._is_kept(item[1], share) else self.forms.planned(item[1], self.plan)
@@ -78,7 +81,7 @@ class ModelsOfMode:
         yield from self._together(waiting, share)
 
     def take_back(self) -> None:
-        """Undo the changes that callers have made to shared models, so that these changes do not persist in later models."""
+        """Undo the changes of callers to shared models, so that later models do not contain these changes."""
         for form in self.forms.kept.values():
             for plan in form.plans:
                 if isinstance(plan.made, Arrays):
@@ -86,14 +89,14 @@ class ModelsOfMode:
         self._kept = OrderedDict((key, model) for key, model in self._kept.items() if not key[1])
 
     def _is_kept(self, read: ParsedSettings, share: bool) -> bool:
-        """Return whether the compiled model of these settings is cached, and writing arrays would not be faster."""
+        """Return True if the compiled model of these settings is cached, and computing a model with a plan would not be faster."""
         return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
 
     def template_at(self, read: ParsedSettings) -> tuple[NumericPlan[ModelTemplate] | None, str]:
         """Return a plan that computes the XML of the model for these settings.
 
-        Also return the reasons why some numbers must not change in this plan. If there is no plan, for example because a built part depends
-        on the settings, return None and the reason.
+        Also return the reasons why this plan requires constant values for some numbers. If no plan exists, for example because a built part
+        depends on the settings, return None and the reason.
         """
         form: PlanCache[Arrays | ModelTemplate] = PlanCache()
         plan = self.plan(read, form, text=True)
@@ -104,9 +107,9 @@ class ModelsOfMode:
     def plan(
         self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate], *, text: bool = False,
     ) -> NumericPlan[Arrays | ModelTemplate] | None:
-        """Create a plan that gives the same models as compilations. With `text`, the plan only computes XML.
+        """Create a plan that computes the same models as a compilation. With `text`, the plan computes only the XML of the models.
 
-        If this is impossible, store the reason in `form` and return None.
+        If no plan can be created, store the reason in `form` and return None.
         """
         first = self._compiled(read)
         if isinstance(first, tuple):  # refused settings do not prove that other settings have no plan
@@ -147,9 +150,10 @@ class ModelsOfMode:
             slower = f"a plan by arrays gave a different `{wrong}`"
 
     def _compared(self, plan: NumericPlan[Arrays | ModelTemplate], samples: Sequence[ParsedSettings], first: mujoco.MjModel) -> str:
-        """Compare the models of a plan with compiled models. Return the name of the first field that differs, or an empty string.
+        """Compare the models of a plan with compiled models.
 
-        `samples` contains the settings of the models to compare. `first` is the compiled model of the first of these settings.
+        Return the name of the first field that differs, or an empty string if all models are equal. `samples` contains the settings for
+        which models are compared. `first` is the compiled model for the first of these settings.
         """
         for read in samples:
             outputs = plan.outputs(read.values)
@@ -190,7 +194,7 @@ class ModelsOfMode:
     def _kept_spec(
         self, template: ModelTemplate, text: str, outputs: tuple[float, ...], meshes: Sequence[str], model: mujoco.MjModel,
     ) -> RecompiledSpec | None:
-        """Return an `MjSpec` that compiles to the same model as the XML `text`. Return None if this is impossible."""
+        """Return an `MjSpec` that compiles to the same model as the XML `text`. Return None if no such `MjSpec` can be created."""
         try:
             spec = RecompiledSpec(template, self._asked(text), meshes, self._files)
             return None if different_fields(spec.model(outputs, meshes, self._files), model) else spec
@@ -230,7 +234,7 @@ class ModelsOfMode:
             yield model if share or prepared is None else copy.copy(model)
 
     def _right(self, read: ParsedSettings, plan: NumericPlan[Any], model: mujoco.MjModel) -> bool:
-        """Return whether the model of a plan equals the compiled model. If not, stop using plans for such settings."""
+        """Return True if the model of a plan equals the compiled model. If the models differ, stop using plans for such settings."""
         whole = self._compiled(read)
         wrong = ["refused"] if isinstance(whole, tuple) else different_fields(model, whole)
         if wrong:
@@ -253,7 +257,10 @@ class ModelsOfMode:
         return known if share else copy.copy(known)
 
     def _keep(self, read: ParsedSettings, share: bool, model: mujoco.MjModel) -> None:
-        """Add a model to the cache. Shared models, which callers may change, are cached separately from models that are copied."""
+        """Add a model to the cache.
+
+        Shared models, which callers may change, and models that are copied for callers have separate caches.
+        """
         self._kept[read, share] = model
         self._kept.move_to_end((read, share))
         if len(self._kept) > KEPT:
@@ -280,12 +287,15 @@ class ModelsOfMode:
             return tuple(report.ordered())
 
     def problems(self, read: ParsedSettings) -> tuple[Diagnostic, ...]:
-        """Return the diagnostics that explain why the given settings have no model. Return an empty tuple for settings with a model."""
+        """Return the diagnostics that explain why the given settings do not have a model.
+
+        Return an empty tuple if the settings have a model.
+        """
         outcome = self._compiled(read)
         return outcome if isinstance(outcome, tuple) else ()
 
     def source(self, read: ParsedSettings) -> ModelSource:
-        """Return the XML and the meshes of the model for valid settings."""
+        """For valid settings, return the XML text of the model and the contents of its meshes."""
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
         texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False), floor=self.floor)
         self._mount(assets)
@@ -304,7 +314,7 @@ class ModelsOfMode:
                 self._held[file] = stored
 
     def _bytes(self, stored: StoredArtifact) -> bytes:
-        """Return the content of a mesh in the store. Raises `StoreUnusable` if the store no longer contains the mesh."""
+        """Return the content of a mesh file in the store. Raises `StoreUnusable` if the store no longer contains the mesh file."""
         store = self.session.environment.store
         try:
             return store.read(stored.sha256)

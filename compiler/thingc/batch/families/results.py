@@ -17,8 +17,9 @@ class Evaluated(OneLineRepr, FrozenStruct):
     """The results of a robot for one set of settings.
 
     `results` maps names of results, such as `mass`, `centre.x`, `reach`, `length.elbow` or `torque_margin`, to values in SI units, as in
-    the table of a batch. It is empty for refused settings. `problems` contains all diagnostics, including warnings. `broken` is the rule of
-    the variants document that the results violate, if any. `tests` contains the results of document tests, if requested.
+    the table of a batch. `results` is empty for refused settings. `problems` contains all diagnostics, including warnings. `broken` is the
+    rule of the variants document that the results violate, or None. `tests` contains the results of document tests, if these tests were
+    requested.
     """
 
     settings: Mapping[str, Any]
@@ -29,18 +30,18 @@ class Evaluated(OneLineRepr, FrozenStruct):
 
     @property
     def sound(self) -> bool:
-        """Whether the settings are valid, which means that there are no errors."""
+        """True if the settings are valid, which means that there are no errors."""
         return not any(one.severity is Severity.ERROR for one in self.problems)
 
     @property
     def kept(self) -> bool:
-        """Whether there are no errors, all rules are satisfied, and all requested tests have passed."""
+        """True if there are no errors, all rules are satisfied, and all requested tests have passed."""
         return self.sound and self.broken is None and all(one.passed for one in self.tests)
 
     def __getitem__(self, name: str) -> float | None:
-        """Return a result by its name.
+        """Return the result with this name in SI units.
 
-        If the result does not exist, raises `UnknownVariant` (a `KeyError`), whose message contains the reason.
+        If the result does not exist, raises `UnknownVariant` (a `KeyError`) with the reason in the message.
         """
         if name in self.results:
             return self.results[name]
@@ -51,7 +52,10 @@ class Evaluated(OneLineRepr, FrozenStruct):
 
 
 class NoModel(OneLineRepr, FrozenStruct):
-    """The result for settings that have no MuJoCo model. It is false in a boolean context. `problems` contains all diagnostics."""
+    """The result for settings that have no MuJoCo model.
+
+    A `NoModel` object is false in a boolean context. `problems` contains all diagnostics for the settings.
+    """
 
     settings: Mapping[str, Any]
     problems: tuple[Diagnostic, ...]
@@ -61,7 +65,7 @@ class NoModel(OneLineRepr, FrozenStruct):
 
     @property
     def reason(self) -> str:
-        """The error messages that explain why the settings have no model."""
+        """The error messages that explain why the settings do not have a model, as one string."""
         return "; ".join(dict.fromkeys(one.message for one in self.problems if one.severity is Severity.ERROR))
 
     def __repr__(self) -> str:
@@ -71,10 +75,10 @@ class NoModel(OneLineRepr, FrozenStruct):
 class Explanation(OneLineRepr, FrozenStruct):
     """Explains how the MuJoCo models of a mode depend on one number in the document.
 
-    `way` is the way in which a model for another value of the number is computed. For `arrays`, the number is written into arrays of a
-    compiled model, which `fields` lists. For `text`, the number is written into the XML of the model, which MuJoCo recompiles. `parts` is
-    the same as `text`, but parts are also replaced. For `passes`, all compiler passes run. `why` is the reason why a faster way is
-    impossible.
+    `way` is the method by which a model for another value of the number is computed. For the method `arrays`, the number is written into
+    the arrays of a compiled model that `fields` lists. For the method `text`, the number is written into the XML of the model, which MuJoCo
+    recompiles. The method `parts` works like `text`, but also replaces parts. For the method `passes`, all compiler passes run. `why` is
+    the reason why no faster method can be used.
     """
 
     name: str

@@ -18,8 +18,8 @@ from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 class SpaceDimension(OneLineRepr, FrozenStruct):
     """A dimension of a search space, which is either a number between `low` and `high`, or one of `choices`.
 
-    Bounds are in SI units (`unit`). A bound is None if the number is unbounded. If `whole` is true, the number must be an integer. `value`
-    is the value in the document.
+    `low` and `high` are in SI units (`unit`). `low` or `high` is None if the number does not have this bound. If `whole` is true, the
+    number must be an integer. `value` is the value of the setting in the document.
     """
 
     name: str
@@ -32,7 +32,7 @@ class SpaceDimension(OneLineRepr, FrozenStruct):
 
     @property
     def bounded(self) -> bool:
-        """Whether the dimension has bounds or choices, so that its values can be sampled."""
+        """True if the dimension has bounds or choices, so that its values can be sampled."""
         return bool(self.choices) or (self.low is not None and self.high is not None)
 
 
@@ -46,7 +46,10 @@ class SearchSpace(Sequence[SpaceDimension]):
         return len(self._dimensions)
 
     def __getitem__(self, key: Any) -> Any:
-        """Return a dimension by its index or name. Raises `UnknownVariant` (a `KeyError`) for an unknown name, and `IndexError`."""
+        """Return the dimension with this index or name.
+
+        Raises `UnknownVariant` (a `KeyError`) for an unknown name, and `IndexError` for an invalid index.
+        """
         if isinstance(key, str):
             for dimension in self:
                 if dimension.name == key:
@@ -66,7 +69,7 @@ class SearchSpace(Sequence[SpaceDimension]):
         return (dimension for dimension in self if dimension.bounded)
 
     def suggest(self, trial: Any) -> dict[str, Any]:
-        """Ask an `optuna.Trial` for a value of each bounded dimension, and return these values as settings."""
+        """Ask an `optuna.Trial` for a value of each bounded dimension, and return a mapping of settings with these values."""
         settings: dict[str, Any] = {}
         for one in self._drawn():
             if one.choices:
@@ -80,8 +83,8 @@ class SearchSpace(Sequence[SpaceDimension]):
     def gymnasium(self) -> Any:
         """Return a `gymnasium.spaces.Dict` that contains a space for each bounded dimension.
 
-        The space is a `Box` for a number, and a `Discrete` for an integer or an index of a choice. The method `settings` converts a point
-        of this space to settings.
+        The space of a number is a `Box`. The space of an integer or of the index of a choice is a `Discrete`. To convert a point of this
+        space to settings, use the method `settings`.
         """
         import numpy as np
         from gymnasium import spaces
@@ -97,7 +100,7 @@ class SearchSpace(Sequence[SpaceDimension]):
         return spaces.Dict(made)
 
     def settings(self, point: Mapping[str, Any]) -> dict[str, Any]:
-        """Convert a point of the space that `gymnasium()` returns to settings.
+        """Convert a point of the space that the method `gymnasium` returns to settings.
 
         Raises `UnknownVariant`, a `KeyError`, for an unknown name, and `ValueError` for an invalid point.
         """
@@ -113,13 +116,16 @@ class SearchSpace(Sequence[SpaceDimension]):
             raise ValueError(f"expected a point of `gymnasium()`, found `{point}`") from None
 
     def bounds(self) -> tuple[tuple[float, float], ...]:
-        """Return the lower and upper bound of each bounded number, as `scipy.optimize` requires. `at` converts a vector to settings."""
+        """Return the lower and upper bound of each bounded number, in the form that `scipy.optimize` requires.
+
+        To convert a vector within these bounds to settings, use the method `at`.
+        """
         return tuple((one.low, one.high) for one in self._drawn() if one.low is not None and one.high is not None)
 
     def at(self, vector: Sequence[float]) -> dict[str, float]:
-        """Convert a vector with a value for each bounded number to settings. Values of integers are rounded.
+        """Convert a vector with a value for each bounded number to settings. The values of integer dimensions are rounded.
 
-        Raises `ValueError` for a vector of another length, or for a value that is not a vector of numbers.
+        Raises `ValueError` if the vector has another length, or if the argument is not a vector of numbers.
         """
         numbers = [one for one in self._drawn() if not one.choices]
         try:
@@ -146,7 +152,10 @@ def _of_axis(axis: Axis, own: ExpressionValue | None) -> SpaceDimension:
 
 
 def of_parameters(spec: AssemblySpec, values: Mapping[str, ExpressionValue], bound: Any) -> SearchSpace:
-    """Create the search space of an assembly document from its parameters. `bound(name, key)` returns a bound of a parameter [SI]."""
+    """Create the search space of an assembly document from its parameters.
+
+    The callback `bound(name, key)` returns a bound of a parameter [SI].
+    """
     dimensions: list[SpaceDimension] = []
     for name, own in values.items():
         entry = spec.parameters[name]

@@ -1,4 +1,4 @@
-"""Compute how sensitive the results of a robot are to numbers in the document: derivatives with units and errors."""
+"""Compute how sensitive the results of a robot are to numbers in the document, as derivatives with units and errors."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ from thingc.batch.values import unit_in
 
 
 class Sensitivity(OneLineRepr, FrozenStruct):
-    """The `derivative` of one `result` by one number in the document, in SI units. `error` is an estimate of its error (0: exact).
+    """The `derivative` of the result `result` by one number in the document, in SI units.
 
-    `value` is the value of the result, and `number` is the value of the number. The document contains the number at `span`, in the unit
-    `unit`. If the derivative does not exist, it is NaN, and `missing` contains the reason with a help text.
+    `error` is an estimate of the error of the derivative, which is 0 for an exact derivative. `value` is the value of the result, and
+    `number` is the value of the number in the document. The number is at `span` in the document, and has the unit `unit`. If the derivative
+    does not exist, `derivative` is NaN, and `missing` contains the reason with a help text.
     """
 
     result: str
@@ -37,15 +38,15 @@ class Sensitivity(OneLineRepr, FrozenStruct):
 
     @property
     def change(self) -> float:
-        """The change of the result in SI units if the number increases by 1 %."""
+        """The change of the result in SI units for an increase of the number by 1 %."""
         return self.derivative * self.number.value / 100.0
 
 
 def results_by_function(patterns: Iterable[str], kinds: Mapping[str, str]) -> list[list[str]]:
-    """Group names of results, so that one function can compute each group.
+    """Divide names of results into groups, so that one function can compute each group.
 
-    All results except tests form one group; each test is a separate group. `kinds` contains the kind of each test by name. A pattern such
-    as `tests.*` matches all tests whose measured value is a smooth number.
+    All results except tests form a single group, and each test forms a separate group. `kinds` maps the name of each test to its kind. A
+    pattern such as `tests.*` matches all tests whose measured value is a smooth number.
     """
     results, tests = list[str](), dict[str, list[str]]()
     for text in patterns:
@@ -63,10 +64,10 @@ def sensitivities(
     function: FamilyFunction, x: Mapping[str, float], kinds: Mapping[str, str], written: Mapping[str, ScalarNode],
     alone: Callable[[str, str], FamilyFunction],
 ) -> Iterator[Sensitivity]:
-    """Yield the derivatives of all results of a function by all its numbers, at the values `x`.
+    """Yield the derivative of each result of a function by each of its numbers, at the values `x`.
 
-    If the derivatives cannot be computed together, each is computed with the function that `alone(result, name)` returns. `written`
-    contains the nodes of the document with the numbers.
+    If the derivatives cannot be computed together, each derivative is computed with the function that `alone(result, name)` returns.
+    `written` maps names to the nodes of the document that contain the numbers.
     """
     point = np.array([x[name] for name in function.names])
     values = function.value(point)
@@ -89,7 +90,10 @@ def sensitivities(
 
 
 def _derivative(function: FamilyFunction, x: float) -> tuple[float, float, NotDifferentiable | None]:
-    """Return the derivative of a function of a single number at `x`, and its error. If it does not exist, the third value is the reason."""
+    """Return the derivative of a function of a single number at `x`, its error, and None.
+
+    If the derivative does not exist, the third value is the exception with the reason.
+    """
     try:
         jacobian = function.jacobian([x])
     except NotDifferentiable as fault:
