@@ -1,8 +1,8 @@
-"""Read MJCF, URDF and SDF with Drake, as a discrete plant with SAP, since it ignores mimics otherwise: `python ask_drake.py REQUESTS
-ANSWERS`.
+"""Read MJCF, URDF and SDF with Drake: `python ask_drake.py REQUESTS ANSWERS`.
 
-Drake does not report mimics, so they are found by simulation: a leader is pushed, and a line is fitted to the positions of leader and
-follower in the second half of 400 steps; it gives multiplier and offset.
+The plant is discrete and uses the contact solver SAP, because Drake ignores mimic joints otherwise. Drake does not report mimic joints, so
+the program finds them by simulation. It pushes the leader for 400 steps, and fits a line to the positions of leader and follower in the
+second half of the steps. The line gives multiplier and offset.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 from pydrake.systems.analysis import Simulator
 
 STEP, STEPS, SPEED = 0.001, 400, 0.1
-"""Timestep [s], number of steps, and speed of a pushed leader [rad/s or m/s]."""
+"""Timestep [s], number of steps, and speed of the leader that is pushed [rad/s or m/s]."""
 
 ElementTree.register_namespace("drake", "http://drake.mit.edu")
 logging.getLogger("drake").setLevel(logging.ERROR)
@@ -77,10 +77,10 @@ def answer(asked):
 
 
 def efforts(plant, joints, driven, called):
-    """Return the effort limits of the drives of joints, None if unknown.
+    """Return the effort limit of the drive of each joint, or None if the limit is unknown.
 
-    Unknown are those of joints with several axes, of screws and, except in SDF, of joints without a drive. `called`: drives have the names
-    of their joints, as in all formats but SDF.
+    The limit is unknown for joints with several axes and for screws. Except in SDF, it is also unknown for joints without a drive.
+    Set `called` if drives have the names of their joints, as in all formats except SDF.
     """
     actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
     found = {actuator.joint().name(): actuator for actuator in actuators}
@@ -92,7 +92,7 @@ def efforts(plant, joints, driven, called):
 
 
 def box(plant, context, inspector, name):
-    """Return the smallest and largest corner of the bounding box, in the world, of the mesh with a name."""
+    """Return the smallest and the largest corner of the bounding box of a mesh in the world. The mesh is given by its name."""
     found = [one for one in inspector.GetAllGeometryIds() if inspector.GetName(one).partition("::")[2] == name]
     if len(found) != 1:
         raise ValueError(f"{len(found)} shapes are called {name}")
@@ -104,8 +104,8 @@ def box(plant, context, inspector, name):
 
 
 def refuse(file):
-    """Raise for files that Drake reads wrongly without an error: with several joints on a rotated body, it uses the parent's frame for axes
-    and anchors of all but the last one.
+    """Raise an exception if the file contains a model that Drake reads incorrectly without an error. If a rotated body has several joints,
+    Drake uses the parent's frame for the axes and anchors of all joints except the last.
     """
     bodies = ElementTree.parse(file).iter("body") if file.suffix == ".xml" else ()
     if any(len(body.findall("joint")) > 1 and "quat" in body.attrib for body in bodies):
@@ -113,7 +113,7 @@ def refuse(file):
 
 
 def without(file, joints):
-    """Return the file, or the path of a copy without these joints."""
+    """Return the path of the file, or of a copy without the given joints."""
     if not joints:
         return file
     tree = ElementTree.parse(file)
@@ -126,7 +126,7 @@ def without(file, joints):
 
 
 def followed(plant, leader, follower):
-    """Return the multiplier and the offset of a mimic."""
+    """Return the multiplier and the offset of a mimic joint, measured in a simulation."""
     context = plant.CreateDefaultContext()
     plant.get_actuation_input_port().FixValue(context, np.zeros(plant.num_actuators()))
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))

@@ -1,4 +1,6 @@
-"""Read URDF with ikpy: chains from the root to every leaf, and the default chain: `python ask_ikpy.py REQUESTS ANSWERS`."""
+"""Read URDF with ikpy: `python ask_ikpy.py REQUESTS ANSWERS`. The program reads the chain from the root to each leaf, and the chain that
+ikpy selects by default.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
-"""Read models and worlds of SDF with libsdformat, the reader of Gazebo:
-
-`python ask_libsdformat.py REQUESTS ANSWERS`. Warnings are errors.
+"""Read models and worlds of SDF with libsdformat, the reader of Gazebo: `python ask_libsdformat.py REQUESTS ANSWERS`. Warnings of
+libsdformat count as errors.
 """
 
 from __future__ import annotations
@@ -17,19 +16,19 @@ PACKAGE = "sdformat12"
 
 
 def program(folder):
-    """Compile the reader into a folder; return its path."""
+    """Compile the C++ program that calls libsdformat into a folder, and return the path of the program."""
     flags = subprocess.run(["pkg-config", "--cflags", "--libs", PACKAGE], check=True, capture_output=True, text=True).stdout
     subprocess.run(["g++", "-std=c++17", str(HERE / "read_sdf.cc"), "-o", str(folder / "read_sdf"), *shlex.split(flags)], check=True)
     return folder / "read_sdf"
 
 
 def minor(version):
-    """Return the minor version: 11 for 1.11."""
+    """Return the minor version as a number, such as 11 for `1.11`."""
     return int(version.partition(".")[2])
 
 
 def answering(reader):
-    """Return a function that answers a request with the reader."""
+    """Return a function that sends a request to the reader and returns its answer."""
     def answer(asked):
         file = Path(asked["file"])
         mode = file.parent.name.removeprefix(f"{file.parents[2].name}_")

@@ -1,4 +1,6 @@
-"""Load a model and its scene with MJX; return their mass, and joint positions after some steps: `python ask_mjx.py REQUESTS ANSWERS`."""
+"""Load a model and its scene with MJX: `python ask_mjx.py REQUESTS ANSWERS`. The answer contains the mass and the joint positions after
+some simulation steps.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""Read USD with MuJoCo's own reader (mujoco-usd) and compile it: `python ask_mujoco_usd.py REQUESTS ANSWERS`.
+"""Read USD with mujoco-usd, MuJoCo's own USD reader, and compile the model: `python ask_mujoco_usd.py REQUESTS ANSWERS`.
 
-It supports revolute and prismatic joints only. It ignores mimics, and frames below links, which are added from the file.
+The reader only supports revolute and prismatic joints. It ignores mimic joints and frames below links, so the program reads these frames
+from the file.
 """
 
 from __future__ import annotations

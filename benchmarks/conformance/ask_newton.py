@@ -1,6 +1,6 @@
-"""Read USD and URDF with Newton, which computes in single precision: `python ask_newton.py REQUESTS ANSWERS`.
+"""Read USD and URDF with Newton: `python ask_newton.py REQUESTS ANSWERS`. Newton computes in single precision.
 
-The q of a ball is in the axes of its joint; that of the request is in those of the child.
+Newton expresses the coordinates of a ball joint in the axes of the joint, whereas the request uses the axes of the child.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def answer(asked):
 
 
 def mimics(model, asked, joints):
-    """Return the leader, multiplier and offset of each coordinate."""
+    """Return the leader, the multiplier and the offset of each joint coordinate."""
     names = {k: name for name, k in joints.items()}
     leaders, numbers = model.joint_mimic_joint.numpy(), model.joint_mimic_coeffs.numpy().astype(float)
     found = {name: (names[leaders[k]], numbers[k][1], numbers[k][0]) for name, k in joints.items() if leaders[k] >= 0}
@@ -91,7 +91,7 @@ def mimics(model, asked, joints):
 
 
 def box(model, bodies, name):
-    """Return the smallest and largest corner of the bounding box, in the world, of the mesh with a name."""
+    """Return the smallest and the largest corner of the bounding box of a mesh in the world. The mesh is given by its name."""
     found = [k for k, label in enumerate(model.shape_label) if f"{label.removesuffix('/mesh')}/".endswith(f"/{name}/")]
     if len(found) != 1:
         raise ValueError(f"{len(found)} shapes are called {name}")
@@ -101,7 +101,7 @@ def box(model, bodies, name):
 
 
 def matrix(transform):
-    """Convert a pose of warp to a matrix."""
+    """Convert a transform of Warp to a 4 x 4 matrix."""
     pose = np.eye(4)
     pose[:3, 3], pose[:3, :3] = transform[:3], Rotation.from_quat(transform[3:]).as_matrix()
     return pose

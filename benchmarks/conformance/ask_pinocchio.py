@@ -1,4 +1,4 @@
-"""Read URDF with pinocchio, with independent joints (`mimic` is off): `python ask_pinocchio.py REQUESTS ANSWERS`."""
+"""Read URDF with pinocchio: `python ask_pinocchio.py REQUESTS ANSWERS`. Mimic joints are read as independent joints (`mimic` is off)."""
 
 from __future__ import annotations
 

@@ -29,7 +29,9 @@ def answer(asked):
 
 
 def endless(model, q, state):
-    """Set unlimited revolute joints from the values of a state: pinocchio uses cosine and sine, and does not read these values."""
+    """Write the values of unlimited revolute joints into a configuration. Pinocchio represents these joints by cosine and sine, and does
+    not read their values from the SRDF.
+    """
     for joint in state:
         one = model.joints[model.getJointId(joint.attrib["name"])]
         if one.nq == 2:
@@ -46,7 +48,9 @@ def frames(model, q, asked):
 
 
 def followed(model, q, asked):
-    """Return q with mimicking joints at their values, since with `mimic` on, pinocchio rejects some whose leader is in a later branch."""
+    """Return the configuration with mimic joints at the values that follow from their leaders. If `mimic` is on, pinocchio rejects mimic
+    joints whose leader is in a later branch.
+    """
     q = np.array(q)
     place = {name: model.joints[model.getJointId(name)].idx_q for pair in asked["follows"].items() for name in (pair[0], pair[1][0])}
     for name, (leader, multiplier, offset) in asked["follows"].items():
@@ -55,7 +59,7 @@ def followed(model, q, asked):
 
 
 def apart(model, geometry, asked):
-    """Raise if links collide that the SRDF excludes."""
+    """Raise an exception if links collide whose collisions the SRDF disables."""
     never = {frozenset(pair) for pair in asked["never"]}
     links = [model.frames[one.parentFrame].name for one in geometry.geometryObjects]
     pairs = [frozenset((links[pair.first], links[pair.second])) for pair in geometry.collisionPairs]

@@ -1,4 +1,4 @@
-"""Load a model and its scene with PyMJCF (`dm_control.mjcf`); return their mass: `python ask_pymjcf.py REQUESTS ANSWERS`."""
+"""Load a model and its scene with PyMJCF (`dm_control.mjcf`): `python ask_pymjcf.py REQUESTS ANSWERS`. The answer contains the mass."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def answer(asked):
 
 
 def scene_of(model):
-    """Return the scene of a model: `scene_MODE.xml` for `NAME_MODE.xml`."""
+    """Return the path of the scene of a model, such as `scene_MODE.xml` for `NAME_MODE.xml`."""
     name = model.parents[1].name
     return model.with_name(model.name.replace(f"{name}_", "scene_", 1))
 

@@ -1,6 +1,5 @@
-"""Read URDF with urdf_parser_py, used by Python tools of ROS, which computes no kinematics:
-
-`python ask_urdf_parser_py.py REQUESTS ANSWERS`.
+"""Parse URDF with urdf_parser_py, which Python tools of ROS use: `python ask_urdf_parser_py.py REQUESTS ANSWERS`. The package does not
+compute kinematics.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from urdf_parser_py.urdf import URDF
 from urdf_parser_py.xml_reflection import core
 
 KNOWN = ("mujoco", "ros2_control")
-"""Tags of other programs that the files contain on purpose."""
+"""Tags of other programs that the files contain on purpose, and that urdf_parser_py does not recognise."""
 
 
 def answer(asked):

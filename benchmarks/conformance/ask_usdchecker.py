@@ -1,4 +1,4 @@
-"""Run the validators of usd-core, as `usdchecker` does, and those of UsdPhysics: `python ask_usdchecker.py REQUESTS ANSWERS`."""
+"""Run the validators of usd-core and of UsdPhysics on USD files, as `usdchecker` does: `python ask_usdchecker.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Load a model with MuJoCo Warp; return its mass, and joint positions after some steps: `python ask_warp.py REQUESTS ANSWERS`."""
+"""Load a model with MuJoCo Warp: `python ask_warp.py REQUESTS ANSWERS`. The answer contains the mass and the joint positions after some
+simulation steps.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Common code of the readers: requests come from a JSON file; answers and the version of the reader are written to another one."""
+"""Shared code of the programs that run a reader. Each program reads requests from a JSON file, and writes its answers and the version of
+the reader to another JSON file.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,7 @@ import json
 
 
 def serve(answer, version, arguments):
-    """Answer all requests; the error of a reader is an answer, too."""
+    """Answer all requests and write the answers. If a reader raises an exception, its message is the answer."""
     with open(arguments[1]) as stream:
         requests = json.load(stream)
     answers = []
@@ -20,9 +22,9 @@ def serve(answer, version, arguments):
 
 
 def started(asked):
-    """Return MuJoCo's model of an MJCF file without contacts, and the initial state for `stepped` in `reference.py`.
+    """Return the MuJoCo model of an MJCF file without contacts, and the initial state that `stepped` in `reference.py` also uses.
 
-    Cones are pyramidal, since the elliptic ones of MJX require a contact.
+    The model uses pyramidal friction cones, because MJX only supports elliptic cones if the model has contacts.
     """
     import mujoco
 
@@ -37,9 +39,9 @@ def started(asked):
 
 
 def frames_of_usd(file, names):
-    """Return the link of each frame in a USD file, and its pose in it as a matrix.
+    """Return the link of each frame in a USD file, and the pose of the frame in the link as a matrix.
 
-    A link is its own frame; other frames are prims below one.
+    A link is also a frame, and other frames are prims below the link.
     """
     import numpy as np
     from pxr import Usd, UsdGeom, UsdPhysics

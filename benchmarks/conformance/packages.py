@@ -1,4 +1,4 @@
-"""The expected answers for a ROS package: the poses of all frames in MuJoCo for each pose, which the SRDF states for the URDF."""
+"""Compute the expected answers for a ROS package: the poses of all frames in MuJoCo, for each named pose in the SRDF."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import numpy as np
 from reference import Question
 
 CONFIGURATIONS = 200
-"""Number of configurations at which excluded links must not collide."""
+"""Number of random configurations in which the study checks that links with disabled collisions do not collide."""
 
 
 def questions(folder: Path) -> Iterator[Question]:
-    """Yield the questions about every mode of a build."""
+    """Yield a question about the ROS package for every mode of a build."""
     (package,) = (folder / "ros").iterdir()
     for srdf in sorted((package / "config").glob("*.srdf")):
         model = mujoco.MjModel.from_xml_path(str(folder / "mjcf" / f"{srdf.stem}.xml"))

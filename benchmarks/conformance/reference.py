@@ -1,4 +1,6 @@
-"""The expected answers of all readers, from MuJoCo and the MJCF of the same mode, which has every link, frame and joint by its path."""
+"""Compute the expected answers of all readers with MuJoCo, from the MJCF of the same mode. The MJCF contains every link, frame and joint
+under its path.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,16 @@ from scipy.spatial.transform import Rotation
 CONFIGURATIONS = 50
 STEPS = 50
 HELD = ":held"
-"""Suffix of bodies and sites in MJCF that only hold a mount."""
+"""Suffix of MJCF bodies and sites that only hold a mount."""
 PUSH = 0.2
-"""Maximum initial speed of joints when a model is stepped [rad/s, m/s]."""
+"""Maximum initial speed of joints in the simulation steps [rad/s, m/s]."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """A question about a file: `request` is for the reader, `answer` has the expected values with the keys of the reader's answer."""
+    """A question about a file. `request` is sent to the reader, and `answer` contains the expected values with the keys of the reader's
+    answer.
+    """
 
     name: str
     format: str
@@ -36,8 +40,9 @@ class Question:
 class Coordinate:
     """Coordinate number `axis` of the joint `name` in a file.
 
-    In MJCF, it is the joint `path`, and `others` move with it by a factor (the slide of a screw); `zero` is the value of `path` when the
-    file has 0. For a ball, the coordinates are roll, pitch and yaw, and velocities are about x, y and z of the parent.
+    In MJCF, the coordinate is the joint `path`. The joints in `others`, such as the slide of a screw, move with this joint by a factor.
+    `zero` is the value of `path` at which the joint in the file is at 0. The coordinates of a ball joint are roll, pitch and yaw. Its
+    velocities are about the axes x, y and z of the parent.
     """
 
     name: str
@@ -48,13 +53,14 @@ class Coordinate:
 
 
 FORMATS = {".urdf": "URDF", ".sdf": "SDF", ".xml": "MJCF", ".usda": "USD"}
-"""Formats by suffix."""
+"""The name of the format for each suffix."""
 
 
 def question(file: Path, mjcf: Path, seed: int = 0, count: int = CONFIGURATIONS) -> Question:
-    """Return the question about a URDF, SDF, USD or MJCF file at `count` configurations.
+    """Return a question about a URDF, SDF, USD or MJCF file, with `count` random configurations.
 
-    Frames are relative to the root link. Gravity acts in the world if the base is fixed, else along the axes of the root.
+    Frames are relative to the root link. If the base is fixed, gravity is in the world frame. Otherwise, it is along the axes of the root
+    link.
     """
     model, format = mujoco.MjModel.from_xml_path(str(mjcf)), FORMATS[file.suffix]
     tree = ElementTree.Element("none") if format == "USD" else ElementTree.parse(file).getroot()
@@ -103,9 +109,10 @@ def question(file: Path, mjcf: Path, seed: int = 0, count: int = CONFIGURATIONS)
 
 
 def stepped(one: Question) -> Question:
-    """Return the question about an MJCF file with joint positions after some steps without contacts.
+    """Return a question about an MJCF file that also asks for the joint positions after some simulation steps without contacts.
 
-    The start is the initial state of the mode; every independent joint has an initial speed, and every drive its control of that state.
+    The simulation begins in the initial state of the mode. Every independent joint has a random initial speed, and every drive has its
+    control of the initial state.
     """
     model = mujoco.MjModel.from_xml_path(one.request["file"])
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -123,14 +130,14 @@ def stepped(one: Question) -> Question:
 
 
 def _of_mjcf(model: mujoco.MjModel) -> Iterator[Coordinate]:
-    """Yield the coordinates of the joints of MJCF."""
+    """Yield the joint coordinates of an MJCF file."""
     for path in _moving(model):
         ball = model.jnt_type[model.joint(path).id] == mujoco.mjtJoint.mjJNT_BALL
         yield from (Coordinate(path, axis, path) for axis in range(3 if ball else 1))
 
 
 def _of_urdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterator[Coordinate]:
-    """Yield the coordinates of the joints of URDF, in its order."""
+    """Yield the joint coordinates of a URDF file, in the order of the file."""
     paths = {_safe(path): path for path in _moving(model)}
     moving = [name for name, kind in types.items() if kind != "fixed"]
     if set(paths) != set(moving):
@@ -139,9 +146,9 @@ def _of_urdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterat
 
 
 def _of_sdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterator[Coordinate]:
-    """Yield the coordinates of the joints of SDF that are in the tree of MJCF, in the order of SDF; others close loops.
+    """Yield the joint coordinates of an SDF file, in the order of the MJCF model. Joints that close loops are omitted.
 
-    A universal joint has two.
+    A universal joint has two coordinates.
     """
     paths, zero = _moving(model), _zeros(model, file)
     axes: dict[str, int] = {}
@@ -161,9 +168,9 @@ def _of_sdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterato
 
 
 def _of_usd(model: mujoco.MjModel, file: Path) -> Iterator[Coordinate]:
-    """Yield the coordinates of the joints of USD, in MuJoCo's order.
+    """Yield the joint coordinates of a USD file, in the order of the MJCF model.
 
-    A generic joint has its slides first, then its turns, each in tree order.
+    The coordinates of a generic joint (D6) are first its slides and then its rotations, each in the order of the tree.
     """
     made = set(re.findall(r'def Physics\w*Joint "(\w+)"', file.read_text()))
     paths, axes = _moving(model), {}
@@ -182,7 +189,9 @@ def _moving(model: mujoco.MjModel) -> list[str]:
 
 
 def _zeros(model: mujoco.MjModel, file: Path) -> dict[str, float]:
-    """Return the joint values in MJCF where the joints of an SDF file are at 0, from the manifest; empty for q = 0."""
+    """Return the joint values of the MJCF model at which all joints of an SDF file are at 0, according to the manifest. Return an empty
+    dictionary if all values are 0.
+    """
     build = file.parents[2]
     losses = json.loads((build / "manifest.json").read_text())["losses"]
     mode = file.parent.name.removeprefix(f"{build.name}_")
@@ -196,7 +205,7 @@ def _zeros(model: mujoco.MjModel, file: Path) -> dict[str, float]:
 
 
 def _polynomial(model: mujoco.MjModel, path: str) -> Any:
-    """Return the coefficients of the equality of a follower."""
+    """Return the coefficients of the equality constraint of a mimic joint."""
     own = model.joint(path).id
     return next(
         model.eq_data[k] for k in range(model.neq) if model.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT and int(model.eq_obj1id[k]) == own
@@ -204,13 +213,14 @@ def _polynomial(model: mujoco.MjModel, path: str) -> Any:
 
 
 Follows = tuple[str, float, float]
-"""The leader of a joint, the multiplier [per unit of its q], and the offset."""
+"""The leader of a mimic joint, the multiplier, and the offset."""
 
 
 def _mimic(model: mujoco.MjModel, one: Coordinate, by_path: dict[str, Coordinate]) -> Follows | None:
-    """Return the leader of a coordinate, from the equalities of MJCF; None if it is independent.
+    """Return the leader, multiplier and offset of a coordinate from the equality constraints of the MJCF model. Return None if the
+    coordinate is independent.
 
-    For a screw in MuJoCo, the turn follows the slide; here, a slide that is a coordinate follows the turn.
+    In MuJoCo, the rotation of a screw follows its slide. In the answers, a slide that is a coordinate follows the rotation.
     """
     own = model.joint(one.path).id
     for k in range(model.neq):
@@ -228,7 +238,7 @@ def _mimic(model: mujoco.MjModel, one: Coordinate, by_path: dict[str, Coordinate
 
 
 def _range(names: list[str], ranges: list[list[float] | None], k: int, follows: Follows | None) -> list[float] | None:
-    """Return the range of a joint; for a follower without one in MJCF, that which follows from its leader."""
+    """Return the range of a joint. If a mimic joint has no range in MJCF, its range is computed from the range of its leader."""
     if ranges[k] is not None or follows is None:
         return ranges[k]
     leader, multiplier, offset = follows
@@ -239,7 +249,9 @@ def _range(names: list[str], ranges: list[list[float] | None], k: int, follows: 
 def _configurations(
     names: list[str], prismatic: list[bool], mimics: list[Follows | None], rng: np.random.Generator, count: int,
 ) -> Any:
-    """Return random configurations within half a turn or 0.1 m; followers have the values of their leader."""
+    """Return random joint configurations (count, joints). Rotations are between -pi and pi, and slides between -0.1 m and 0.1 m. Mimic
+    joints have the values that follow from their leaders.
+    """
     q = rng.uniform(-1.0, 1.0, (count, len(names))) * [0.1 if slides else np.pi for slides in prismatic]
     waiting = {k: one for k, one in enumerate(mimics) if one is not None}
     while waiting:
@@ -286,12 +298,12 @@ def _answers(model: mujoco.MjModel, coordinates: list[Coordinate], frames: dict[
 
 
 def _meshes(model: mujoco.MjModel) -> dict[str, int]:
-    """Return the geoms that are meshes, by name."""
+    """Return the indices of all mesh geoms, by name."""
     return {model.geom(k).name: k for k in range(model.ngeom) if model.geom_type[k] == mujoco.mjtGeom.mjGEOM_MESH}
 
 
 def _shape(name: str, format: str) -> str:
-    """Return the name of a geom of MJCF in other formats: `hand/cap`, `hand/cap:collision_1`."""
+    """Return the name that a geom of MJCF has in another format. The name in MJCF is for example `hand/cap` or `hand/cap:collision_1`."""
     path, collides, number = name.partition(":collision")
     if format == "USD":
         return f"{'collisions' if collides else 'visuals'}/{_safe(path)}{number}"
@@ -301,7 +313,7 @@ def _shape(name: str, format: str) -> str:
 
 
 def _box(data: mujoco.MjData, geom: int) -> list[float]:
-    """Return the smallest and largest corner of the bounding box of a mesh in the world."""
+    """Return the smallest and the largest corner of the bounding box of a mesh in the world."""
     mesh = data.model.geom_dataid[geom]
     first, count = data.model.mesh_vertadr[mesh], data.model.mesh_vertnum[mesh]
     points = data.model.mesh_vert[first : first + count] @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
@@ -309,7 +321,9 @@ def _box(data: mujoco.MjData, geom: int) -> list[float]:
 
 
 def _effort(model: mujoco.MjModel, joint: int) -> float:
-    """Return the effort limit of the drive of a joint; without a drive, the limit of the joint, else 0."""
+    """Return the effort limit of the drive of a joint. If the joint has no drive, return the effort limit of the joint, or 0 if it has no
+    limit.
+    """
     for k in range(model.nu):
         if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT and model.actuator_trnid[k][0] == joint:
             motor = model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE
@@ -328,7 +342,7 @@ def _pose(data: mujoco.MjData, kind: str, index: int) -> Any:
 
 
 def _safe(path: str) -> str:
-    """Convert a name of MJCF to a name in other formats."""
+    """Convert an MJCF name to a name that is valid in the other formats."""
     return path.replace("/", "_").replace(":slide", "_slide")
 
 

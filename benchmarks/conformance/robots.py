@@ -1,4 +1,6 @@
-"""Random robots as documents: trees of joints of all kinds that every format supports, with masses, mimics, a pose, and a mode per base."""
+"""Create documents of random robots. Each robot is a tree of joints, with all joint types that every format supports, with masses, mimic
+joints and a pose, and with a mode for each kind of base.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,9 @@ COUNTS = {"cylindrical": ("rad", "m"), "universal": ("rad", "rad"), "planar": ("
 
 
 def document(seed: int, *, balls: bool = False) -> str:
-    """Return the document of a random robot, named by its seed; with `balls`, also with ball joints, which URDF does not support."""
+    """Return the document of a random robot whose name contains the seed. If `balls` is True, the robot also has ball joints, which URDF
+    does not support.
+    """
     rng = np.random.default_rng(seed)
     count = int(rng.integers(3, 8))
     lines = ["thingc: assembly/1", f"name: {'balls' if balls else 'random'}_{seed}", "components:"]
@@ -58,7 +62,7 @@ def document(seed: int, *, balls: bool = False) -> str:
 
 
 def _value(kind: str, rng: np.random.Generator) -> str:
-    """Return a random joint value for a pose, empty if the pose leaves the joint out."""
+    """Return a random joint value for a pose. The string is empty if the pose omits the joint."""
     if kind == "ball":
         return f"{{rpy: [{', '.join(f'{angle:.3f} rad' for angle in rng.uniform(-1.5, 1.5, 3))}]}}"
     units = {**COUNTS, "mimic": (), **dict.fromkeys(("revolute", "continuous", "screw"), ("rad",)), "prismatic": ("m",)}[kind]
@@ -73,7 +77,7 @@ def _frame(rng: np.random.Generator) -> str:
 
 
 def _mass(rng: np.random.Generator) -> str:
-    """Return a box with random size and pose."""
+    """Return the mass, the centre of mass and the inertia of a random box, as keys of a document."""
     mass, (a, b, c) = rng.uniform(0.1, 1.0), rng.uniform(0.02, 0.2, 3)
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     i = turn @ np.diag([b * b + c * c, a * a + c * c, a * a + b * b]) @ turn.T * mass / 12.0 * 1e6

@@ -1,8 +1,8 @@
 """`make conformance`: check that independent readers find the same robot in every file.
 
-Builds both robots and random ones in all modes, loads every file with each reader in a separate environment and process, and compares the
-answers at 50 random configurations with those of MuJoCo for the MJCF of the same mode. Writes `docs/studies/conformance_table.md`; exits
-with 1 if an answer differs. Environments are cached in `build/conformance/`.
+The study builds both robots and random robots in all modes. Each reader runs in its own environment and process, and loads every file. Its
+answers at 50 random configurations are compared with the results of MuJoCo for the MJCF of the same mode. The study writes
+`docs/studies/conformance_table.md`, and exits with 1 if an answer differs. The environments are cached in `build/conformance/`.
 """
 
 from __future__ import annotations
@@ -37,32 +37,32 @@ BOUNDS = {
     "frames": 1e-9, "mass": 1e-6, "centre": 1e-6, "mass_matrix": 1e-6, "torque": 1e-6, "range": 1e-9, "effort": 1e-9, "mimic": 1e-6,
     "meshes": 1e-6, "steps": 1e-6,
 }
-"""Tolerances.
+"""Tolerances of the compared quantities.
 
-For frames [m and 1], ranges [rad, m], efforts [N m, N], mimics, boxes around meshes [m], which MuJoCo stores in single precision, and joint
-positions after some steps [rad, m] they are absolute; for others, relative to the largest value of the kind.
+The tolerances of frames [m and 1], ranges [rad, m], efforts [N m, N], mimics, boxes around meshes [m] and joint positions after steps [rad,
+m] are absolute. Other tolerances are relative to the largest value of the quantity. MuJoCo stores meshes in single precision.
 """
 FLOAT, FLOATS_STEPPED = 1e-5, 1e-4
-"""Minimum tolerances if the reader or the file uses single precision, and if the reader also steps with it."""
+"""Minimum tolerances if the reader or the file uses single precision. The second tolerance applies to simulation steps."""
 WORDS = {
     "frames": "frames", "mass": "total mass", "centre": "centre of mass", "mass_matrix": "mass matrix", "torque": "gravity torque",
     "range": "limits", "effort": "efforts", "mimic": "mimics", "meshes": "meshes", "steps": "steps",
 }
 
 FOR_DRAKE = "MJCF, `--compat drake`"
-"""The MJCF for Drake."""
+"""Name of the MJCF models that are adapted to Drake."""
 
 COMPAT = "MJCF, `--compat mjx,pymjcf`"
-"""The MJCF for readers other than MuJoCo and Drake."""
+"""Name of the MJCF models that are adapted to MJX and PyMJCF."""
 
 
 @dataclass(frozen=True)
 class Reader:
-    """A reader: the name of its script `ask_NAME.py`, the formats that it reads, the packages of its environment (empty: this one), and
-    `needs`, commands that must succeed.
+    """A reader of robot files. `name` determines its program `ask_NAME.py`, and `packages` lists the packages of its Python environment. If
+    `packages` is empty, the current environment is used. The commands in `needs` must succeed.
 
-    `alone`: install only `packages`, without their dependencies, which are not used here. Errors that contain `refuses` are documented on
-    the page, and are not failures. `floats`: the reader uses single precision, with larger tolerances.
+    If `alone` is True, only `packages` are installed, without their dependencies. An error that contains the text `refuses` is a known
+    limitation of the reader and not a failure. If `floats` is True, the reader uses single precision, and the tolerances are larger.
     """
 
     name: str
@@ -169,13 +169,13 @@ READERS = (
     ),
 )
 NOT_RUN = "ROS itself with the package: `colcon build`, `ros2 launch`, the controllers on their mock hardware, RViz and MoveIt"
-"""Programs that are not part of this study."""
+"""Programs that the study does not run."""
 
 
 @dataclass
 class Judged:
-    """The result of a reader for some files: the largest difference by quantity, failures by file, and the number of known refusals with
-    the first message.
+    """The results of a reader for some files. They contain the largest difference of each quantity, the failures of each file, the number
+    of known limitations, and the message of the first limitation.
     """
 
     refuses: str = ""
@@ -187,7 +187,7 @@ class Judged:
     faults: list[str] = field(default_factory=list)
 
     def add(self, name: str, answer: Mapping[str, Any], expected: Mapping[str, Any], joints: Sequence[str]) -> None:
-        """Compare the answer for one file."""
+        """Compare the answer of the reader for one file with the expected answer."""
         self.files += 1
         if "cannot" in answer and self.refuses and self.refuses in answer["cannot"]:
             self.refused += 1
@@ -205,11 +205,13 @@ class Judged:
 
 
 UNBOUNDED = 1e9
-"""Effort [N m or N] from which on there is no limit."""
+"""Efforts of at least this value [N m or N] count as unlimited."""
 
 
 def difference(key: str, answer: Any, expected: Any, joints: Sequence[str]) -> float:
-    """Return the difference between two answers: absolute for frames and ranges, else relative to the largest expected value."""
+    """Return the difference between two answers. The difference is absolute for frames and ranges. Otherwise it is relative to the largest
+    expected value.
+    """
     if key == "range":
         both = [(_ends(a), _ends(b)) for name, a, b in zip(joints, answer, expected, strict=True) if not name.endswith("_slide")]
         return max((abs(x - y) for a, b in both for x, y in zip(a, b, strict=True) if x != y), default=0.0)
@@ -228,13 +230,13 @@ def difference(key: str, answer: Any, expected: Any, joints: Sequence[str]) -> f
 
 
 def _ends(ends: Sequence[float] | None) -> tuple[float, float]:
-    """Return both ends of a range; ends that represent unlimited are infinite."""
+    """Return both ends of a range. An end is infinite if the range is unlimited there."""
     low, high = (-math.inf, math.inf) if ends is None else ends
     return (-math.inf if low <= -1e6 else low, math.inf if high >= 1e6 else high)
 
 
 def main() -> int:
-    """Build, compare and write the page; return 1 if an answer differs."""
+    """Build the robots, run all readers and write the page. Return 1 if an answer differs."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--random", type=int, default=RANDOM, help="number of random robots")
     parser.add_argument("--reader", action="append", default=[], choices=[one.name for one in READERS], help="measure only this one")
@@ -261,7 +263,7 @@ def main() -> int:
 
 
 def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
-    """Yield the questions about every mode of both robots and the random ones, by group."""
+    """Yield questions about every mode of both robots and of the random robots, each with the name of its group."""
     documents = folder / "documents"
     documents.mkdir(parents=True, exist_ok=True)
     robots = [(Path(path).stem, ROOT / path) for path in ROBOTS]
@@ -292,13 +294,13 @@ def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
 
 
 def built(path: Path, folder: Path, *options: str) -> None:
-    """Build a document."""
+    """Build a document into a folder."""
     words = [sys.executable, "-m", "thingc", "build", str(path), *options, "-o", str(folder)]
     subprocess.run(words, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def judged(reader: Reader, folder: Path, asked: Sequence[tuple[str, Question]]) -> tuple[str, dict[str, Judged]]:
-    """Return the version of a reader and its results by group; if it is not available, the reason and no results."""
+    """Run a reader. Return its version, and its results by group. If the reader is not available, return the reason and no results."""
     python = environment(reader, folder)
     if python is None:
         return f"cannot be had here ({' '.join(reader.packages or reader.needs)})", {}
@@ -313,8 +315,8 @@ def judged(reader: Reader, folder: Path, asked: Sequence[tuple[str, Question]]) 
 
 
 def environment(reader: Reader, folder: Path) -> Path | None:
-    """Return the Python interpreter of the environment of a reader, which is created if missing; None if packages or `needs` are not
-    available.
+    """Return the path of the Python interpreter in the environment of a reader. Create the environment if it does not exist. Return None if
+    packages are not available or a command in `needs` fails.
     """
     if not all(succeeds(command) for command in reader.needs):
         return None
@@ -334,13 +336,13 @@ def environment(reader: Reader, folder: Path) -> Path | None:
 
 
 def succeeds(command: str) -> bool:
-    """Return whether a command exists and exits with 0."""
+    """Return whether a command exists and exits with status 0."""
     words = shlex.split(command)
     return shutil.which(words[0]) is not None and not subprocess.run(words, check=False, capture_output=True).returncode
 
 
 def table(rows: Mapping[tuple[str, str], tuple[str, dict[str, Judged]]]) -> Iterator[str]:
-    """Yield the table of the page: a row for each reader, format and group, with the largest differences."""
+    """Yield the lines of the table, with one row for each reader, format and group. A row contains the largest differences."""
     yield "| reader | reads | robots | files | " + " | ".join(WORDS.values()) + " | |"
     yield "|---" * (len(WORDS) + 5) + "|"
     for (name, format), (version, groups) in rows.items():

@@ -1,4 +1,6 @@
-"""Pairs of documents with known differences: edits of existing robots with their changes (`cases.yaml`), and rewritings without changes."""
+"""Pairs of documents with known differences. In one group, documents of existing robots are edited, and `cases.yaml` lists the expected
+changes. In the other group, documents are rewritten without changing the robot.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +19,15 @@ Made = tuple[str, str, str, str | None]
 
 @dataclass(frozen=True, kw_only=True)
 class Robot:
-    """A document in its workspace: `folder` is copied, `document` is the path in it."""
+    """A document in its workspace. `folder` is the folder of the workspace, which is copied, and `document` is the path relative to this
+    folder.
+    """
 
     folder: str
     document: str
 
     def copy(self, to: Path) -> Path:
-        """Copy the workspace; return the path of the document."""
+        """Copy the workspace to a folder, and return the path of the document in the copy."""
         for name in ("assemblies", "parts") if self.folder == "." else (".",):
             shutil.copytree(
                 ROOT / self.folder / name, to / name, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__", "build"),
@@ -42,7 +46,7 @@ ROBOTS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A robot, replacements in files beside its document, and the changes that they cause."""
+    """A robot, edits of files beside its document, and the changes that these edits cause."""
 
     robot: str
     name: str
@@ -50,7 +54,9 @@ class Case:
     made: frozenset[Made]
 
     def write(self, document: Path) -> None:
-        """Make the replacements. Raises if one does not match."""
+        """Apply the edits of the case to the files beside a document. Raises `ValueError` if the text of an edit does not occur exactly
+        once.
+        """
         for file, old, new in self.edits:
             path = document.parent / file
             text = path.read_text()
@@ -60,7 +66,7 @@ class Case:
 
 
 def cases() -> list[Case]:
-    """Return the cases in `cases.yaml`."""
+    """Return the cases that `cases.yaml` lists."""
     return [
         Case(
             robot=one["robot"], name=one["name"], edits=tuple((edit["file"], edit["old"], edit["new"]) for edit in one["edits"]),
@@ -71,7 +77,9 @@ def cases() -> list[Case]:
 
 
 def rewritten(text: str, number: int) -> str:
-    """Rewrite a document without changing its meaning: comments and empty lines, units, quotes, or the order of sections, by number."""
+    """Rewrite a document without changing its meaning. Depending on `number`, the function changes comments, empty lines, units, quotes or
+    the order of sections.
+    """
     source = random.Random(number)
     kind = number % 5
     if kind == 0:

@@ -1,8 +1,9 @@
-"""`python benchmarks/differences/study.py`: check `thingc diff` with known changes, in both directions.
+"""Check `thingc diff` with known changes, in both directions: `python benchmarks/differences/study.py`.
 
-In every case of the corpus, each change is reported, nothing else is reported without a cause, every cause is one of the changes, and the
-reverse comparison is the mirror image. For random designs of MInchW, exactly the drawn parameters are reported. Rewritings give no change.
-Exits with 1 if anything fails.
+For each case in `cases.yaml`, the study checks that `thingc diff` reports each change, and reports nothing else without a cause. Every
+cause must be one of the changes, and the reverse comparison must be the mirror image. For random designs of MInchW, exactly the parameters
+that were set must be reported. A document that is rewritten without changing the robot must have no changes. The program exits with 1 if a
+check fails.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ from thingc.tools.diff.take_snapshot import take_snapshot
 
 
 def drawn(document: Path) -> Snapshot | None:
-    """Return the snapshot of a document; None if it does not compile."""
+    """Compile a document, and return a snapshot of the robot. Return None if the document does not compile."""
     with Environment(str(document), Options()) as environment:
         compilation = compile(environment)
         return None if compilation.report.failed or compilation.assembly is None else take_snapshot(compilation)
 
 
 def mirrored(change: Change) -> Change:
-    """Return the same change from the new robot to the old one."""
+    """Return the change that a comparison in the opposite direction reports."""
     there, back = (change.path, None) if change.new_path is None else (change.new_path, change.path)
     how: dict[How, How] = {"added": "removed", "removed": "added"}
     return replace(
@@ -45,7 +46,7 @@ def mirrored(change: Change) -> Change:
 
 
 def faults(old: Snapshot, new: Snapshot, made: frozenset[tuple[str, str, str, str | None]]) -> Iterator[str]:
-    """Yield the errors of `thingc diff` for two robots with these changes."""
+    """Yield the errors of `thingc diff` for two robots, given the changes between the robots."""
     there, back = compare(old, new).changes, compare(new, old).changes
     named = {(c.what, c.change, c.path, c.field) for c in there if not c.caused}
     yield from (f"not named: {one}" for one in made - named)
@@ -61,7 +62,7 @@ def _content(change: Change) -> tuple[str, ...]:
 
 
 def main() -> int:
-    """Run the whole study."""
+    """Run all checks. Return 1 if a check fails."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--designs", type=int, default=10, help="number of random designs (default: %(default)s)")
     parser.add_argument("--rewrites", type=int, default=100, help="number of rewrites (default: %(default)s)")
@@ -93,9 +94,9 @@ def _cases(folder: Path, snapshots: dict[str, Snapshot | None]) -> Iterator[tupl
 
 
 def _designs(folder: Path, snapshots: dict[str, Snapshot | None], count: int) -> Iterator[tuple[str, list[str]]]:
-    """Yield the title and the faults of the comparison of designs that violate no rule.
+    """Compare designs of MInchW that do not violate a rule with the original. Yield a title and a list of errors for each design.
 
-    Their parameters, written into the document, are the only changes to report.
+    The parameters of the design are written into the document, so only these parameters may be reported.
     """
     old, number, taken = snapshots["minchw"], 0, 0
     while taken < count:
@@ -118,7 +119,7 @@ def _designs(folder: Path, snapshots: dict[str, Snapshot | None], count: int) ->
 
 
 def _with(text: str, name: str, value: str) -> str:
-    """Return the document with another value of a parameter."""
+    """Return the text of the document with another value of a parameter."""
     text = re.sub(rf"(\n  {name}: \{{value: )[^,]+", rf"\g<1>{value}", text)
     return re.sub(rf'(\n  {name}: )"=leg_length"', rf"\g<1>{value}", text)
 

@@ -1,7 +1,8 @@
-"""Read original SDF files with Drake: `python ask_drake.py < REQUEST > ANSWER`, both JSON.
+"""Read original SDF files with Drake: `python ask_drake.py < REQUEST > ANSWER`. Request and answer are JSON.
 
-For each state, it returns the poses of all links and frames, and mass matrix, bias and gravity of the joints; for some links, also the mass
-matrix of a robot with a free base when that link is held. Requires `pip install drake`.
+For each state, the answer contains the poses of all links and frames, and the mass matrix, the bias forces and the gravity forces of the
+joints. For some links, the answer also contains the mass matrix of a robot with a free base when this link is held. Requires `pip install
+drake`.
 """
 
 import json

@@ -1,7 +1,7 @@
-"""Read original files with pinocchio: `python ask_original.py < REQUEST > ANSWER`, both JSON.
+"""Read original URDF files with pinocchio: `python ask_original.py < REQUEST > ANSWER`. Request and answer are JSON.
 
-For each state, it returns the poses of all links, mass matrix, bias and gravity; for some links, also the mass matrix of the robot with a
-free base when that link is held.
+For each state, the answer contains the poses of all links, the mass matrix, the bias forces and the gravity forces. For some links, the
+answer also contains the mass matrix of a robot with a free base when this link is held.
 """
 
 import json

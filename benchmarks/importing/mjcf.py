@@ -1,10 +1,14 @@
-"""Import real robots in MJCF, compare them, and print a table: `python benchmarks/importing/mjcf.py NAME=FILE_OR_FOLDER...`.
+"""Import existing robots in MJCF, compare them with the originals, and print a table: `python benchmarks/importing/mjcf.py
+NAME=FILE_OR_FOLDER...`.
 
-Use the unpacked wheels of robosuite 1.5 and dm_control 1.0.50. MuJoCo reads each original file; it is also imported, with five random links
-as further roots. Compared in random states: poses, mass matrix, bias, forces and contacts; then shapes, limits, gains and keyframes, the
-order of actuators and sensors, 200 steps with random controls, and for each root the poses relative to it and the mass matrix when it is
-held. Differences must be explained by a loss. MuJoCo finds contacts of meshes, and of some other pairs, by iteration, for meshes in axes
-that it chooses itself: these agree to 1e-4 m, and explain differences of a trajectory and of adhesion if both are equal without contacts.
+Use the unpacked wheels of robosuite 1.5 and dm_control 1.0.50 as folders. MuJoCo reads each original file. The robot is also imported, with
+five random links as additional roots. In random states, the study compares poses, mass matrices, bias forces, forces and contacts. It also
+compares shapes, limits, gains, keyframes, the order of actuators and sensors, and 200 steps with random controls. For each additional root,
+it compares the poses relative to this root, and the mass matrix when this root is held.
+
+An export loss must explain each difference. MuJoCo finds contacts of meshes and of some other pairs iteratively, and chooses the axes of
+meshes itself. Therefore these contacts only agree to 1e-4 m. They explain a different trajectory or adhesion if both are equal without
+contacts.
 """
 
 from __future__ import annotations
@@ -44,7 +48,7 @@ EXPLAINS = {
 
 
 def main() -> int:
-    """Run; return 1 for an unexplained difference."""
+    """Import all robots and compare them. Return 1 if a difference has no explanation."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("paths", nargs="+", metavar="NAME=PATH")
     parser.add_argument("--states", type=int, default=50)
@@ -68,7 +72,7 @@ def main() -> int:
 
 
 def one(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel, states: int) -> tuple[list[str], bool]:
-    """Return the row of a robot, and whether everything is equal or explained."""
+    """Compare one robot. Return its row in the table, and whether every difference has an explanation."""
     report, begun = Report(), time.perf_counter()
     imported = import_robot(str(file), report)
     took = f"{time.perf_counter() - begun:.2f}"
@@ -110,7 +114,7 @@ def one(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel, states: int) ->
 
 
 def reordered(pair: Pair) -> bool:
-    """Return whether actuators or sensors of both models have another order, or new sensors are before one of them."""
+    """Return whether the two models have actuators or sensors in a different order. This includes new sensors before existing sensors."""
     sensors = pair.words.get("sensors", {})
     named = {number: sensors[name] for number, name in pair.named["sensor"].items() if name in sensors}
     places = [pair.ours.sensor(name).id for _, name in sorted(named.items())]
@@ -119,9 +123,9 @@ def reordered(pair: Pair) -> bool:
 
 
 def rooted(file: Path, roots: list[str]) -> Imported:
-    """Import the robot with a mode for each of these links.
+    """Import the robot with a mode for each of the links `roots`.
 
-    If joints are attached to the massless world, which would move then, it gets 1 mg.
+    If joints are attached to the world and the world can move in a mode, the world gets a mass of 1 mg.
     """
     found = import_robot(str(file), Report(), roots=roots) or import_robot(str(file), Report(), roots=roots, repair="nearest")
     assert found is not None
@@ -129,7 +133,7 @@ def rooted(file: Path, roots: list[str]) -> Imported:
 
 
 def read(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel) -> CompiledSource:
-    """Read a file with MuJoCo; elements without a name get that of the import."""
+    """Read a file with MuJoCo. Elements without a name get the name that the import gives them."""
     root = read_xml(str(file), file.read_bytes(), Report())
     assert root is not None
     return CompiledSource(FlattenedSource(root=root, text="", lines=(), files={}, meshes={}, included=(), losses=()), spec, theirs)

@@ -1,9 +1,11 @@
-"""Import real robots in URDF and SDF, compare them, and print a table: `python benchmarks/importing/run.py NAME=FILE_OR_FOLDER...`.
+"""Import existing robots in URDF and SDF, compare them with the originals, and print a table: `python benchmarks/importing/run.py
+NAME=FILE_OR_FOLDER...`.
 
-`--pinocchio` and `--drake` are Python interpreters with these packages (`pip install pin`, `pip install drake`): pinocchio reads original
-URDF files, Drake original SDF files, without joints that close loops. `pip install example-robot-data` has files of both. Compared at
-random states: poses of all links, mass matrix, bias, gravity, limits, and for five links as roots the poses relative to it, and the mass
-matrix when it is held, except for robots that Drake fixes to the world. Differences must be explained by a loss or a repair.
+The options `--pinocchio` and `--drake` are paths of Python interpreters with these packages (`pip install pin`, `pip install drake`).
+Original URDF files are read with pinocchio, and original SDF files with Drake, without joints that close loops. The package
+`example-robot-data` contains URDF and SDF files. In random states, the study compares the poses of all links, mass matrices, bias forces,
+gravity forces and limits. It also compares five links as roots: the poses relative to the root, and the mass matrix when the root is held.
+The latter is not compared if Drake fixes the robot to the world. A loss or a repair must explain each difference.
 """
 
 from __future__ import annotations
@@ -33,12 +35,12 @@ from thingc.tools.importing.sdf import ENDLESS
 ROOTS = 5
 POSE, RELATIVE = 1e-9, 1e-9
 ORIGINAL = {".urdf": "ask_original.py", ".sdf": "ask_drake.py"}
-"""The reader of original files by suffix."""
+"""The program that reads the original files, by suffix."""
 KINDS = ("poses", "mass matrix", "bias", "gravity", "limits", "rooted poses", "rooted mass matrix")
 
 
 def main() -> int:
-    """Run; return 1 for an unexplained difference."""
+    """Import all robots and compare them. Return 1 if a difference has no explanation."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pinocchio")
     parser.add_argument("--drake")
@@ -58,7 +60,7 @@ def main() -> int:
 
 
 def one(file: Path, python: str, count: int) -> tuple[list[str], bool]:
-    """Return the row of a robot, and whether everything is equal or explained."""
+    """Compare one robot. Return its row in the table, and whether every difference has an explanation."""
     chance, report, begun = random.Random(file.stem), Report(), time.perf_counter()
     first = import_robot(str(file), report, repair="nearest")
     empty = [""] * (len(KINDS) + 2)
@@ -106,7 +108,7 @@ def one(file: Path, python: str, count: int) -> tuple[list[str], bool]:
 
 
 def opened(file: Path, loops: set[str], folder: Path) -> Path:
-    """Return the file, or a copy in `folder` without these joints, which close loops."""
+    """Return the path of the file, or of a copy in `folder` without the joints `loops`, which close kinematic loops."""
     if not loops:
         return file
     tree = ET.parse(file)
@@ -122,8 +124,8 @@ def compared(
     imported: Imported, models: dict[str, mujoco.MjModel], theirs: dict[str, list[dict[str, object]]], states: list[list[list[float]]],
     known: dict[str, str], joints: dict[str, str], roots: list[str],
 ) -> dict[str, float]:
-    """Return the largest difference of each kind: poses in m (and of rotations), others relative to the largest value; NaN if something is
-    missing.
+    """Return the largest difference of each quantity. Differences of poses are in m, or in entries of the rotation matrix. Other
+    differences are relative to the largest value. The difference is NaN if a value is missing.
     """
     worst = dict.fromkeys(KINDS, 0.0)
 
@@ -167,12 +169,12 @@ def compared(
 
 
 def there(model: mujoco.MjModel, word: str) -> bool:
-    """Return whether MuJoCo has a link; massless links between two joints are not bodies."""
+    """Return whether the MuJoCo model contains a link. A massless link between two joints is not a body."""
     return any(mujoco.mj_name2id(model, kind, word) >= 0 for kind in (mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_BODY))
 
 
 def pose(data: mujoco.MjData, word: str) -> numpy.ndarray:
-    """Return the pose of a site or body as a 4 x 4 matrix."""
+    """Return the pose of a site or body in the world as a 4 x 4 matrix."""
     is_site = mujoco.mj_name2id(data.model, mujoco.mjtObj.mjOBJ_SITE, word) >= 0
     found, one = numpy.eye(4), data.site(word) if is_site else data.body(word)
     found[:3, :3], found[:3, 3] = one.xmat.reshape(3, 3), one.xpos

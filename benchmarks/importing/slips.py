@@ -1,7 +1,8 @@
-"""Import files of robots with one random error each: `python benchmarks/importing/slips.py FILE_OR_FOLDER... [--count 500]`.
+"""Import files of robots with one random error each, and check the diagnostics: `python benchmarks/importing/slips.py FILE_OR_FOLDER...
+[--count 500]`.
 
-No error may cause a traceback. A rejected file must have a diagnostic near the error: on its line or the next two, since an unclosed tag is
-noticed later; or where a name is used that the error removed.
+An error must not cause a traceback. If a file is rejected, a diagnostic must be near the error: at most two lines away, because the parser
+finds an unclosed tag later, or at a line that uses a name which the error removed.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from thingc.base.diagnostics import Report
 from thingc.tools.importing.importing import import_robot
 
 NEAR = 2
-"""Number of lines."""
+"""Number of lines between an error and a diagnostic that counts as near."""
 NAME = re.compile(r'\bname="([^"]+)"')
 Slip = Callable[[str, random.Random], str]
 SLIPS: dict[str, Slip] = {
@@ -46,16 +47,18 @@ SLIPS: dict[str, Slip] = {
     "another frame": lambda line, _: re.sub(r'(relative_to|attached_to|expressed_in)="\w', r'\1="x_', line),
     "a child as its own parent": lambda line, _: re.sub(r'<child link="([^"]*)"', r'<child link="\1"/><parent link="\1"', line),
 }
-"""Functions that break a line, or return it unchanged if they do not apply."""
+"""Functions that introduce an error into a line. A function returns the line unchanged if the error does not apply."""
 
 
 def robots_in(folder: Path) -> list[Path]:
-    """Return the URDF and SDF files in a folder; MJCF files must be named explicitly, since some are parts of others."""
+    """Return the URDF and SDF files in a folder. MJCF files must be named explicitly, because some MJCF files are only parts of other
+    files.
+    """
     return sorted(path for path in folder.rglob("*") if path.suffix in (".urdf", ".sdf"))
 
 
 def slipped(text: str, chance: random.Random) -> tuple[str, int, str]:
-    """Return a text with one error, its line (from 1), and its kind."""
+    """Return a copy of a text with one random error, the line number of the error (from 1), and the kind of the error."""
     lines = text.split("\n")
     while True:
         number, name = chance.randrange(len(lines)), chance.choice(list(SLIPS))
@@ -65,7 +68,7 @@ def slipped(text: str, chance: random.Random) -> tuple[str, int, str]:
 
 
 def refused(path: Path) -> list[int] | None:
-    """Return the lines of the diagnostics of a rejected file, including notes; None if it is accepted."""
+    """Import a file, and return the lines of its diagnostics and notes. Return None if the file is accepted."""
     report = Report()
     if import_robot(str(path), report, repair="nearest", meshes=False) is not None:
         return None
@@ -74,14 +77,16 @@ def refused(path: Path) -> list[int] | None:
 
 
 def uses_lost_name(before: str, after: str, line: int, said: Sequence[int]) -> bool:
-    """Return whether a reported line contains the name that the error removed."""
+    """Return whether one of the reported lines contains the name that the error removed."""
     name = NAME.search(before.split("\n")[line - 1])
     lines = after.split("\n")
     return name is not None and name[0] not in lines[line - 1] and any(f'"{name[1]}"' in lines[one - 1] for one in said)
 
 
 def tried(files: Sequence[Path], count: int, seed: int) -> tuple[Counter[str], list[str]]:
-    """Return how many errors were `refused`, of them `near`, `taken` and `raised`; and descriptions of unexpected results."""
+    """Import files with random errors. Return the number of errors that were `refused`, reported `near` the error, accepted (`taken`) or
+    caused an exception (`raised`). Also return descriptions of unexpected results.
+    """
     chance, found, odd = random.Random(seed), Counter[str](), list[str]()
     texts = {file: file.read_text() for file in files if refused(file) is None}
     if not texts:
@@ -111,7 +116,7 @@ def tried(files: Sequence[Path], count: int, seed: int) -> tuple[Counter[str], l
 
 
 def _beside(file: Path, folder: Path) -> Path:
-    """Return a folder for modified copies of a file, with the files beside it if they are needed, as in MJCF."""
+    """Return a new folder for modified copies of a file. For MJCF, the folder contains the other files that the model needs."""
     if file.suffix == ".xml":
         shutil.copytree(file.parent, folder)
     else:
@@ -120,7 +125,7 @@ def _beside(file: Path, folder: Path) -> Path:
 
 
 def main() -> int:
-    """Run; return 1 after a traceback, or if fewer than 95 percent were reported near the error."""
+    """Run all imports. Return 1 if an import caused a traceback, or if less than 95 % of the rejected errors were reported nearby."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("paths", nargs="+", type=Path)
     parser.add_argument("--count", type=int, default=500)

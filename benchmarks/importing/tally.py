@@ -1,4 +1,6 @@
-"""Count imported robots by collection: equal, with losses that explain differences, rejected with a reason, or wrong."""
+"""Count imported robots by collection and by result. The results are equal, different with losses that explain the differences, rejected
+with a reason, and wrong.
+"""
 
 from __future__ import annotations
 
@@ -13,20 +15,20 @@ HOW = ("as it was", "with losses that say so", "refused, and why", "wrong")
 
 
 class Tally:
-    """The summary of a run: a dated table by collection; `reader` is the reader of the originals."""
+    """The results of a run, printed as a table with one row per collection. `reader` is the program that read the original files."""
 
     def __init__(self, reader: str) -> None:
         self.reader = reader
         self.counts: dict[str, Counter[str]] = {}
 
     def add(self, collection: str, said: str, fine: bool) -> None:
-        """Add the result of a robot."""
+        """Count the result of one robot."""
         how = HOW[3] if not fine else HOW[0] if said == HOW[0] else HOW[2] if said.startswith("refused") else HOW[1]
         self.counts.setdefault(collection, Counter())[how] += 1
 
     @property
     def failed(self) -> int:
-        """The number of wrong robots."""
+        """The number of robots with a wrong result."""
         return sum(counts[HOW[3]] for counts in self.counts.values())
 
     def __str__(self) -> str:
@@ -39,7 +41,9 @@ class Tally:
 
 
 def collections(arguments: Sequence[str], *endings: str) -> Iterator[tuple[str, Path]]:
-    """Yield every file with one of the suffixes in the arguments `NAME=FILE_OR_FOLDER`, with the name of its collection."""
+    """Yield every file with one of the suffixes `endings`, with the name of its collection. The arguments have the form
+    `NAME=FILE_OR_FOLDER`.
+    """
     for argument in arguments:
         name, _, path = argument.rpartition("=")
         folder = Path(path)

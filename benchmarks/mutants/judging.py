@@ -22,8 +22,8 @@ COPIED = ("assemblies", "parts", "thingc.toml")
 
 @dataclass(frozen=True)
 class Subject:
-    """A valid document in the temporary workspace, and the documents to compile it with: itself if it is an assembly, and the robot that it
-    is part of.
+    """A valid document in the temporary workspace, and the documents that are compiled to check it. These are the document itself, if it is
+    an assembly, and the robot that contains it.
     """
 
     document: Document
@@ -32,9 +32,10 @@ class Subject:
 
 @dataclass(frozen=True)
 class Verdict:
-    """`outcome` is `right` (rejected at the touched line, a neighbouring one, or where a removed name is used), `elsewhere` or `built`.
+    """The result for a mutant. `outcome` is `right`, `elsewhere` or `built`. It is `right` if an error is reported at most one line away
+    from the change, or at a line that uses a removed name.
 
-    `said` is the first error, or the warnings for an accepted mutant.
+    `said` contains the first error, or the warnings if the mutant was accepted.
     """
 
     outcome: str
@@ -43,7 +44,7 @@ class Verdict:
 
 
 def subjects(folder: Path, store: str) -> list[Subject]:
-    """Copy all valid documents of the robots to a temporary workspace, the first one also as TOML."""
+    """Copy all valid documents of the robots to a temporary workspace. Also convert the first document to TOML."""
     for name in COPIED:
         source = ROOT / name
         if source.is_dir():
@@ -65,7 +66,9 @@ def subjects(folder: Path, store: str) -> list[Subject]:
 
 
 def _compiled(path: str, store: str) -> list[Document] | None:
-    """Return the documents of a compilation without diagnostics; None for a document that is not an assembly."""
+    """Compile a document, which must not have diagnostics, and return all documents that it uses. Return None if the document is not an
+    assembly.
+    """
     with Environment(path, Options(store=store)) as environment:
         compilation = pipeline.compile(environment, kinds=("assembly", "materials"))
         assert not compilation.report.diagnostics, as_text(compilation.report.ordered())
@@ -75,7 +78,7 @@ def _compiled(path: str, store: str) -> list[Document] | None:
 
 
 def _as_toml(path: Path) -> str:
-    """Convert a document to TOML, with tables for blocks and inline tables below."""
+    """Convert a document to TOML. Blocks become tables, and nested mappings become inline tables."""
     import tomlkit
     import yaml
 
@@ -83,7 +86,9 @@ def _as_toml(path: Path) -> str:
 
 
 def judge(subject: Subject, mutant: Mutant, store: str) -> Verdict:
-    """Compile with the mutant instead of the document; if accepted, build it for MuJoCo. Raises if thingc does."""
+    """Compile the robot with the mutant in place of the document. If the mutant is accepted, build it for MuJoCo. Exceptions of thingc are
+    not caught.
+    """
     path = Path(subject.document.path)
     path.write_text(mutant.text)
     said: list[Diagnostic] = []
@@ -110,9 +115,7 @@ def judge(subject: Subject, mutant: Mutant, store: str) -> Verdict:
 
 
 def _blames(diagnostic: Diagnostic, subject: Subject, mutant: Mutant) -> bool:
-    """Return whether a diagnostic, or a note of it, points to the touched lines or a neighbouring one, or to a line that uses the removed
-    name.
-    """
+    """Return whether a diagnostic or one of its notes is at most one line away from the change, or at a line that uses the removed name."""
     places = [diagnostic.span, *(note.span for note in diagnostic.notes)]
     lines = mutant.text.splitlines()
     parent = _parent(subject.document, mutant)
@@ -136,14 +139,16 @@ def _line(file: str, number: int) -> str:
 
 
 def _parent(document: Document, mutant: Mutant) -> int | None:
-    """Return the line of the mapping of a deleted or misspelled key, where a missing key is reported."""
+    """Return the line of the mapping that contains the key, if the mutant deletes or misspells a key. A missing key is reported at this
+    line.
+    """
     if mutant.kind not in ("delete", "misspell key"):
         return None
     return document.span(mutant.path[:-1], key=True).line if len(mutant.path) > 1 else 1
 
 
 def field_of(document: Document, mutant: Mutant) -> str:
-    """Return the touched field, with `*` for names that the author chose: `joints.*.limit.lower`."""
+    """Return the path of the changed value, such as `joints.*.limit.lower`. Names that the author chose are replaced by `*`."""
     named = {"components", "joints", "parameters", "poses", "modes", "materials", "mounts", "links", "sensors", "tests", "params",
              "attach", "hold", "adhesion", "actuators", "raw", "mjcf", "joint", "body", "geom"}
     steps: list[str] = []
@@ -153,5 +158,5 @@ def field_of(document: Document, mutant: Mutant) -> str:
 
 
 def scalars_in(document: Document) -> int:
-    """Return the number of values in a document."""
+    """Return the number of scalar values in a document."""
     return sum(isinstance(node, ScalarNode) for _, node in walk(document.tree) if not isinstance(node, MappingNode))

@@ -1,4 +1,4 @@
-"""Mutants of a document with one error each, in a random order defined by a seed."""
+"""Create mutants of a document, each with one error. Kind and place of the errors are random and depend on a seed."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ RETYPED = ("3", "-7", "true", "[1, 2]", "{a: 1}", '"nonsense"', '""', "=1 / 0")
 RETYPED_TOML = ("3", "-7", "true", "[1, 2]", "{a = 1}", '"nonsense"', '""', '"=1 / 0"')
 _QUANTITY = re.compile(r"""["']?[-+]?[\d.]+(?:e[-+]?\d+)?(?: +[-+\d.e]+)* +([A-Za-z%][^\s\]},"']*)["']?\Z""")
 FREE = frozenset({"description", "doc", "number", "supplier", "reason"})
-"""Keys of free text, which cannot be wrong."""
+"""Keys whose values are free text, in which an error cannot be detected."""
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """A document, `text`, with a broken value at `path`, on the lines `first` to `last` of the mutant.
+    """A copy of a document with one error. The field `text` is the text of the copy, and `path` is the path of the changed value. The error
+    is on the lines `first` to `last`.
 
-    `gone` is the removed name (a deleted or misspelled key, or a name in a value); errors may be reported where it is used.
+    `gone` is the name that the error removed, if any: a deleted or misspelled key, or a name in a value. Errors may be reported where this
+    name is used.
     """
 
     kind: str
@@ -35,7 +37,7 @@ class Mutant:
 
 
 def mutants(document: Document, seed: int) -> Iterator[Mutant]:
-    """Yield mutants endlessly; kinds take turns."""
+    """Yield mutants of a document without end. The kinds of errors alternate."""
     chance = random.Random(f"{document.relative} {seed}")
     maker = _Maker(document, chance)
     while True:
@@ -68,7 +70,7 @@ class _Maker:
         return self.starts[span.line - 1] + span.column - 1, self.starts[span.end_line - 1] + span.end_column - 1
 
     def make(self, kind: str) -> Mutant | None:
-        """Return a mutant of a kind; None if it does not apply to the document."""
+        """Return a mutant with an error of the given kind, or None if the kind does not apply to the document."""
         if kind == "delete":
             return self.deleted()
         if kind == "misspell key":
@@ -98,7 +100,7 @@ class _Maker:
         return self.replaced(kind, path, begin, end, new, gone=word if path[-1] in ("name",) or path[0] == "links" else None)
 
     def deleted(self) -> Mutant | None:
-        """Delete one entry, with whole lines if it is alone on them."""
+        """Delete a random entry. Delete whole lines if the lines contain nothing else."""
         path, node, key = self.chance.choice(self.entries)
         begin, end = self.indices(key)[0], self.indices(node.span)[1]
         name = self.text[slice(*self.indices(key))].strip("\"'")
@@ -116,7 +118,7 @@ class _Maker:
         return Mutant(kind, path, what, self.text[:begin] + new + self.text[end:], first, first + new.count("\n"), gone)
 
     def misspelled(self, word: str) -> str:
-        """Omit, double, change or swap letters."""
+        """Return the word with a random typo: a letter is omitted, doubled, replaced or swapped with the next letter."""
         at = self.chance.randrange(len(word)) if word else 0
         ways = ["x", word[at] * 2, "", *([word[at + 1] + word[at]] if at + 1 < len(word) else [])] if word else ["x"]
         new = self.chance.choice(ways)

@@ -1,4 +1,6 @@
-"""Reasons why thingc reports nothing for a slip, by its first edit: the text may be intended, or nothing shows that it is wrong."""
+"""Explain why thingc reports nothing for some of the user mistakes (slips). Either the text may be intended, or the document does not show
+that it is wrong.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""`make slips`: judge two lists of slips in well-formed documents. Writes `docs/studies/slips.md`.
+"""`make slips`: count the user mistakes (slips) that thingc reports. The command writes `docs/studies/slips.md`.
 
-Each runs `thingc build` of the robot with the slip, and `thingc test` if the build reports nothing.
+For each slip, `thingc build` runs on the robot whose document contains the slip. If the build reports nothing, `thingc test` also runs.
 
     python benchmarks/mutants/slipping.py                   # about ten minutes on two cores
     python benchmarks/mutants/slipping.py --before          # the same with the version for which the study was first made
@@ -41,24 +41,25 @@ ROOT = HERE.parents[1]
 PAGE = ROOT / "docs" / "studies" / "slips.md"
 HEAD = HERE / "slips_page.md"
 COMMIT = "c3d9b01"
-"""The version without any of these diagnostics, for which the lists were written."""
+"""The version of thingc for which the lists were written. None of the diagnostics that the study found missing existed in this version."""
 BEFORE = HERE / "before.json"
-"""The results of that version, written by `--before`."""
+"""The results of this version, which `--before` writes."""
 PATIENCE = 120.0
-"""Time limit [s] for the tests of a document; none takes a tenth of it."""
+"""Time limit [s] for the tests of a document. All documents need less than a tenth of this time."""
 
 DOCUMENTS = {
     ARM: {name: f"assemblies/{name}.yaml" for name in ("arm", "end_effector", "materials")},
     MINCHW: {name: f"assemblies/minchw/{name}.yaml" for name in ("minchw", "leg", "materials")},
     WALKER: {name: f"walker/{name}.yaml" for name in ("walker", "leg", "materials")},
 }
-"""The documents of each robot by the name in edits; the first one is built."""
+"""The documents of each robot, by the name that edits use. The first document of each robot is built."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """`outcome` is `refused` (an error), `warned`, `tests` (found only by the tests of the document), `silent`, or `gone` (the document has
-    no such place any more). `near`: a location is on or beside a touched line. `said` is the code and message of the first diagnostic.
+    """The result for a slip. `outcome` is `refused` (an error), `warned`, `tests` (only the tests of the document found the slip),
+    `silent`, or `gone` (the document no longer contains the place of the slip). `near` is True if a diagnostic refers to a changed line or
+    the line before or after it. `said` contains the code and the message of the first diagnostic.
     """
 
     outcome: str
@@ -67,7 +68,9 @@ class Verdict:
 
 
 def workspace(root: Path, folder: Path) -> None:
-    """Copy the three robots of the checkout at `root` to temporary workspaces: `assemblies/` with two of them, and `walker/`."""
+    """Copy the three robots of the checkout at `root` to temporary workspaces. Two robots are in the folder `assemblies/`, and the third
+    robot is in `walker/`.
+    """
     for name in ("assemblies", "parts"):
         shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(root / "thingc.toml", folder)
@@ -84,7 +87,9 @@ def workspace(root: Path, folder: Path) -> None:
 
 
 def edited(path: Path, edit: str) -> range:
-    """Make one edit in a file; return the touched lines. Raises `LookupError` if the document has no such place."""
+    """Make one edit in a file. Return the range of lines that are near the edit. Raises `LookupError` if the document does not contain the
+    path of the edit.
+    """
     report = Report()
     home = Workspace.find(str(path), report)
     documents = load(str(path), home, report, kinds=("assembly", "materials")) if home is not None else None
@@ -136,7 +141,9 @@ def _indices(text: str, span: Any) -> tuple[int, int]:
 
 
 def judge(slip: Slip, folder: Path, rewrite: Callable[[str], str]) -> Verdict:
-    """Build with a slip in the documents below `folder`, and restore them. If the build reports nothing, run the tests of the document."""
+    """Build a robot with a slip in its documents below `folder`, and restore the documents afterwards. If the build reports nothing, also
+    run the tests of the document.
+    """
     names = DOCUMENTS[slip.robot]
     before = {name: (folder / path).read_text() for name, path in names.items()}
     touched: dict[str, list[range]] = {}
@@ -172,7 +179,7 @@ def _json(*words: str) -> Any:
 
 
 def _tested(robot: str) -> list[Any]:
-    """Run the tests of the document; empty if they take too long."""
+    """Run the tests of a document, and return their diagnostics. Return an empty list if the tests take too long."""
     command = [sys.executable, "-m", "thingc", "test", robot, "--format", "json"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
@@ -183,7 +190,9 @@ def _tested(robot: str) -> list[Any]:
 
 
 def run(task: tuple[int, int, str, str | None, bool]) -> list[tuple[int, Verdict]]:
-    """Judge every `jobs`-th slip of both lists, by number, in a temporary workspace of this process."""
+    """Judge every `jobs`-th slip of both lists in a temporary workspace of this process. Return the results with the numbers of the
+    slips.
+    """
     part, jobs, root, store, bare_gains = task
     slips = [*MEANING, *SIZES]
     with tempfile.TemporaryDirectory() as scratch:
@@ -204,14 +213,16 @@ def run(task: tuple[int, int, str, str | None, bool]) -> list[tuple[int, Verdict
 
 
 def verdicts(root: Path, jobs: int, store: str | None, *, bare_gains: bool = False) -> list[Verdict]:
-    """Judge both lists, in order, with the robots of the checkout at `root`. `bare_gains`: for a version in which `kp` has no unit."""
+    """Judge all slips of both lists, using the robots of the checkout at `root`. Return the results in the order of the lists.
+    Set `bare_gains` for a version of thingc in which `kp` has no unit.
+    """
     with ProcessPoolExecutor(jobs) as pool:
         parts = pool.map(run, [(part, jobs, str(root), store, bare_gains) for part in range(jobs)])
     return [verdict for _, verdict in sorted((pair for part in parts for pair in part), key=lambda pair: pair[0])]
 
 
 def before(jobs: int, store: str | None) -> None:
-    """Judge both lists with the version of `COMMIT` and its documents, and store the results."""
+    """Judge all slips with the version `COMMIT` of thingc and its documents, and store the results."""
     with tempfile.TemporaryDirectory() as scratch:
         old = Path(scratch) / "old"
         subprocess.run(["git", "-C", ROOT, "worktree", "add", "--detach", old, COMMIT], check=True)
@@ -226,7 +237,7 @@ def before(jobs: int, store: str | None) -> None:
 
 
 def main() -> int:
-    """Judge, print and write; return 1 if a slip is not reported and has no reason."""
+    """Judge all slips and write the page. Return 1 if a slip is not reported and has no reason."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--store", help="cache of built parts (default: an empty one)")
@@ -249,7 +260,7 @@ def main() -> int:
 
 
 def good(found: Sequence[Verdict]) -> bool:
-    """Return whether each slip that the build does not report has a reason."""
+    """Return whether every slip that the build does not report has a reason."""
     slips = [*MEANING, *SIZES]
     return all(slips[number].edits[0] in REASONS for number in _silent(found))
 
@@ -259,7 +270,7 @@ def _silent(found: Sequence[Verdict]) -> list[int]:
 
 
 def written(found: Sequence[Verdict], earlier: Sequence[Verdict]) -> str:
-    """Format the tables."""
+    """Format the tables of the page."""
     lines = ["```sh", "make slips", "```", ""]
     lines += ["| | mistakes | refused | warnings | at the right line | not reported | of these found by the document's tests |"]
     lines += ["|---|---:|---:|---:|---:|---:|---:|"]
@@ -285,7 +296,7 @@ def written(found: Sequence[Verdict], earlier: Sequence[Verdict]) -> str:
 
 
 def _row(name: str, found: Sequence[Verdict]) -> str:
-    """Format a row; shares are of the slips for which the documents still have a place."""
+    """Format a row of the table. Percentages refer to the slips whose place still exists in the documents."""
     tally = Counter(one.outcome for one in found)
     size, near, silent = len(found) - tally["gone"], sum(one.near for one in found), tally["silent"] + tally["tests"]
     share = f"{silent} ({silent / size:.0%})"

@@ -1,10 +1,12 @@
-"""Slips that keep a document well-formed: 120 that change its meaning, and 60 in magnitudes, units and places, for three robots.
+"""Two lists of user mistakes (slips) in valid documents of three robots. The 120 slips in the first list change the meaning of the
+document, and the 60 slips in the second list concern magnitudes, units and positions.
 
-The lists were written from the documents alone, by going through what a user writes (components, mates, joints, drives, poses, modes,
-numbers), before thingc was run on any of them. They are not changed later: an entry that thingc reports, or that is valid, is a result.
+The lists were written before thingc was run on any of the slips. To find slips, the author went through everything that a user writes in a
+document: components, mates, joints, drives, poses, modes and numbers. The lists are not changed later. If thingc reports a slip, or if a
+slip turns out to be valid, this is a result of the study.
 
-An edit is `path: text` (the value at the path is replaced, or an entry is added) or `-path` (the entry is removed). Paths are the name of
-the document, a space, and keys with `/` between them.
+An edit has the form `path: text` or `-path`. The first form replaces the value at the path or adds an entry, and the second form removes
+the entry. A path consists of the name of the document, a space, and keys that are separated by `/`.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Slip:
-    """A slip of a user: `robot` is the document to build, `edits` are the changes."""
+    """A mistake of a user. `robot` is the document to build, and `edits` are the changes of its documents."""
 
     robot: str
     kind: str

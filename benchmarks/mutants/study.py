@@ -1,4 +1,6 @@
-"""`make mutants`: break one value of every valid document at a time; print the tables and write `docs/studies/mutants.md`."""
+"""`make mutants`: change one value in a valid document at a time, and check that thingc rejects the document. The command prints the tables
+and writes `docs/studies/mutants.md`.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ REFUSED, RIGHT = 0.80, 0.95
 
 
 def main() -> int:
-    """Judge, print and write; return 1 if too few mutants are rejected, or too few of them at the right line."""
+    """Judge the mutants and write the page. Return 1 if thingc rejects too few mutants, or reports too few errors at the right line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=COUNT, help="total number of mutants, distributed over the documents by size")
     parser.add_argument("--seed", type=int, default=1)
@@ -77,7 +79,7 @@ def run(task: tuple[int, int, int, int, str | None]) -> list[Result]:
 
 
 def written(results: list[Result], count: int, seed: int) -> str:
-    """Format the tables."""
+    """Format the tables of the page."""
     tally = Counter(verdict.outcome for *_, verdict in results)
     refused = tally["right"] + tally["elsewhere"]
     command = "make mutants" if (count, seed) == (COUNT, 1) else f"python benchmarks/mutants/study.py --count {count} --seed {seed}"

@@ -1,6 +1,6 @@
-"""Geometric features of finished solids, and whether a face or an edge is one.
+"""Geometric features of finished solids, and functions that check whether a face or an edge is such a feature.
 
-Only the solid is used: its faces, surfaces and extents in the kernel. All lengths are in mm.
+The functions only use the solid: its faces, its surfaces, and its extents in the CAD kernel. All lengths are in mm.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_REVERSED
 
 TOLERANCE = 1e-6
-"""Maximum distance of a feature from its intended position [mm]; for directions, the length of the difference."""
+"""Maximum distance of a feature from its intended position [mm]. For directions, the maximum length of the difference between unit
+vectors.
+"""
 
 Vector = tuple[float, float, float]
 Kind = Literal["plane", "hole", "shaft", "apex"]
@@ -29,10 +31,11 @@ Kind = Literal["plane", "hole", "shaft", "apex"]
 class Feature:
     """A face of a solid, described by its geometry.
 
-    A `plane` has the outward normal `axis` and contains the point `on`. A `hole` is a cylindrical face with that `diameter` and material
-    outside, a `shaft` one with material inside, around the line through `on` along `axis` (in either direction), and beside `on`. An `apex`
-    is a conical face with its apex at `on`. `rim` is the centre of the full circle at the mouth of a hole, if any. `other` are further
-    points like `on`, if an intent covers several faces.
+    A `plane` is a plane face that contains the point `on` and has the outward normal `axis`. A `hole` is a cylindrical face with the given
+    `diameter` and with material outside, and a `shaft` has material inside. Its axis is the line through `on` along `axis`, in either
+    direction, and the face exists beside the point `on`. An `apex` is a conical face whose apex is at `on`. `rim` is the centre of the
+    circle at the mouth of a hole. It is None if the mouth is not a full circle. If the feature covers several faces, `other` contains a
+    point on each additional face.
     """
 
     kind: Kind
@@ -44,7 +47,7 @@ class Feature:
 
 
 def is_feature(face: Face, feature: Feature) -> bool:
-    """Return whether a face is that feature."""
+    """Return whether a face has the geometry of a feature."""
     surface = BRepAdaptor_Surface(face.wrapped)
     reversed_ = face.wrapped.Orientation() == TopAbs_REVERSED
     kind = surface.GetType()
@@ -83,7 +86,7 @@ def is_feature(face: Face, feature: Feature) -> bool:
 
 
 def is_rim(edge: Edge, feature: Feature) -> bool:
-    """Return whether an edge is the circle at the mouth of a hole."""
+    """Return whether an edge is the circle at the mouth of a hole feature."""
     if feature.rim is None or BRep_Tool.Degenerated_s(edge.wrapped):
         return False
     curve = BRepAdaptor_Curve(edge.wrapped)
@@ -114,7 +117,7 @@ def _parallel(a: Vector, b: Vector) -> bool:
 
 
 def _reaches(face: Face, point: Vector) -> bool:
-    """Return whether a point of the plane of a face is in the face or on its border."""
+    """Return whether a point in the plane of a face is inside the face or on its border."""
     vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex()
     return BRepExtrema_DistShapeShape(face.wrapped, vertex).Value() <= TOLERANCE
 

@@ -1,7 +1,7 @@
-"""The intended geometry of names: the table against which the study checks them, and helpers to write it.
+"""Tables of the intended geometry of named mounts and screws, against which the study checks the parts.
 
-Every position was derived by hand from the drawings of the attached parts and the parameters of the part. Nothing here uses positions of a
-part, or of the servo that it holds.
+Every position was computed by hand from the drawings of the attached parts and from the parameters of the part. The tables never use
+positions from the code of a part or of the servo that the part holds.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ RIGHT, LEFT = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
 AWAY, NEAR = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
 
 CLEARANCE = {"M2": 2.4, "M2.5": 2.9, "M3": 3.4, "M4": 4.5}
-"""Clearance holes, ISO 273, medium [mm]."""
+"""Diameters of clearance holes [mm], according to ISO 273, medium."""
 TAP = {"M2.5": 2.05, "M3": 2.5}
-"""Tap drills for coarse threads [mm]."""
+"""Diameters of tap drills for coarse threads [mm]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intent:
-    """A name of a part and its intended geometry, for one set of parameters.
+    """The intended geometry of a named mount or screw of a part, for one set of parameters.
 
-    `frame` reads the frame of the name from the finished Thing; its origin should be at `at`, its z axis should be `z`, and the solid
-    should have each of `features` there. Plain selectors have to find the first one.
+    The function `frame` returns the frame from the finished Thing. Its origin must be at `at`, and its z axis must be `z`. The solid must
+    have each of the `features` there. The study checks whether plain selectors find the first of these features.
     """
 
     name: str
@@ -42,14 +42,16 @@ class Intent:
 
 
 def mount(name: str, at: Vector, z: Vector, *features: Feature) -> Intent:
-    """Return the intent of a mount (`screw_0` is item 0 of the list `screw`); without features, a plane through it, normal to z."""
+    """Return the intended geometry of a mount. The name `screw_0` means item 0 of the list `screw`. Without `features`, the solid must have
+    a plane face through the mount that is normal to z.
+    """
     return Intent(name=name, frame=lambda thing: _mount(thing, name).location, at=at, z=z, features=features or (plane(at, z),))
 
 
 def screw(name: str, read: Callable[[Any], Any], at: Vector, z: Vector, *features: Feature) -> Intent:
-    """Return the intent of a screw in place:
+    """Return the intended geometry of a screw that is attached to a part.
 
-    `read` returns the `Screw`; the centre of its bearing plane should be at `at`, its head towards `z`.
+    The function `read` returns the `Screw`. The centre of its bearing plane must be at `at`, and its head must point towards `z`.
     """
     # The seat of a screw faces along its shank.
     into = (-z[0], -z[1], -z[2])
@@ -65,13 +67,17 @@ def hole(on: Vector, axis: Vector, diameter: float, rim: Vector | None = None) -
 
 
 def at_mouth(mouth: Vector, z: Vector, diameter: float, inside: float = 0.5) -> Feature:
-    """Return a hole that opens in a full circle at `mouth` towards `z`; its cylinder exists `inside` [mm] below the mouth."""
+    """Return a hole that opens in a full circle at `mouth` towards `z`. The cylindrical face must exist at a depth of `inside` [mm] below
+    the mouth.
+    """
     on = (mouth[0] - inside * z[0], mouth[1] - inside * z[1], mouth[2] - inside * z[2])
     return hole(on, z, diameter, mouth)
 
 
 def circle(count: int, diameter: float) -> Iterable[tuple[int, float, float]]:
-    """Yield number, x and y of `count` positions on a circle, from +x towards +y."""
+    """Yield the index, x and y of `count` positions on a circle. The first position is on the x axis, and the second is rotated towards the
+    y axis.
+    """
     for k in range(count):
         yield k, diameter / 2 * cos(2 * pi * k / count), diameter / 2 * sin(2 * pi * k / count)
 

@@ -1,8 +1,9 @@
-"""Intended geometry of the names of the arm's parts.
+"""Intended geometry of the mounts and screws of the arm's parts.
 
-XM430, from its drawing [mm]: case 28.5 x 46.5 x 34; output axis 11.25 below the top, 35.25 above the bottom; the horn's face 19 from the
-middle of the depth; holes in the sides 4 and 28 below the axis and 6 to either side of the middle, in the bottom 8 to either side and 6
-before and behind the middle; 8 holes on a circle of 16 in the horn.
+Dimensions of the servo XM430, from its drawing [mm]: The case is 28.5 x 46.5 x 34. The output axis is 11.25 below the top and 35.25 above
+the bottom. The face of the horn is 19 from the middle of the depth. The holes in the sides are 4 and 28 below the axis, and 6 to either
+side of the middle. The holes in the bottom are 8 to either side, and 6 before and behind the middle. The horn has 8 holes on a circle with
+a diameter of 16.
 """
 
 from __future__ import annotations
@@ -106,7 +107,9 @@ def pen_dummy(length: float, diameter: float) -> list[Intent]:
 
 
 def _horn(servo: str, thickness: float) -> list[Intent]:
-    """Return the intents of the screws into a horn, in the frame of the part, under a leg of this thickness."""
+    """Return the intended geometry of the screws into the horn of a servo, in the frame of the part. `thickness` [mm] is the thickness of
+    the part at the horn.
+    """
     return [
         screw(f"{servo}.screws_horn[{k}]", lambda thing, k=k: getattr(thing, servo).screws_horn[k](thickness),
               (x, y, 19 + thickness), UP, at_mouth((x, y, 19), DOWN, CLEARANCE["M2"]))

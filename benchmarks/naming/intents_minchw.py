@@ -1,9 +1,11 @@
-"""Intended geometry of the names of MInchW's printed parts.
+"""Intended geometry of the mounts and screws of MInchW's printed parts.
 
-XM430 as in `intents_arm`. XM540, from its drawing [mm]: output axis 13.75 below the top, 44.75 above the bottom, case 33.5 wide; the horn's
-face 24.6 from the middle of the depth; holes in the bottom 10 to either side and 8 before and behind; 8 holes on a circle of 22. Tray for
-three cells: 74 x 60.6, the cells' tops at 19.9; its screws at (22.2, 9.6) and opposite. Magnet: 50 in diameter, holes 20 to either side.
-Heads: M2.5 4.68 wide and 2.5 high.
+Dimensions of the servo XM430 are listed in `intents_arm.py`. Dimensions of the servo XM540, from its drawing [mm]: The output axis is 13.75
+below the top and 44.75 above the bottom. The case is 33.5 wide. The face of the horn is 24.6 from the middle of the depth. The holes in the
+bottom are 10 to either side, and 8 before and behind the middle. The horn has 8 holes on a circle with a diameter of 22.
+
+The tray for three cells is 74 x 60.6. The tops of the cells are at a height of 19.9, and the two screws are at (22.2, 9.6) and on the
+opposite side. The magnet has a diameter of 50, with holes 20 to either side. The head of an M2.5 screw is 4.68 wide and 2.5 high.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Intended geometry of the names of bought parts, from their drawings [mm]."""
+"""Intended geometry of the mounts of bought parts, taken from the drawings of the parts [mm]."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from intents import AWAY, CLEARANCE, DOWN, LEFT, NEAR, RIGHT, UP, Intent, at_mou
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawn:
-    """The published drawing of an X servo [mm]: distances of the faces from the axis and from half depth, and positions of the holes."""
+    """Dimensions in the published drawing of an X-series servo [mm]: distances of the faces from the output axis and from the middle of the
+    depth, and positions of the holes.
+    """
 
     side: float
     top: float

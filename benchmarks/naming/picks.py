@@ -1,6 +1,6 @@
-"""Plain build123d selectors: how each finds a face or an edge, chosen at the default parameters.
+"""Plain build123d selectors that find a face or an edge of a solid, chosen at the default parameters of a part.
 
-Every selector gets its best chance: of all axes to sort by, the one in which the feature is farthest from its neighbours is used, and an
+Each selector is chosen in favour of the selector: its sort axis is the axis on which the feature is farthest from its neighbours, and its
 index counts from the nearer end.
 """
 
@@ -30,14 +30,14 @@ EDGES = (
 
 
 class Lists:
-    """The lists of faces and edges of one solid for selectors, cached."""
+    """A cache of the sorted and grouped faces and edges of one solid."""
 
     def __init__(self, solid: Solid) -> None:
         self.solid = solid
         self._made: dict[tuple[object, ...], Any] = {}
 
     def every(self, what: str, kind: GeomType | None) -> Any:
-        """Return all faces or edges, optionally of one geometry type, in kernel order."""
+        """Return all faces or edges in the order of the CAD kernel, optionally of one geometry type."""
         if kind is None:
             return self._once((what,), lambda: getattr(self.solid, what)())
         return self._once((what, kind), lambda: self.every(what, None).filter_by(kind))
@@ -46,13 +46,15 @@ class Lists:
         return self._once((what, kind, axis), lambda: self.every(what, kind).sort_by(AXES[axis]))
 
     def group(self, what: str, kind: GeomType | None, axis: str, index: int, then: str) -> Any:
-        """Return group `index` along one axis, sorted along another. Raises `IndexError`."""
+        """Return a group of faces or edges. The groups are formed along `axis`, and the items of the group are sorted along `then`. Raises
+        `IndexError` if the group does not exist.
+        """
         groups = self._once((what, kind, axis, "groups"), lambda: list(self.every(what, kind).group_by(AXES[axis])))
         chosen = groups[index]
         return self._once((what, kind, axis, index, then), lambda: chosen.sort_by(AXES[then]))
 
     def groups(self, what: str, kind: GeomType | None, axis: str) -> int:
-        """Return the number of groups along an axis."""
+        """Return the number of groups of faces or edges along an axis."""
         if self.every(what, kind):
             self.group(what, kind, axis, 0, axis)
         return len(self._made.get((what, kind, axis, "groups"), ()))
@@ -65,7 +67,7 @@ class Lists:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pick:
-    """A selector with its arguments. `margin` [mm] is the distance of neighbours in the order."""
+    """A plain build123d selector with its arguments. `margin` [mm] is the distance to the nearest neighbour along the sort axis."""
 
     selector: str
     what: str
@@ -77,7 +79,7 @@ class Pick:
     margin: float = 0.0
 
     def of(self, lists: Lists) -> Face | Edge:
-        """Return the item that it selects from a solid. Raises `IndexError`."""
+        """Return the face or edge that the selector finds in a solid. Raises `IndexError` if the group does not exist."""
         if not self.axis:
             return lists.every(self.what, self.kind)[self.index]
         if not self.then:
@@ -86,8 +88,8 @@ class Pick:
 
 
 def chosen(selector: str, lists: Lists, feature: Feature, right: Callable[[Any], bool]) -> Pick | None:
-    """Return the selector as a user who looks at this solid would write it, with `right` identifying the feature; None if there is no such
-    face or edge.
+    """Return the selector that a user would write to find a feature in a solid. The function `right` identifies the feature. Return None if
+    no face or edge is the feature.
     """
     what = "faces" if selector.startswith("faces") else "edges"
     kind = None
@@ -124,7 +126,7 @@ def _options(selector: str, what: str, kind: GeomType | None, lists: Lists, hits
 
 
 def _places(ordered: Any, hits: list[Any], axis: str = "") -> Iterator[tuple[int, float]]:
-    """Yield the positions of the hits in a list, and the distance of their neighbours along the axis [mm]."""
+    """Yield the position of each hit in a sorted list, and the distance [mm] to its nearest neighbour along the sort axis."""
     for index, item in enumerate(ordered):
         if any(item.is_same(hit) for hit in hits):
             beside = [ordered[other] for other in (index - 1, index + 1) if 0 <= other < len(ordered)] if axis else []

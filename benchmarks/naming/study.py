@@ -1,6 +1,7 @@
-"""`make bench-naming`: check that names last where plain selectors do not. Prints the tables and writes them to `docs/studies/naming.md`.
+"""`make bench-naming`: check that named mounts keep their meaning when parameters of a part change, in contrast to plain selectors.
 
-The numbers depend only on the parts and the CAD kernel: two runs print the same.
+The command prints the tables and writes them to `docs/studies/naming.md`. The results depend only on the parts and on the CAD kernel, so
+two runs print the same numbers.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ GROUPS = ("outermost plane", "inner plane", "hole", "other surface")
 
 
 def main() -> int:
-    """Sweep, print and write; return 1 if a name was wrong."""
+    """Vary all parameters and write the page. Return 1 if a name was wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--steps", type=int, default=STEPS, help="number of values per parameter, including both ends of its range")
     parser.add_argument("--print", action="store_true", help="print the results without updating the page")
@@ -119,7 +120,7 @@ def lasting_table(results: list[Result]) -> list[str]:
 
 
 def reading(results: list[Result]) -> list[str]:
-    """Return, for each selector, the parts in which all of its picks last."""
+    """Return a Markdown list that shows, for each selector, the parts in which the selector always finds the right feature."""
     lines = ["For each kind of selector, this list shows the parts in which all selectors work for all values:", ""]
     for selector in (*FACES, *EDGES):
         having = [r for r in results if r.chosen[selector]]
@@ -140,7 +141,7 @@ def gone_table(results: list[Result]) -> list[str]:
 
 
 def shares(picks: Counter[tuple[str, str, str]], selector: str, group: str = "") -> str:
-    """Format `same / another / fails` in percent."""
+    """Format the fractions of the outcomes `same`, `another` and `fails` in percent."""
     counts = [
         sum(number for (s, g, o), number in picks.items() if s == selector and o == outcome and group in ("", g))
         for outcome in OUTCOMES

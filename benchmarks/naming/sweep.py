@@ -1,4 +1,4 @@
-"""Vary one parameter at a time over its range, and check names and plain selectors against the intended geometry."""
+"""Vary one parameter of a part at a time over its range, and check named mounts and plain selectors against the intended geometry."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ PARTS: dict[str, list[tuple[Any, Callable[..., list[Intent]]]]] = {
         (magnets.HoldingMagnet, intents_stock.magnet), (fasteners.Screw, intents_stock.cap_screw),
     ],
 }
-"""Every part of both robots with the intended geometry of its names."""
+"""Every part of both robots, and a function that returns the intended geometry of its names."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Result:
-    """The result for one part.
+    """The result of the study for one part.
 
-    `picks` counts (selector, class of feature, outcome) with the outcomes `same`, `another` and `fails`; `gone` counts outcomes for
-    features that a member does not have, for which `fails` is right.
+    `picks` contains counts by selector, class of feature and outcome. The outcomes are `same`, `another` and `fails`. `gone` contains
+    counts for features that do not exist for some parameters. For these features, `fails` is the right outcome.
     """
 
     part: str
@@ -63,9 +63,9 @@ class Result:
 
 
 def fault(frame: Location, intent: Intent, solid: Solid) -> str | None:
-    """Return the error of a name: its frame is not at the intended position, or the solid does not have the feature there.
+    """Return a description of the error of a name, or None if the name is right. Its frame must be at the intended position, and the solid
+    must have the features there.
 
-    None if it is right.
     """
     origin, z = _frame(frame)
     if distance(origin, intent.at) > TOLERANCE:
@@ -79,7 +79,9 @@ def fault(frame: Location, intent: Intent, solid: Solid) -> str | None:
 
 
 def members(part: Any, steps: int) -> Iterator[dict[str, Value]]:
-    """Yield the parameters of the default member, then of members with one parameter changed, in `steps` steps over its range."""
+    """Yield the default parameters of a part, and then sets of parameters in which one parameter differs. A parameter takes `steps` values
+    over its range.
+    """
     parameters = parameters_of(part)
     default = {parameter.name: parameter.default for parameter in parameters}
     yield default
@@ -90,10 +92,10 @@ def members(part: Any, steps: int) -> Iterator[dict[str, Value]]:
 
 
 def sweep(part: Any, table: Callable[..., list[Intent]], steps: int) -> Result:
-    """Sweep all members of a part.
+    """Build a part with all sets of parameters, and check its names and plain selectors.
 
-    Raises `ValueError` if the table is wrong: a mount has no row, or a hole with a `rim` does not open in a circle at the default
-    parameters.
+    Raises `ValueError` if the table of intended geometry is wrong. Each mount must have a row, and a hole with a `rim` must open in a
+    circle at the default parameters.
     """
     result = Result(part=part.__name__)
     names: dict[str, Intent] = {}
@@ -145,7 +147,9 @@ def sweep(part: Any, table: Callable[..., list[Intent]], steps: int) -> Result:
 
 
 def _picks(part: str, rows: dict[str, Intent], lists: Lists) -> Iterator[tuple[str, Pick, str, bool]]:
-    """Yield name, pick, class of the feature, and whether it is an edge, for each name and selector."""
+    """Yield one item for each name and selector: the name, the selector with its arguments, the class of the feature, and whether the
+    selector finds edges.
+    """
     for intent in rows.values():
         feature = intent.features[0]
         group = _class(feature, lists)
@@ -163,7 +167,9 @@ def _picks(part: str, rows: dict[str, Intent], lists: Lists) -> Iterator[tuple[s
 
 
 def _class(feature: Feature, lists: Lists) -> str:
-    """Return `outermost plane` if no face of the solid is farther out, `inner plane`, `hole`, or `other surface`."""
+    """Return the class of a feature: `outermost plane`, `inner plane`, `hole` or `other surface`. A plane is outermost if no point of the
+    solid is farther out.
+    """
     if feature.kind != "plane":
         return "hole" if feature.kind == "hole" else "other surface"
     box = lists.solid.bounding_box()
@@ -174,7 +180,7 @@ def _class(feature: Feature, lists: Lists) -> str:
 
 
 def _reads(intent: Intent, thing: Any) -> str:
-    """Return the outcome of a name whose feature this member does not have."""
+    """Return the outcome of reading a name whose feature does not exist for these parameters: `fails` or `another`."""
     try:
         intent.frame(thing)
     except (AttributeError, IndexError):
