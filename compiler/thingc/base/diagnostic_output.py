@@ -15,7 +15,10 @@ OPTIONS = ("-p ", SET, "set ")
 
 
 def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
-    """Convert each diagnostic to a dictionary that can be serialized as JSON, as for `--format json`. `docs/` documents the keys."""
+    """Convert each diagnostic to a dictionary that can be serialized as JSON, as for `--format json`.
+
+    The documentation in `docs/` describes the keys.
+    """
 
     def place(span: Span | None) -> dict[str, object]:
         if span is None:

@@ -1,6 +1,6 @@
 """Diagnostics, each with a code, a location, a message and a help text.
 
-Passes never raise exceptions for bad input. They add diagnostics to a `Report`, so that one run reports all errors.
+Passes never raise exceptions for bad input. Instead, passes add diagnostics to a `Report`, so that one run reports all errors.
 """
 
 from __future__ import annotations
@@ -55,8 +55,9 @@ class DiagnosticCode(Enum):
 class Code(DiagnosticCode):
     """All diagnostic codes of thingc except the codes of document tests, which `thingc.documents.checks.all_codes` adds.
 
-    TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly, TC6xx modes (TC65x tests),
-    TC7xx targets, TC8xx folders and files, TC9xx variants (TC95x import).
+    TC1xx concern the reading of files, TC2xx a single document, and TC3xx names and values across documents. TC4xx concern parts, TC5xx the
+    assembly, TC6xx modes, TC7xx targets, TC8xx folders and files, and TC9xx variants. TC65x concern document tests, and TC95x the import of
+    other formats.
     """
 
     # --- TC1xx: reading files (load) -------------------------------------------------------------------------------
@@ -316,9 +317,9 @@ class Diagnostic(OneLineRepr, FrozenStruct):
 class Allowance(FrozenStruct, eq=False):
     """An entry of `allow:` in a document, which suppresses the warnings with one diagnostic code in a part of the document.
 
-    The entry suppresses a warning of `code` if the location of the warning is inside one of the mappings in `nodes`. `nodes` contains each
-    mapping together with the span of its key. For a mode, `nodes` also contains the mappings that are merged over this mapping. `where` is
-    the location of the entry itself. `path` is the key path of the mapping that contains `allow:`.
+    The entry suppresses a warning of `code` if the location of the warning is inside one of the mappings in `nodes`. `nodes` contains pairs
+    of a mapping and the span of its key. For a mode, `nodes` also contains the mappings of all modes that extend the mode. `where` is the
+    location of the `allow` entry. `path` is the key path of the mapping that contains `allow:`.
     """
 
     code: DiagnosticCode
@@ -328,9 +329,7 @@ class Allowance(FrozenStruct, eq=False):
     nodes: tuple[tuple[Span, Node], ...]
 
     def covers(self, code: DiagnosticCode, places: Collection[Span]) -> bool:
-        """Return whether this entry suppresses a warning of `code`. At least one of the locations `places` of the warning must be in its
-        mapping.
-        """
+        """Return whether this `allow` entry suppresses a warning of `code` at one of the locations `places`."""
         return code is self.code and any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
 
 
@@ -387,7 +386,10 @@ class Report:
         return True
 
     def allows(self, code: DiagnosticCode, places: Collection[Span]) -> bool:
-        """Return whether an `allow` entry suppresses warnings with this code at one of these locations. If so, mark the entry as needed."""
+        """Return whether an `allow` entry suppresses warnings with this code at one of these locations.
+
+        An entry that suppresses the warning is recorded in `needed`.
+        """
         covering = [allowance for allowance in self.allowances if allowance.covers(code, places)]
         self.needed.update(covering)
         self.allowed += bool(covering)
@@ -397,7 +399,7 @@ class Report:
         self, code: DiagnosticCode, message: Hint, where: Span | Origin | None, *, help: Hint | None = None, path: str | None = None,
         notes: Iterable[Note] = (),
     ) -> bool:
-        """Add a warning. The arguments are the same as those of `add`."""
+        """Add a warning to the report. The arguments have the same meaning as for `add`."""
         return self.add(code, message, where, help=help, path=path, notes=notes, severity=Severity.WARNING)
 
     def continued(self) -> Report:
@@ -407,8 +409,8 @@ class Report:
     def say_unneeded(self, document: str, stages: Collection[Stage]) -> None:
         """Report a warning for each `allow` entry of a document that did not suppress any warning. `document` is an absolute path.
 
-        Only entries whose code is reported by one of the completed `stages` are checked. Entries of nested documents are skipped, because
-        other robots that use these documents may need them.
+        Entries for codes that later passes report are skipped: `stages` contains the completed passes. Entries of nested documents are
+        skipped, because other robots that use these documents may need them.
         """
         for allowance in self.allowances:
             if allowance.where.file == document and allowance.code.warned_by in stages and allowance not in self.needed:
@@ -443,7 +445,7 @@ class Report:
 
 
 def _of_option(diagnostic: Diagnostic) -> Diagnostic:
-    """Replace the location of a value that the option `--set` specifies by the text of the option. Such a value is not in a file."""
+    """Convert a diagnostic about a value that the option `--set` specifies: the text of the option replaces the location in a file."""
     notes = tuple(
         Note(message=f"{note.message}: `{note.span.option}`") if note.span is not None and note.span.option is not None else note
         for note in diagnostic.notes

@@ -1,7 +1,7 @@
 """Types for strings that refer to elements of a robot by path, and rules for the names of these elements in exported files.
 
 A document can change the exported names of elements with `names:`. The annotation of each type shows which kind of element a path refers
-to, so that `targets/custom_names.py` can replace the path. Type checkers treat these types as `str`.
+to, so that `targets/custom_names.py` can replace the path. For type checkers, these types are equal to `str`.
 """
 
 from __future__ import annotations
@@ -21,15 +21,16 @@ PoseName: TypeAlias = Annotated[str, "poses"]
 SensorPath: TypeAlias = Annotated[str, "sensors"]
 """Path of a sensor (`leg/imu`)."""
 RawPath: TypeAlias = Annotated[tuple[str, ...], "raw"]
-"""Keys of an attribute for a target (`("joint", "yaw", "margin")`). The second key may be one of the paths above."""
+"""Keys of a raw attribute for one target, such as `("joint", "yaw", "margin")`. The second key is often the path of an element."""
 RawAttributes: TypeAlias = Annotated[dict[str, str], "raw"]
-"""Attributes of a MuJoCo element. Some attributes refer to other elements."""
+"""Attributes of a MuJoCo element by name. The value of an attribute can be the path of another element."""
 
 LONGEST = 200
 """Maximum number of characters of a name."""
 
 TAKEN: dict[str, tuple[str, ...]] = {"components": ("world",), "mounts": ("world",), "joints": ("root",)}
-"""Names that files always contain, by kind: the world, and the joint of a free base. Other elements cannot have these names."""
+"""Reserved names by kind of element: the world, and the joint of a free base. Elements of a document cannot have these names, because
+exported files always contain them."""
 
 
 def is_file_name(text: str) -> bool:

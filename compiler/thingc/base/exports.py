@@ -8,7 +8,9 @@ from typing import Any
 
 
 def exported(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return a function to use as the module-level `__getattr__` of a package. It imports a module when one of its names is first used.
+    """Return a function to use as the module-level `__getattr__` of a package.
+
+    This `__getattr__` imports a module when one of the names of the module is first used.
 
     `modules` maps each public name to the module of the package that defines the name. The value `xml:number` means that the object is
     called `number` in the module `xml`. Names that are not in `modules` raise `AttributeError`.

@@ -1,7 +1,8 @@
 """Detect changes of files by checking their modification times and sizes at regular intervals.
 
 This method works on every system and file system, including network drives and folders shared with containers, which may not support change
-notifications. Checking a hundred files takes 0.2 ms. A file with a new modification time and the same content has not changed.
+notifications. Checking a hundred files takes 0.2 ms. If only the modification time of a file changes and its content stays the same, the
+file does not count as changed.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from typing import TypeVar
 Seen = TypeVar("Seen")
 
 Stat = tuple[int, int, int] | None
-"""Modification time [ns], size and inode of a file. None if the file does not exist.
+"""Modification time [ns], size and inode of a file. The value is None if the file does not exist.
 
-If a program saves a file by renaming, the inode changes.
+The inode changes if an editor saves the file by renaming a temporary file.
 """
 
 SHARE = 0.2
-"""Maximum share of a core that polling may use."""
+"""Maximum share of one processor core that polling may use."""
 
 
 def stat_of(path: str) -> Stat:
@@ -37,7 +38,7 @@ def stat_of(path: str) -> Stat:
 
 
 def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iterator[Seen]:
-    """Call `look` repeatedly until the event `stop` is set, and yield each result.
+    """Call the function `look` repeatedly until the event `stop` is set, and yield the result of each call.
 
     The pause between two calls is `pause` seconds, or longer if `look` takes long.
     """

@@ -13,7 +13,8 @@ from io import BufferedReader
 from typing import Any
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""System errors without a file name when writing to an open file: the disk is full, or a quota or limit is reached."""
+"""Error numbers of a full disk, an exceeded quota, and a file that is too large. For writes to an open file, these errors have no file
+name."""
 
 
 class NotARegularFile(OSError):
@@ -87,7 +88,7 @@ def write_tree(root: str, files: Mapping[str, bytes], links: Mapping[str, str]) 
     """Write new files and symbolic links into the folder `root`.
 
     `files` maps relative paths to contents, and `links` maps paths to targets. Symbolic links in the folder are not followed, and existing
-    files are not replaced. Raises `OSError`, and `BadPath` as `check_tree` does.
+    files are not replaced. Raises `OSError`, or `BadPath` for a path that `check_tree` rejects.
     """
     check_tree((*files, *links))
     for path in (*files, *links):
@@ -161,7 +162,7 @@ def _renameat2() -> Any | None:
 
 
 def exchange(a: str, b: str) -> None:
-    """Exchange two folders atomically. Raises `NotImplementedError` if the system or the file system does not support it."""
+    """Exchange two folders atomically. Raises `NotImplementedError` if the operating system or the file system cannot exchange folders."""
     function = _renameat2()
     if function is None:
         raise NotImplementedError

@@ -8,7 +8,9 @@ import msgspec
 
 
 class _KeywordOnly(msgspec.StructMeta):
-    """A metaclass that makes all fields of a struct keyword-only. It is required because msgspec does not inherit the option `kw_only`.
+    """A metaclass that makes all fields of a struct keyword-only.
+
+    The metaclass is required because msgspec does not inherit the option `kw_only`.
 
     A class can pass `kw_only=False` to allow positional fields.
     """

@@ -94,10 +94,10 @@ def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
     The matrix is `a = R diag(values) R^T`. Each eigenvector is as close as possible to the coordinate axis with the same index, so R is the
     identity for a diagonal matrix.
 
-    The method is cyclic Jacobi rotations (Golub and Van Loan, "Matrix Computations", section 8.5). It is accurate to rounding even for
-    equal moments, for which the closed formula loses digits. `math.hypot` may differ between Python versions if the exact root is almost
-    half way between two floats. This can happen for round numbers, but the arguments here are quotients of sums. With `numeric.hypot`,
-    evaluating the variants of a family would take twice as long.
+    The method is cyclic Jacobi rotations (Golub and Van Loan, "Matrix Computations", section 8.5). The result is accurate to rounding even
+    for equal moments, for which the closed formula loses digits. `math.hypot` is used although its last digit can differ between Python
+    versions for round arguments. Here the arguments are quotients of sums, which are rarely round. With `numeric.hypot`, evaluating the
+    variants of a family would take twice as long.
     """
     return _principal_axes(*a[0], *a[1], *a[2])
 
@@ -142,7 +142,7 @@ HEAVIEST = 1e12
 LARGEST_MOMENT, DENSEST = 1e24, 1e12
 """Largest accepted moments and products of inertia [kg m^2], and largest accepted density [kg/m^3]."""
 LEAST_MASS = 1e-15
-"""Largest mass [kg] that MuJoCo rejects for a moving body (mjMINVAL)."""
+"""Smallest mass [kg] of a moving body: MuJoCo rejects masses up to this value (mjMINVAL)."""
 
 
 def physical_fault(a: Matrix) -> str | None:
@@ -172,8 +172,8 @@ def moments_fault(low: float, middle: float, high: float) -> str | None:
 def within_triangle(a: Matrix) -> Matrix:
     """Return an inertia matrix that satisfies the triangle inequality of principal moments exactly, as MuJoCo requires.
 
-    MuJoCo requires A + B >= C for the principal moments. A flat plate has A + B = C, which rounding can violate. The moments of a flat body
-    are therefore increased by a relative 1e-12.
+    MuJoCo requires A + B >= C for the principal moments. For a flat plate A + B equals C, and a rounding error can make the sum smaller
+    than C. The moments of flat bodies are therefore increased by a relative 1e-12.
     """
     low, middle, high = principal_moments(a)
     short = high - low - middle

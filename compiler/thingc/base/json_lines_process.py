@@ -70,7 +70,7 @@ class JsonLinesProcess:
     def answer(self, timeout: float) -> Any:
         """Wait for the next value that the process sends, and return this value.
 
-        Raises `ProcessLost` if the process ends or does not answer within `timeout` seconds. In this case, call `close`.
+        Raises `ProcessLost` if the process ends or does not answer within `timeout` seconds. After this exception, call `close`.
         """
         try:
             _, said = self._lines.get(timeout=timeout)
@@ -132,9 +132,9 @@ class JsonLinesProcess:
 
 
 def connect_to_parent() -> Callable[[Any], None]:
-    """Return a function that sends a value to the process that started this one as a `JsonLinesProcess`. It exits if that process has died.
+    """Return a function that sends a value to the parent process, which started this process as a `JsonLinesProcess`.
 
-    Other output to standard output is redirected to standard error.
+    If the parent process has died, the function exits. All other output to standard output is redirected to standard error.
     """
     answers = os.dup(1)
     os.dup2(2, 1)

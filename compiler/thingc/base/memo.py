@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 Answer = TypeVar("Answer")
 
 PLACES = 100_000
-"""Maximum number of entries. A larger cache is cleared."""
+"""Maximum number of entries of the cache. When this number is exceeded, the cache is cleared."""
 
 
 class Memo:
@@ -55,7 +55,9 @@ class Memo:
         self._kept[place] = (inputs, answer)
 
     def same(self, place: Hashable, value: Answer) -> Answer:
-        """Return the object that is cached under the key `place` if it equals `value`. Otherwise, cache `value` and return it.
+        """Return the object that is cached under the key `place` if it equals `value`.
+
+        If it differs, or if nothing is cached, `value` is cached and returned.
 
         Returning the same object for equal values makes later comparisons fast.
         """

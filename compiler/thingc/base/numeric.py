@@ -1,4 +1,7 @@
-"""Mathematical functions with the same results in every Python version. They also accept `Recorded` numbers, which record computations."""
+"""Mathematical functions with the same results in every Python version.
+
+The functions also accept `Recorded` numbers, which record computations.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 Formatter = Callable[[float], str]
 
 OPERATIONS: dict[str, Callable[..., Any]] = {}
-"""Functions that a `Recorded` records as one operation, by name."""
+"""Functions by name. A call of one of these functions with a `Recorded` number is recorded as a single operation."""
 FORMATTERS: dict[str, Formatter] = {}
 """Functions that format numbers in files, by name of the format."""
 
@@ -37,12 +40,18 @@ class Recorded:
         raise NotImplementedError
 
     def for_text(self) -> Any:
-        """Return this recorded number if it can be written into texts as a placeholder. Otherwise, return its plain value."""
+        """Return this recorded number if it can be written into texts as a placeholder.
+
+        If texts cannot contain placeholders, return the plain value of the number.
+        """
         raise NotImplementedError
 
 
 def for_text(value: float) -> float:
-    """Return a number that can be formatted in a text. A recorded number is replaced by its value unless texts can contain placeholders."""
+    """Return a number that can be formatted as text.
+
+    For a recorded number, return the plain value unless texts can contain placeholders.
+    """
     return cast("float", value.for_text()) if isinstance(value, Recorded) else value
 
 
@@ -113,8 +122,8 @@ def rounded(value: float, digits: int) -> float:
 def sum_of(values: Iterable[float]) -> float:
     """Return the sum of floating-point numbers, added from left to right without compensation of rounding errors.
 
-    Since Python 3.12, the built-in `sum` compensates rounding errors. This would change the last digits of numbers in files, and the
-    results of `plans` would differ from the results of the passes.
+    Since Python 3.12, the built-in `sum` compensates rounding errors. With this compensation, the last digits of numbers in files would
+    change, and the results of `plans` would differ from the results of the passes.
     """
     return reduce(operator.add, values, 0)
 
@@ -141,9 +150,9 @@ def hypot(*components: float) -> float:
     `math.hypot` and `math.dist` differ in the last digit between Python versions. For 0.075 m and 0.18 m, the result is 0.195 m in Python
     3.11 and 0.19499999999999998 m since Python 3.12.
 
-    Floats are integers divided by a power of two, so the sum of squares is exact. The root is computed with at least 64 bits. The last bit
-    of an inexact root is set, so that the root is never mistaken for the middle of two floats. If a value is not finite or the sum
-    overflows, the result is the same as from `math.hypot`.
+    Every float is an integer divided by a power of two, so the sum of squares can be computed exactly. The root is computed with at least
+    64 bits. If the root is inexact, its last bit is set, so that the root is never rounded as if it were exactly between two floats. If a
+    value is not finite or the sum overflows, the result is the same as from `math.hypot`.
     """
     try:
         ratios = [value.as_integer_ratio() for value in components]

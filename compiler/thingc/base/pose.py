@@ -79,7 +79,7 @@ class Pose(FrozenStruct):
     def around(self, box: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
         """Return the axis-aligned bounding box in frame A of a box that is aligned with the axes of frame B.
 
-        A box is given by its lowest and its highest corner [m]. This pose is `X_AB`.
+        A box is a pair of its lowest and its highest corner [m]. The pose `self` is `X_AB`, the pose of B in A.
         """
         (ax, ay, az), (bx, by, bz) = box
         x, y, z = self.apply(((ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0))
@@ -149,10 +149,11 @@ def quaternion_of(turn: Vector) -> Quaternion:
     return (cos(angle / 2.0), scale * turn[0], scale * turn[1], scale * turn[2])
 
 MATE = Pose(rotation=((0.0, -1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)))
-"""Pose of a mount in the frame of a mated mount: z axes opposed, x and y swapped and negated. This pose is its own inverse.
+"""Pose of a mount in the frame of the mount that it is mated to: the z axes are opposed, and x and y are swapped and negated. The pose is
+its own inverse.
 
-In build123d, the pose is `Location((0, 0, 0), (180, 0, 90))`. The constant is a matrix, because the same three angles as extrinsic angles
-would be another rotation.
+In build123d, the pose is `Location((0, 0, 0), (180, 0, 90))`. The rotation is stored as a matrix, because extrinsic angles of (180, 0, 90)
+degrees describe another rotation.
 """
 
 
@@ -160,7 +161,7 @@ would be another rotation.
 def quarter_exact(angle: float) -> tuple[float, float]:
     """Return the cosine and the sine of an angle [rad].
 
-    Both are exact at multiples of 90 degrees, where `math.cos` gives values such as 6e-17.
+    The results are exact at multiples of 90 degrees, where `math.cos` returns values such as 6e-17.
     """
     quarters = angle / (math.pi / 2.0)
     nearest = round(quarters)
@@ -244,8 +245,8 @@ def along(z: Vector, origin: Vector) -> Pose:
 def rpy_of(rotation: Matrix) -> Vector:
     """Convert a 3 x 3 rotation matrix to roll, pitch and yaw angles [rad], as in an `<origin>` of URDF.
 
-    At a pitch of 90 degrees, yaw and roll rotate about the same axis. In this case, an arbitrary yaw is chosen, and roll is the remaining
-    rotation.
+    At a pitch of 90 degrees, yaw and roll rotate about the same axis. For this pitch, the function chooses a yaw and returns the remaining
+    rotation as roll.
     """
     (xx, xy, xz), (yx, yy, yz), (zx, _, _) = rotation
     yaw = atan2(yx, xx)

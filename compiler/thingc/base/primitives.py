@@ -92,9 +92,9 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
         return MassProperties(mass=volume, inertia=inertia).seen_from(self.pose)
 
     def lowest(self, down: Vector) -> float:
-        """Return the minimum of the dot product of `down` and all points of the primitive [m].
+        """Return the minimum [m] of the dot product of `down` and a point of the primitive, over all points of the primitive.
 
-        `down` is a unit vector in the frame of the part. This minimum is the negative support function of the opposite direction.
+        `down` is a unit vector in the frame of the part.
         """
         x, y, z = (dot(down, column) for column in transpose(self.pose.rotation))
         middle, size = dot(down, self.pose.translation), self.size

@@ -17,7 +17,7 @@ Change = tuple[bytes | None, bytes | None]
 ATTEMPTS, PAUSE = 200, 0.01
 """Number of attempts to lock a folder, and the pause [s] between them.
 
-Commands that replace files hold the lock for less time than these attempts take.
+The total time is longer than any command holds the lock.
 """
 
 
@@ -33,8 +33,8 @@ def replace_files(changes: Mapping[str, Change]) -> None:
     """Replace the contents of several files. If one of the files cannot be replaced, all files remain unchanged.
 
     `changes` maps each path to the content that was read and the new content. If a file no longer has the content that was read, for
-    example because an editor has saved the file, the function raises `ReplacementRefused`. If both contents are equal, the file is only
-    compared.
+    example because an editor has saved the file, the function raises `ReplacementRefused`. If the old and the new content of a file are
+    equal, the file is not written.
 
     Each file is replaced by an atomic rename. Symbolic links are followed, and the modes of files are preserved. Other processes that
     replace files in the same folders wait until this function has finished.
@@ -64,8 +64,8 @@ def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, 
     """Write new contents to files temporarily, so that other files can be checked with the new contents.
 
     `files` maps each path to its old and its new content. When the context ends, the old contents are restored, except in files that have
-    changed in the meantime. To keep the new contents, call the yielded function, which also replaces the contents of further files. The
-    context manager and the yielded function raise `ReplacementRefused`.
+    changed in the meantime. The yielded function keeps the new contents and also replaces the contents of further files. The context
+    manager and the yielded function can raise `ReplacementRefused`.
     """
     folders = list(dict.fromkeys(folder for path in files for folder in _missing(os.path.dirname(path))))
     kept = False

@@ -27,11 +27,14 @@ SensorKey = Literal["at", "in", "joint", "tendon", "of", "with", "volume", "rang
 """Keys of a sensor in documents, in addition to `type`."""
 
 CoordinateKey = Literal["lower", "velocity", "effort"]
-"""Name of a value of the measured coordinate. The reading has the physical dimension of this value."""
+"""Key of a joint, tendon or drive whose unit is the unit of a reading. For example, a reading with the key `velocity` is an angular
+velocity for a rotation and a velocity for a translation."""
 
 
 class SensorReading(FrozenStruct):
-    """A number or vector that a sensor measures. In exported files, it is named `SENSOR:name`, with the name of the sensor.
+    """A number or vector that a sensor measures.
+
+    The name of the reading in exported files is `SENSOR:name`, where `SENSOR` is the name of the sensor.
 
     `unit` is the physical dimension of the noise and the cutoff of this reading. If `unit` is None, as for a quaternion, the reading cannot
     have noise or a cutoff.

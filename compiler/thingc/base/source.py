@@ -38,9 +38,9 @@ class Span(FrozenStruct):
 
     @property
     def option(self) -> str | None:
-        """The command line option of a value that `--set` specifies, such as `--set joints.elbow.limit.upper=1 deg`.
+        """The command line option that set a value, such as `--set joints.elbow.limit.upper=1 deg`.
 
-        It is None for a span in a file.
+        None for a value that was read from a file.
         """
         return self.file if self.file.startswith(SET) else None
 
@@ -50,7 +50,7 @@ SET = "--set "
 
 
 def option_span(path: str, text: str) -> Span:
-    """Return a span for a value that the option `--set` assigns to a path of a document. Such a value is not in a file."""
+    """Return a span for a value that the option `--set` assigns to a path of a document. The span does not refer to a file."""
     return line_of(f"{SET}{path}={text}")
 
 
@@ -60,13 +60,13 @@ def line_of(file: str, line: int = 1) -> Span:
 
 
 Origin = tuple[Span, ...]
-"""The origin of an element: the spans in nested documents that created the element, innermost first. The origin of an element of a document
-is never empty.
+"""The origin of an element: the spans in nested documents that created the element, innermost first. For elements that a document defines,
+the tuple contains at least one span.
 """
 
 
 class Edit(FrozenStruct):
-    """An automatic fix of a document. It replaces the text `written`, which occurs once in `span`, by the text `replacement`."""
+    """An automatic fix of a document. The fix replaces the text `written`, which occurs once in `span`, by the text `replacement`."""
 
     span: Span
     written: str
@@ -91,7 +91,7 @@ class ScalarNode(FrozenStruct):
 
 
 def text_of(node: Node | None) -> str:
-    """Return the source text of a scalar without quotes. Return an empty string for null, and for nodes that are not scalars."""
+    """Return the source text of a scalar without quotes. For null, and for nodes that are not scalars, return an empty string."""
     if not isinstance(node, ScalarNode) or node.value is None:
         return ""
     return node.value if isinstance(node.value, str) else node.text
@@ -148,7 +148,7 @@ def dotted(path: Path) -> str:
 
 
 def closest(paths: Iterable[str], place: str) -> str:
-    """Return the key path in `paths` that has the longest common beginning with the key path `place`."""
+    """Return the key path in `paths` that has the longest common prefix with the key path `place`."""
     return max(paths, key=lambda path: len(os.path.commonprefix([path.split("."), place.split(".")])))
 
 
@@ -187,7 +187,7 @@ def span_at(root: Node, path: Path, *, key: bool = False) -> Span:
 def stands_in(node: Node, span: Span) -> bool:
     """Return whether a span is inside a scalar or a key of this node, or is equal to the span of a nested node.
 
-    A comparison with the span of the node itself is not sufficient, because the span of a TOML table may include lines of other tables.
+    The span of the node itself is not compared, because the span of a TOML table can include lines of other tables.
     """
     for _, inner in walk(node):
         if inner.span == span or (isinstance(inner, ScalarNode) and inner.span.holds(span)):
@@ -225,7 +225,7 @@ class Document:
     _spans: dict[tuple[Path, bool], Span] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     def line(self, number: int) -> str:
-        """Return a line of the document, counted from 1. Return an empty string for a number after the last line."""
+        """Return a line of the document, counted from 1. If the number is larger than the number of lines, return an empty string."""
         lines = re.split(r"\r\n|\r|\n", self.text)
         return lines[number - 1] if number <= len(lines) else ""
 

@@ -11,10 +11,10 @@ from thingc.base.safe_text import quoted
 
 
 def closest_name(name: str, candidates: Iterable[str]) -> str | None:
-    """Return the only candidate of which `name` can be a misspelling. Return None if there is no such candidate or more than one.
+    """Return the candidate that the user probably meant by the misspelled `name`, if there is exactly one.
 
-    A misspelling has an extra, missing or swapped letter, a different case, or, in names with at least five letters, a wrong letter.
-    Different digits are not a misspelling: `foot_1` is not a misspelled `foot_0`.
+    Return None if no candidate or several candidates are possible. A misspelling has an extra, missing or swapped letter, a different case,
+    or, in names with at least five letters, a wrong letter. A different digit is not a misspelling: `foot_1` is not a misspelled `foot_0`.
     """
     near = {candidate for candidate in candidates if candidate == name or _is_slip(name, candidate)}
     return near.pop() if len(near) == 1 and name not in near else None
@@ -45,7 +45,7 @@ class Suggestion(FrozenStruct, kw_only=False):
 
 
 Hint = str | Suggestion
-"""A message or a help: a string, or a suggestion that may have a fix."""
+"""A message or a help text: a string, or a `Suggestion` that can contain a fix."""
 
 
 def text_of(hint: Hint | None) -> str | None:
@@ -66,8 +66,8 @@ def _common_ends(one: str, other: str) -> int:
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
     """Return the candidate that is most similar to `name`, or None if no candidate is similar.
 
-    The comparison is quadratic in the length of names and runs for every error. Very long names, and candidates beyond a limit, are
-    therefore ignored.
+    The time for a comparison is quadratic in the length of the names. Very long names, and candidates after the first `MAX_CANDIDATES`, are
+    therefore not compared.
     """
     import difflib
 

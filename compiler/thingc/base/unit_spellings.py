@@ -19,7 +19,7 @@ SYNONYMS = {
 """Synonyms of units in the table."""
 
 _LOOSE = re.compile(r"(?:\^|\*\*)?(-?[1-9]|[²³]?)(\s*[*/·.-]?\s*)")
-"""Pattern for the text after a unit: a power, and a separator before the next unit."""
+"""Regular expression of the text after a unit: an exponent, and a separator before the next unit."""
 LONGEST = 30
 """Maximum length of a string for which all interpretations are tried."""
 MAX_READINGS = 1000

@@ -1,7 +1,7 @@
 """Parse quantities: numbers with a unit, such as `120 mm`, `4.1 N*m` or `1270 kg/m^3`.
 
-All supported units are in a fixed table. Any other unit is an error with a hint. The conversion to SI units uses exact integer arithmetic
-and rounds once, so `72 mm` is the float that is nearest to 0.072.
+All supported units are in a fixed table. Every other unit raises an error with a hint. The conversion to SI units uses exact integer
+arithmetic and rounds once, so `72 mm` is the float that is nearest to 0.072.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Dimension(FrozenStruct, kw_only=False):
 
     @property
     def symbol(self) -> str:
-        """The unit of this physical dimension in SI base units, such as `kg*m^2/s^2`. It is an empty string for plain numbers."""
+        """The unit of this physical dimension in SI base units, such as `kg*m^2/s^2`. The result is an empty string for plain numbers."""
         above: list[str] = []
         below: list[str] = []
         for unit, exponent in (("kg", self.mass), ("m", self.length), ("rad", self.angle), ("s", self.time)):
@@ -91,7 +91,7 @@ class Dimension(FrozenStruct, kw_only=False):
 
 
 def _whole(exponent: Exponent) -> Exponent:
-    """Convert a fraction with the denominator 1 to an integer. Return any other exponent unchanged."""
+    """Convert a fraction with the denominator 1 to an integer. Other exponents are returned unchanged."""
     return exponent.numerator if exponent.denominator == 1 else exponent
 
 
@@ -149,9 +149,9 @@ _WORDS: dict[Dimension, tuple[str, str]] = {
 def fits(found: Dimension, expected: Dimension) -> bool:
     """Return whether a quantity of dimension `found` is valid where `expected` is required.
 
-    Length, mass and time must be equal. Angle must also be equal, unless the dimension contains mass. The units of torque, damping,
-    stiffness and inertia can be written with and without `/rad`: `N*m*s/rad` and `N*m*s` are the same damping. An angle is therefore never
-    valid as a number, `rad/s` never as `Hz`, and `mm/rad` never as `mm`.
+    The exponents of length, mass and time must be equal in both dimensions. The exponents of angle must also be equal, unless the dimension
+    contains mass. Torque, damping, stiffness and inertia can be written with and without `/rad`: `N*m*s/rad` and `N*m*s` are the same
+    damping. For all other quantities the angle counts, so `rad/s` is not valid as `Hz`, and `mm/rad` is not valid as `mm`.
     """
     return (
         found.length == expected.length and found.mass == expected.mass and found.time == expected.time
@@ -228,7 +228,7 @@ MAX_FACTORS = 12
 def exact(number: str) -> tuple[int, int]:
     """Convert a decimal number to an exact fraction. Return the numerator and the denominator.
 
-    A number below about 1e-2000 gives 0. Raises `UnitError` of the kind `quantity` if the exponent of ten is above 400.
+    Numbers below about 1e-2000 are converted to 0. Raises `UnitError` of the kind `quantity` if the exponent of ten is above 400.
     """
     mantissa, _, power = number.lower().partition("e")
     whole, _, decimals = mantissa.partition(".")
@@ -333,7 +333,7 @@ def _continues(text: str, at: int) -> bool:
 
 
 def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimension, ...]) -> UnitError:
-    """Create the error for an unknown unit, with a suggested unit.
+    """Create the exception for an unknown unit. The message suggests a similar unit.
 
     The unit begins at the index `start` of `text`, and the characters from `at` to `end` (exclusive) are unknown. A unit with a `wanted`
     physical dimension is preferred if it differs only in the second letter (`mn` for a length).
@@ -358,7 +358,7 @@ def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
     """Return the correct spelling of a unit that is spelled informally, or None if the unit is unknown.
 
     For example, `Nms/rad` means `N*m*s/rad`, `kg m2` means `kg*m^2`, and `kg-cm` means `kgf*cm`. The unit must have one of the `wanted`
-    physical dimensions. Without `wanted`, it can have any physical dimension that has a name.
+    physical dimensions. If `wanted` is empty, every physical dimension that has a name is accepted.
     """
     spelled = spellings(text.strip(), UNITS)
     spelled += [re.sub(r"\b(kg|lb)\b", r"\1f", one) for one in spelled]
@@ -406,10 +406,10 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
 
 
 def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Quantity:
-    """Return a quantity if it has one of the expected physical dimensions. The number 0 is valid for all physical dimensions.
+    """Return a quantity if its physical dimension is one of the `expected` dimensions. The number 0 is valid for all physical dimensions.
 
-    `text` is the source text of the quantity. Raises `UnitError` of the kind `unit` if only the unit is missing. For a wrong physical
-    dimension, the kind is `dimension`, and the message contains both physical dimensions.
+    `text` is the source text of the quantity. Raises `UnitError` of the kind `unit` if only the unit is missing. Raises `UnitError` of the
+    kind `dimension`, with both physical dimensions in the message, if the unit has the wrong dimension.
     """
     for dimension in expected:
         if quantity.fits(dimension):
@@ -438,8 +438,8 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
 def suggested_units(dimension: Dimension, numbers: str) -> tuple[str, ...]:
     """Return the units that a user probably meant by numbers without a unit, the most likely unit first.
 
-    `numbers` is the text of the numbers. For small fractions, such as `1.57` or `0 0 0.12`, the SI units of URDF and MJCF come first. For
-    other numbers, the units that are common in drawings come first.
+    `numbers` is the text of the numbers. For small fractions, such as `1.57` or `0 0 0.12`, the first suggestion is the SI unit that URDF
+    and MJCF use. For all other numbers, the first suggestion is the unit that is common in drawings, such as mm.
     """
     drawn, si, most = _SUGGESTED.get(dimension, (dimension.example.partition(" ")[2], "", 0.0))
     if not si:
@@ -453,13 +453,15 @@ _SUGGESTED: dict[Dimension, tuple[str, str, float]] = {
     LENGTH: ("mm", "m", 2.0), ANGLE: ("deg", "rad", 6.3), MASS: ("g", "kg", 10.0), TIME: ("s", "ms", 0.0),
     ANGULAR_VELOCITY: ("rpm", "rad/s", 0.0),
 }
-"""By physical dimension: the unit in drawings, an alternative (SI) unit, and the bound below which fractions suggest the alternative."""
+"""For each physical dimension: the unit that is common in drawings, an alternative unit, and a bound. For fractions below the bound, the
+alternative unit is suggested first."""
 
 _SURELY: dict[Dimension, float] = {
     DENSITY: 100.0,
     **dict.fromkeys((FORCE, ACCELERATION, ANGULAR_STIFFNESS, LINEAR_STIFFNESS, ANGULAR_DAMPING, LINEAR_DAMPING), -math.inf),
 }
-"""Bounds [SI] by physical dimension. Larger values have only one plausible unit: no material has 100 g/cm^3."""
+"""Smallest value [SI], by physical dimension, for which a number without a unit has only one plausible unit. For example, a density of 100
+must be in kg/m^3, because no material has a density of 100 g/cm^3."""
 
 
 def shortened(text: str, limit: int = 60) -> str:

@@ -44,7 +44,10 @@ def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantit
 
 
 def _separated(text: str) -> str | None:
-    """Return a hint for a vector whose three values are written with separators or several units. Return None for other errors."""
+    """Return a hint for a vector whose three values are written with separators or several units.
+
+    Return None if the vector has another error.
+    """
     pieces = [piece.strip() for piece in re.split("[,x×]", text)]
     if len(pieces) == 3 and all(scan_number(piece) for piece in pieces):
         shared = all(map(NUMBER_TEXT.fullmatch, pieces[:2]))

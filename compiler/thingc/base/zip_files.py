@@ -1,6 +1,6 @@
 """Create zip files whose bytes depend only on the files in them, and not on the time or the operating system.
 
-Python's `zipfile` stores both, and cannot write entries that are already compressed.
+The standard module `zipfile` stores the time and the operating system, and cannot write entries that are already compressed.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from thingc.base.frozen_struct import FrozenStruct
 
 MODEL = "model.xml"
-"""File name of the model in a `.mjz`. MuJoCo searches for this name first."""
+"""File name of the XML model in a `.mjz` archive. MuJoCo searches an archive for this name first."""
 
 DATE, TIME = 0x21, 0
 """Date (1980-01-01) and time of all entries, in MS-DOS format."""
@@ -21,7 +21,7 @@ DATE, TIME = 0x21, 0
 _DEFLATED, _VERSION, _UNIX, _UTF8 = 8, 20, 3 << 8, 0x800
 _MODE = 0o100644 << 16
 _HEADER = 30
-"""Bytes before the name of an entry."""
+"""Number of bytes in the local header of a zip entry before the file name."""
 
 
 class ZipEntry(FrozenStruct):

@@ -82,7 +82,7 @@ class Twist(FrozenStruct, kw_only=False):
 
     @property
     def pitch(self) -> float:
-        """The translation along the axis per radian of rotation [m/rad]. It is 0 for a pure rotation and for a pure translation."""
+        """The translation along the axis per radian of rotation [m/rad]. The value is 0 for a pure rotation and for a pure translation."""
         return dot(self.angular, self.linear)
 
     @property
@@ -100,10 +100,10 @@ class Twist(FrozenStruct, kw_only=False):
         return f"{degrees(q):z.6g} deg" if self.turns else f"{q * 1000.0:z.6g} mm"
 
     def exponential(self, q: float) -> Pose:
-        """Return the pose to which this twist moves a frame when the joint coordinate is `q` [rad or m].
+        """Return the pose of a moving frame, relative to its pose at q = 0, for the joint coordinate `q` [rad or m].
 
-        At q = 0, the pose is the identity. Rotations about x, y and z through the origin are exact at multiples of 90 degrees. Other
-        rotations use Rodrigues' formula.
+        At q = 0, the pose is the identity. Rotations about x, y and z through the origin are exact at multiples of 90 degrees. All other
+        rotations are computed with Rodrigues' formula.
         """
         lx, ly, lz = self.linear
         if not self.turns:
