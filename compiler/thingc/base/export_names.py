@@ -30,7 +30,8 @@ LONGEST = 200
 
 TAKEN: dict[str, tuple[str, ...]] = {"components": ("world",), "mounts": ("world",), "joints": ("root",)}
 """Reserved names by kind of element: the world, and the joint of a free base. Elements of a document cannot have these names, because
-exported files always contain them."""
+exported files always contain them.
+"""
 
 
 def is_file_name(text: str) -> bool:

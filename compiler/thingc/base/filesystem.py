@@ -14,7 +14,8 @@ from typing import Any
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk, an exceeded quota, and a file that is too large. For writes to an open file, these errors have no file
-name."""
+name.
+"""
 
 
 class NotARegularFile(OSError):

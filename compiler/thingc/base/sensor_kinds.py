@@ -28,7 +28,8 @@ SensorKey = Literal["at", "in", "joint", "tendon", "of", "with", "volume", "rang
 
 CoordinateKey = Literal["lower", "velocity", "effort"]
 """Key of a joint, tendon or drive whose unit is the unit of a reading. For example, a reading with the key `velocity` is an angular
-velocity for a rotation and a velocity for a translation."""
+velocity for a rotation and a velocity for a translation.
+"""
 
 
 class SensorReading(FrozenStruct):

@@ -454,14 +454,16 @@ _SUGGESTED: dict[Dimension, tuple[str, str, float]] = {
     ANGULAR_VELOCITY: ("rpm", "rad/s", 0.0),
 }
 """For each physical dimension: the unit that is common in drawings, an alternative unit, and a bound. For fractions below the bound, the
-alternative unit is suggested first."""
+alternative unit is suggested first.
+"""
 
 _SURELY: dict[Dimension, float] = {
     DENSITY: 100.0,
     **dict.fromkeys((FORCE, ACCELERATION, ANGULAR_STIFFNESS, LINEAR_STIFFNESS, ANGULAR_DAMPING, LINEAR_DAMPING), -math.inf),
 }
 """Smallest value [SI], by physical dimension, for which a number without a unit has only one plausible unit. For example, a density of 100
-must be in kg/m^3, because no material has a density of 100 g/cm^3."""
+must be in kg/m^3, because no material has a density of 100 g/cm^3.
+"""
 
 
 def shortened(text: str, limit: int = 60) -> str:

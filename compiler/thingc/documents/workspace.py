@@ -25,7 +25,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.base.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, parse_quantity, shortened
 
 MAX_BYTES = 500_000
-"""Maximum size of a workspace file. The limit does not apply to a `pyproject.toml` that does not mention thingc."""
+"""Maximum size [bytes] of a workspace file. A larger `pyproject.toml` is accepted if it does not contain the word `thingc`."""
 OWN_FILE = "thingc.toml"
 SHARED_FILE = "pyproject.toml"
 DEFAULT_PARTS = ("parts",)
@@ -33,9 +33,9 @@ DEFAULT_PACKAGES = ("thingc_stock", "bd_warehouse")
 DEFAULT_BUILD = "build"
 DEFAULT_TIMEOUT = 120.0
 LONGEST = 1e6
-"""Largest timeout [s], more than ten days. Operating systems cannot wait arbitrarily long."""
+"""Largest accepted timeout [s], which is more than ten days. The timeouts of operating systems are limited."""
 MESH_URIS = ("relative", "package", "absolute")
-"""Styles of mesh paths in URDF files: relative to the file, in the robot's ROS package, or absolute. The first is the default."""
+"""Styles of mesh paths in URDF files: relative to the file, in the robot's ROS package, or absolute. The first style is the default."""
 
 CONSUMERS = ("mjx", "warp", "drake", "pymjcf")
 """Programs besides MuJoCo for which MuJoCo models can be written."""
@@ -44,14 +44,14 @@ CONSUMERS = ("mjx", "warp", "drake", "pymjcf")
 class Tessellation(FrozenStruct):
     """Tolerances for approximating curved surfaces by triangles.
 
-    The mesh is at most `linear` [m] off the surface, and the angle between neighbouring facets is at most `angular` [rad].
+    Each triangle is at most `linear` [m] away from the surface, and the angle between neighbouring facets is at most `angular` [rad].
     """
 
     linear: float
     angular: float
 
     def coarser(self, other: Tessellation) -> Tessellation:
-        """Return a tessellation with the larger value of each tolerance of two tessellations."""
+        """Combine two tessellations: return the larger value of each tolerance."""
         return Tessellation(linear=max(self.linear, other.linear), angular=max(self.angular, other.angular))
 
 
@@ -60,13 +60,13 @@ DEFAULT_MESH = Tessellation(linear=1e-4, angular=0.17453292519943295)
 DEFAULT_SIMULATION = Tessellation(linear=1e-4, angular=0.5235987755982988)
 """Tessellation for simulators: 0.1 mm and 30 deg.
 
-The linear tolerance is the same as in `DEFAULT_MESH`. Surfaces with a radius below 2.9 mm have a third of the facets; most of a robot's
-facets belong to such surfaces (holes, screws, fillets).
+The linear tolerance is the same as in `DEFAULT_MESH`. The larger angle reduces the number of facets of surfaces with a radius below 2.9 mm
+to a third. In a typical robot, most facets belong to such surfaces (holes, screws, fillets).
 """
 
 
 DEFAULT_MEMORY = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 if hasattr(os, "sysconf") else 8_000_000_000
-"""Default memory limit [bytes] of a part: half of the machine's memory."""
+"""Default limit [bytes] of the memory used for building one part: half of the machine's memory."""
 
 LIBRARIES = frozenset({"site-packages", "dist-packages"})
 """Names of folders that contain installed packages. A virtual environment inside a workspace folder is not part of the workspace."""
@@ -76,12 +76,13 @@ LIBRARIES = frozenset({"site-packages", "dist-packages"})
 class Workspace:
     """A workspace folder and its settings.
 
-    `root` is an absolute path. `parts` are absolute paths of folders whose modules `part:` can name; `packages` are installed packages that
-    `part:` can also name. `build` is the absolute folder of build outputs. `part_timeout` [s] and `part_memory` [bytes] are limits for one
-    part. `mesh` is the tessellation for printing and checks, `simulation` the tessellation for simulators. `emit` are the default targets
-    of a build. `mesh_uri` is one of `MESH_URIS`. `about` is the metadata of ROS packages. `compat` are the `CONSUMERS` for which MuJoCo
-    models are written. `origin` is the workspace file, or None. `inputs` maps each examined file (an absolute path) to the SHA-256 of its
-    content, or to None if the file does not exist.
+    `root` is an absolute path. `parts` contains the absolute paths of the folders with part modules, and `packages` the names of installed
+    packages with part modules. `build` is the absolute path of the folder for build outputs. `part_timeout` [s] and `part_memory` [bytes]
+    are the limits for building one part. `mesh` is the tessellation for printing and checks, `simulation` the tessellation for simulators.
+    `emit` contains the default targets of a build. `mesh_uri` is one of `MESH_URIS`. `about` contains the metadata of ROS packages.
+    `compat` contains the programs from `CONSUMERS` that must be able to read the MuJoCo models. `origin` is the path of the workspace file,
+    or None without a workspace file. `inputs` maps each examined file (an absolute path) to the SHA-256 of its content, or to None if the
+    file does not exist.
     """
 
     root: str
@@ -101,9 +102,9 @@ class Workspace:
 
     @staticmethod
     def find(document: str, report: Report, texts: Mapping[str, bytes] | None = None) -> Workspace | None:
-        """Find the workspace of a document (a path that need not exist).
+        """Find the workspace of the document at the path `document`, which need not exist.
 
-        If the workspace file is invalid, report the error and return None. `texts` are file contents by absolute path that replace the
+        If the workspace file is invalid, report the error and return None. `texts` maps absolute paths to file contents that replace the
         contents on disk.
         """
         start = folder = os.path.dirname(os.path.abspath(document))
@@ -131,11 +132,12 @@ class Workspace:
             folder = above
 
     def relative(self, path: str) -> str:
-        """Return the path relative to the workspace, with `/` as separator and with symbolic links resolved.
+        """Convert a path to a path relative to the workspace, with `/` as separator and with symbolic links resolved.
 
-        All build outputs use this form of path.
+        Build outputs contain only such relative paths.
 
-        Documents of installed packages have a dotted name, `thingc_stock.materials`, because their location depends on the machine.
+        For a document of an installed package, the result is a dotted name such as `thingc_stock.materials`, because the location of the
+        package depends on the machine.
         """
         name = os.path.relpath(os.path.realpath(path), os.path.realpath(self.root)).replace(os.sep, "/")
         elsewhere = name.startswith("../") or not LIBRARIES.isdisjoint(name.split("/"))
@@ -146,7 +148,7 @@ class Workspace:
     def span(self, path: Path) -> Span | None:
         """Return the span of a value in the workspace file, for example at `("emit", 1)`, or None if the value does not exist.
 
-        The workspace file is parsed at each call.
+        Each call parses the workspace file.
         """
         if self.origin is None:
             return None
@@ -159,12 +161,15 @@ class Workspace:
         return node.span if node is not None else self.origin
 
     def contains(self, path: str) -> bool:
-        """Return whether the resolved path is inside the workspace. The path need not exist."""
+        """Return whether a path is inside the workspace after symbolic links are resolved. The path need not exist."""
         return _inside(path, self.root)
 
 
 def settings_files(document: str) -> list[str]:
-    """Return the absolute paths of all files, existing or not, that may define a document's workspace, in its folder and above it."""
+    """Return the absolute paths of the files that can define the workspace of a document, existing or not.
+
+    The files are `thingc.toml` and `pyproject.toml` in the folder of the document and in all parent folders.
+    """
     folder = os.path.dirname(os.path.abspath(document))
     folders = [folder]
     while (above := os.path.dirname(folder)) != folder:
@@ -188,7 +193,7 @@ def _default(folder: str, inputs: dict[str, str | None]) -> Workspace:
 def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) -> tuple[str, ...]:
     """Return the absolute paths of the folders in `names` that exist in the workspace.
 
-    Missing folders are added to the inputs, because creating such a folder changes the workspace.
+    Missing folders are recorded in `inputs`, because the workspace changes if such a folder is created.
     """
     folders = [os.path.normpath(os.path.join(root, name)) for name in names]
     inputs.update({folder: None for folder in folders if not os.path.isdir(folder) or not _inside(folder, root)})
@@ -196,11 +201,11 @@ def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) 
 
 
 def _bytes(path: str) -> bytes | None:
-    """Return the content of a file, up to one byte more than the limit, or None if the file does not exist.
+    """Return the content of a workspace file, or None if the file does not exist.
 
-    Raises OSError if the file cannot be read.
+    For a file above the maximum size, only one byte more than the maximum is read. Raises OSError if the file cannot be read.
 
-    Special files, and symbolic links to targets outside the folder, count as missing.
+    Special files such as pipes, and symbolic links to targets outside the folder, count as missing.
     """
     if os.path.islink(path) and not _inside(path, os.path.dirname(path)):
         return None
@@ -211,9 +216,10 @@ def _bytes(path: str) -> bytes | None:
 
 
 def _has_table(data: bytes) -> bool:
-    """Return whether a `pyproject.toml` has a `[tool.thingc]` table. A text search first excludes files of other projects without parsing.
+    """Return whether a `pyproject.toml` has a `[tool.thingc]` table.
 
-    If a file with this header cannot be parsed, return True, so that the syntax error is reported.
+    Most `pyproject.toml` files without this table are recognized by a text search instead of parsing. If the file contains the text of the
+    header but cannot be parsed, return True, so that the syntax error is reported.
     """
     if b"thingc" not in data:
         return False
@@ -229,10 +235,10 @@ def _has_table(data: bytes) -> bool:
 
 
 def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | None], report: Report) -> Workspace | None:
-    """Create the workspace that a workspace file describes.
+    """Create a workspace from the content `data` of a workspace file.
 
-    The settings are first read without positions and models, which is fast. If any setting is unusual, the document model validates the
-    file and reports errors.
+    A fast parser without source positions reads the usual settings. If a setting is unusual or invalid, the slower document model validates
+    the file and reports errors.
     """
     if len(data) > MAX_BYTES:
         report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes", line_of(path), help="remove content that is not for thingc")
@@ -272,7 +278,10 @@ class _Settings(FrozenStruct):
 
     @staticmethod
     def plain(table: dict[str, Any]) -> _Settings | None:
-        """Return the settings in a TOML table. For unusual settings, return None or raise ValueError or TypeError."""
+        """Convert a TOML table to settings, without validation by the document model.
+
+        For unusual or invalid settings, return None or raise ValueError or TypeError.
+        """
         known = {"thingc", "parts", "packages", "build", "part_timeout", "part_memory", "mesh", "emit", "mesh_uri", "about", "compat"}
         mesh, about = table.get("mesh", {}), table.get("about", {})
         if table["thingc"] != "workspace/1" or not known.issuperset(table.keys() - {"$schema"}):
@@ -329,7 +338,10 @@ def _plain_value(table: dict[str, Any], key: str, dimension: Dimension, default:
 
 
 def bytes_of(memory: Any) -> int:
-    """Parse a string such as `4 GB` to a number of bytes. Return the default for None. Raises `ValueError` or `TypeError`."""
+    """Parse a string such as `4 GB` to a number of bytes.
+
+    For None, return the default memory limit. Raises `ValueError` or `TypeError` for an invalid string.
+    """
     if memory is None:
         return DEFAULT_MEMORY
     if (match := re.fullmatch(MEMORY, memory)) is None:
@@ -371,7 +383,10 @@ def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
 
 
 def _explained(path: str, data: bytes, root: str, prefix: Path, inputs: dict[str, str | None], report: Report) -> Workspace | None:
-    """Read the workspace file with positions and validate it with the document model. Report all errors; if there are any, return None."""
+    """Parse the workspace file with source positions, and validate it with the document model.
+
+    If the file has errors, report all errors and return None.
+    """
     from thingc.base.source import Document, node_at
     from thingc.documents.load.documents import document_kind, read_tree
     from thingc.documents.spec.validation import validate_one
@@ -400,7 +415,10 @@ def _explained(path: str, data: bytes, root: str, prefix: Path, inputs: dict[str
 
 
 def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
-    """Convert a validated model to settings. Expressions, and values that are not above 0, are reported as errors."""
+    """Convert the validated model of a workspace file to settings.
+
+    Expressions, and numbers that are zero or negative, are reported as errors.
+    """
 
     def value(said: Any, path: Path, default: float) -> float:
         if said is None:

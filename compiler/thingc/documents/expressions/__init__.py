@@ -9,6 +9,6 @@ Every term of an expression has a position in the source text. Physical dimensio
     power      := atom ["**" unary]
     atom       := number [unit] | name | function "(" comparison ("," comparison)* ")" | "(" comparison ")"
 
-A unit belongs to the number before it, without spaces around its own `*` and `/`: `10 mm/rad * q` is (10 mm/rad) q. All other syntax is an
-error. Every value is one double, so the length of an expression bounds the cost of its evaluation.
+A unit belongs to the preceding number, and products of units are written without spaces: `10 mm/rad * q` means (10 mm/rad) q. All other
+syntax is an error. Every value is one double, so the time of an evaluation is limited by the length of the expression.
 """

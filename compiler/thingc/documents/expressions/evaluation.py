@@ -1,4 +1,4 @@
-"""Evaluate expressions. The value of each term is a double with a physical dimension; each error has the position of a term."""
+"""Evaluate expressions. The value of each term is a double with a physical dimension, and each error contains the position of a term."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ ExpressionValue = Union[Quantity, bool, str]
 
 
 def evaluate(expression: Expression, names: Mapping[str, ExpressionValue]) -> ExpressionValue:
-    """Evaluate an expression and return its value. `names` maps the parameters and the index of the repeat to their values.
+    """Evaluate an expression and return its value. `names` maps the names of parameters, and the index of a repeat, to their values.
 
-    The value of a single name may be a boolean or a string. The value of a comparison is a boolean. All other expressions have a finite
-    `Quantity` as their value. Raises ExpressionError for unknown names, incompatible dimensions, and results that are not finite.
+    For an expression that is a single name, the value can be a boolean or a string. The value of a comparison is a boolean, and the value
+    of every other expression is a finite `Quantity`. Raises ExpressionError for unknown names, incompatible dimensions, and results that
+    are not finite.
     """
     return _Evaluator(expression.text, names).value(expression.tree)
 
 
 class _Evaluator:
-    """Evaluates a syntax tree. Messages quote the source text of the expression."""
+    """Evaluates the syntax tree of an expression. Error messages quote the source text of the expression."""
 
     def __init__(self, text: str, names: Mapping[str, ExpressionValue]) -> None:
         self.text = text
@@ -68,7 +69,7 @@ class _Evaluator:
         return shortened(self.text[term.offset : term.end])
 
     def same(self, left: Term, a: Quantity, right: Term, b: Quantity) -> Dimension:
-        """Return the physical dimension that two operands have in common.
+        """Return the physical dimension of two operands, which must have the same dimension.
 
         The number 0 without a unit is compatible with every dimension.
         """
@@ -100,7 +101,10 @@ class _Evaluator:
         return Quantity(result + 0.0, dimension)
 
     def chain(self, term: Binary) -> Quantity:
-        """Evaluate a sum or a product with many operands in a loop from left to right, so that long sums do not need deep recursion."""
+        """Evaluate a sum or a product with many operands from left to right.
+
+        A loop is used instead of recursion, so that the depth of long sums is not limited.
+        """
         spine: list[Binary] = []
         first: Term = term
         while isinstance(first, Binary) and first.operator in ("+", "-", "*", "/"):
@@ -174,7 +178,10 @@ class _Evaluator:
         return self.finite(term, lambda: {"sin": numeric.sin, "cos": numeric.cos, "tan": numeric.tan}[term.function](x), NUMBER)
 
     def extreme(self, term: Call, arguments: list[Quantity]) -> Quantity:
-        """Evaluate the functions `min` and `max`. The result has the dimension of the first argument that is not a 0 without a unit."""
+        """Evaluate the functions `min` and `max`.
+
+        The result has the physical dimension of the first argument, not counting arguments that are 0 without a unit.
+        """
         lead = next((k for k, argument in enumerate(term.arguments) if not _zero(argument)), 0)
         for argument, quantity in zip(term.arguments, arguments, strict=True):
             self.same(term.arguments[lead], arguments[lead], argument, quantity)
@@ -187,7 +194,7 @@ def _zero(term: Term) -> bool:
 
 
 def kind_of(value: ExpressionValue) -> str:
-    """Return a description of the type of a value, for example `an angle`, `a text` or `true or false`."""
+    """Return a description of the type of a value for messages, for example `an angle`, `a string` or `a boolean`."""
     if isinstance(value, Quantity):
         return value.dimension.words
     return "a boolean" if isinstance(value, bool) else "a string"
@@ -201,7 +208,7 @@ def words_of(value: ExpressionValue) -> str:
 
 
 def plain(value: ExpressionValue) -> float | bool | str:
-    """Return the number of a quantity in SI units, without its physical dimension. Booleans and strings are unchanged."""
+    """Convert a quantity to a number in SI units. Booleans and strings are returned unchanged."""
     if not isinstance(value, Quantity):
         return value
     if value.dimension == NUMBER and value.value % 1.0 == 0.0:

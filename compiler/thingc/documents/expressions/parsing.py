@@ -1,4 +1,4 @@
-"""Parse expressions by precedence climbing. Python's own parser cannot report positions inside units."""
+"""Parse expressions by precedence climbing. The parser of Python is not used, because it cannot report positions inside units."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from thingc.documents.expressions.terms import (
 
 
 def parse_expression(text: str, *, dotted: bool = False) -> Expression:
-    """Parse an expression, with or without its leading `=`; with `dotted`, names may contain dots (`centre.x`).
+    """Parse an expression. The leading `=` is optional.
 
-    Raises ExpressionError.
+    With `dotted`, names can contain dots (`centre.x`). Raises `ExpressionError` for invalid syntax.
     """
     if len(text) > MAX_TEXT:
         raise ExpressionError(f"an expression of {len(text)} characters is too long (at most {MAX_TEXT})", 0, len(text))
@@ -50,7 +50,7 @@ _FOREIGN = {
 class _Parser:
     """A precedence-climbing parser for the text of an expression.
 
-    `at` is the index of the next character, and `names` is the regular expression for names.
+    `at` is the index of the next character, and `names` is the regular expression that names must match.
     """
 
     def __init__(self, text: str, names: re.Pattern[str] = _NAME) -> None:
@@ -75,7 +75,7 @@ class _Parser:
             self.at += 1
 
     def peek(self) -> str:
-        """Return the operator at the current position of the parser, or an empty string if no operator follows."""
+        """Return the operator at the current position, or an empty string if the next token is not an operator."""
         self.spaces()
         match = _OPERATOR.match(self.text, self.at)
         return match.group() if match else ""
@@ -229,13 +229,13 @@ class _Parser:
 
 
 _MARKED = re.compile(r"(?:\$\{|\{\{|\$\(|#\{|<%=?)\s*(.*?)\s*(?:\}\}?|\)|%>)|\$([A-Za-z]\w*)")
-"""Syntax of expressions in other languages: xacro, shells and templates."""
+"""Regular expression of expressions in other languages: xacro, shells and templates."""
 
 
 def expression_hint(text: str, names: Collection[str] | None = None) -> Suggestion | None:
     """Return a hint for a string that is an expression without `=` or an expression in the syntax of another language.
 
-    Return None if the string is not an expression or uses names that are not in `names`.
+    Return None if the string is not an expression, or if it uses names that are not in `names`.
     """
     text = text.strip()
     marked = _MARKED.fullmatch(text)

@@ -14,8 +14,8 @@ from thingc.base.units import Quantity, scan_number
 class ExpressionError(ValueError):
     """Raised if an expression cannot be parsed or evaluated.
 
-    `kind` is `expression` (syntax), `name` (an unknown name), `dimension`, `unit` or `value` (a result that is not
-    finite). `offset` and `end` are character positions in the source text of the expression, which includes the `=`, if any.
+    `kind` is the kind of the error: `expression` (syntax), `name` (an unknown name), `dimension`, `unit`, or `value` (a result that is not
+    finite). `offset` and `end` are indices of characters in the source text of the expression, including a leading `=`.
     """
 
     def __init__(self, message: Hint, offset: int, end: int, *, kind: str = "expression", help: Hint | None = None) -> None:
@@ -35,9 +35,9 @@ class _Place(FrozenStruct):
 
 
 class Literal(_Place):
-    """A number with its unit in an expression.
+    """A number in an expression, with its unit if any.
 
-    `zero` is True for a 0 without a unit, which is a valid value for every physical dimension.
+    `zero` is True for the number 0 without a unit, which is valid for every physical dimension.
     """
 
     value: Quantity
@@ -51,7 +51,7 @@ class NameUse(_Place):
 
 
 class Unary(_Place):
-    """The negation `-a` in an expression. The parser drops a leading `+`."""
+    """The negation `-a` in an expression. For `+a`, the parser returns only `a`."""
 
     operand: Term
 
@@ -76,31 +76,31 @@ Term = Union[Literal, NameUse, Unary, Binary, Call]
 FUNCTIONS: dict[str, tuple[int, int]] = {
     "min": (1, 32), "max": (1, 32), "abs": (1, 1), "sqrt": (1, 1), "sin": (1, 1), "cos": (1, 1), "tan": (1, 1), "atan2": (2, 2),
 }
-"""All functions, with their smallest and largest number of arguments."""
+"""All functions of expressions, with their smallest and largest number of arguments."""
 
 COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "!="))
-"""Operators whose result is a boolean."""
+"""Comparison operators, whose result is a boolean."""
 
 CONSTANTS = {"pi": Quantity(math.pi)}
 
 MAX_DEPTH = 60
-"""Maximum nesting of parentheses, signs and powers."""
+"""Maximum nesting depth of parentheses, signs and powers in an expression."""
 
 
 class Expression(FrozenStruct):
-    """A parsed expression: the source text (with its `=`, if any) and the syntax tree."""
+    """A parsed expression, with its source text (including a leading `=`) and its syntax tree."""
 
     text: str
     tree: Term
 
     @property
     def compares(self) -> bool:
-        """Whether the expression is a comparison. The value of a comparison is a boolean."""
+        """Whether the expression is a comparison, whose value is a boolean."""
         return isinstance(self.tree, Binary) and self.tree.operator in COMPARISONS
 
     @property
     def names(self) -> tuple[NameUse, ...]:
-        """All uses of parameters and repeat indices in the expression, in source order.
+        """Every use of a parameter or of a repeat index in the expression, in source order.
 
         Names of constants and functions are not included.
         """

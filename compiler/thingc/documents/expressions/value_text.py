@@ -16,7 +16,7 @@ def text_of(value: ExpressionValue, unit: str = "") -> str:
     """Format a value as a string that `-p NAME=VALUE` parses to exactly the same value.
 
     A quantity is formatted in `unit` (`95.5 mm`) if possible, otherwise in SI units (`0.0955 m`). A boolean is formatted as `true` or
-    `false`. A string is not changed.
+    `false`. Strings are returned unchanged.
     """
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -40,10 +40,10 @@ def _exact(number: float) -> str:
 
 
 def _in_unit(quantity: Quantity, unit: str) -> str | None:
-    """Format a quantity in a unit with the fewest digits that represent the value exactly.
+    """Format a quantity in the given unit, with the fewest digits that represent the value exactly.
 
-    Return None if no decimal number represents the value exactly (some values in degrees, which are rounded twice), or if the unit has
-    another physical dimension.
+    Return None if the unit has another physical dimension, or if no decimal number represents the value exactly. The latter is possible for
+    degrees, which are rounded twice.
     """
     known = _scanned(unit)
     if known is None or known[2] != quantity.dimension:

@@ -1,7 +1,7 @@
-"""Find documents in a folder (by file extension and first bytes) and in packages.
+"""Find documents in folders, by file extension and the first bytes of each file, and in packages.
 
-Documents of a package are in the same folders as its modules and have dotted names like modules (`thingc_stock.materials`). Documents are
-read as data; the code of a package is neither run nor imported.
+The documents of a Python package are in the same folders as its modules, and have dotted names such as `thingc_stock.materials`. The code
+of a package is neither run nor imported.
 """
 
 from __future__ import annotations
@@ -23,11 +23,13 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 HEAD = 65536
-"""Number of bytes at the start of a file in which the key `thingc` is searched."""
+"""Number of bytes at the start of a file that are searched for the key `thingc`."""
 
 _HEADER = re.compile(rb"""^(?:\xef\xbb\xbf)?["']?thingc["']?[ \t]*[:=](?![ \t]*["']?workspace/)""", re.MULTILINE)
 _TABLE = re.compile(rb"^[ \t]*\[", re.MULTILINE)
-"""Start of the first table of a TOML file. Keys after this position belong to a table (`[project.scripts]`)."""
+"""Regular expression of the first table header of a TOML file. Keys after the header belong to a table such as `[project.scripts]`, not to
+the document itself.
+"""
 _OTHERS = frozenset({"node_modules", "__pycache__"})
 
 
@@ -36,9 +38,9 @@ def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
 
     Every file with the key `thingc` is a document, even if the value of the key is invalid.
 
-    With a workspace, its build folder and nested workspaces are skipped. Without a workspace file the extent of the workspace is unknown,
-    so the search is bounded as in `documents_near`. Hidden folders and virtual environments are always skipped. Symbolic links to folders
-    are not followed. Unreadable files are skipped; a command reports the reason if the file is its argument.
+    If `workspace` is given, its build folder and nested workspaces are skipped. Without a workspace file, the number of examined files is
+    limited as in `documents_near`. Hidden folders and virtual environments are always skipped. Symbolic links to folders are not followed.
+    Files that cannot be read are skipped without an error.
     """
     return _documents(folder, workspace, bounded=workspace is not None and workspace.origin is None)
 
@@ -46,7 +48,7 @@ def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
 def _documents(folder: str, workspace: Workspace | None, *, bounded: bool) -> list[str]:
     """Return all documents below a folder.
 
-    A bounded search reads only the nearest `MOST_FOLDERS` folders and `MOST_FILES` candidate files.
+    With `bounded`, only the nearest `MOST_FOLDERS` folders and `MOST_FILES` candidate files are read.
     """
     paths: list[str] = []
     build = os.path.realpath(workspace.build) if workspace is not None else None
@@ -67,24 +69,31 @@ def _documents(folder: str, workspace: Workspace | None, *, bounded: bool) -> li
 
 
 MOST_FOLDERS, MOST_FILES = 200, 2000
-"""Bounds of a quick search: number of folders, and of files whose first bytes are read."""
+"""Limits of a quick search for documents: number of folders, and number of files whose first bytes are read."""
 
 
 def documents_near(folder: str, workspace: Workspace | None) -> list[str]:
-    """Return the absolute paths of documents below a folder (or its `workspace`, if any), including documents of other workspaces.
+    """Return the absolute paths of all documents below a folder, or below the folder of its `workspace` if given.
 
-    The search is bounded (`MOST_FOLDERS`, `MOST_FILES`), because it also runs after a mistyped name in a home folder.
+    Documents of nested workspaces are included. The numbers of folders and files are limited (`MOST_FOLDERS`, `MOST_FILES`), because the
+    folder can be a large home folder.
     """
     return _documents(folder if workspace is None else workspace.root, None, bounded=True)
 
 
 def assemblies_in(folder: str, workspace: Workspace) -> list[str]:
-    """Return the absolute paths of assembly documents below a folder that belong to its workspace; the search is bounded."""
+    """Return the absolute paths of assembly documents below a folder that belong to its workspace.
+
+    The numbers of folders and files are limited.
+    """
     return [path for path in _documents(folder, workspace, bounded=True) if is_document(path, "assembly/")]
 
 
 def is_document(path: str, kind: str = "") -> bool:
-    """Return whether a file has the key `thingc` near its beginning and is not a workspace. With `kind`, also check its kind."""
+    """Return whether the first bytes of a file contain the key `thingc`, and the file is not a workspace file.
+
+    With `kind`, the document must also be of this kind.
+    """
     try:
         return has_header(beginning(path, HEAD), path, kind)
     except (OSError, ValueError):
@@ -92,7 +101,9 @@ def is_document(path: str, kind: str = "") -> bool:
 
 
 def has_header(head: bytes, path: str, kind: str = "") -> bool:
-    """Return whether the beginning of a file has the key `thingc` and is not a workspace. With `kind`, also check its kind.
+    """Return whether the first bytes `head` of a file contain the key `thingc`, and the file is not a workspace file.
+
+    With `kind`, the document must also be of this kind.
 
     The file type (YAML or TOML) is determined from the extension of `path`.
     """
@@ -112,12 +123,14 @@ _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 
 
 def is_packaged(text: str) -> bool:
-    """Return whether a string is the dotted name of a document of a package. A file name of a document is not a dotted name."""
+    """Return whether a string is the dotted name of a document in a package, and not a file name."""
     return _DOTTED.fullmatch(text) is not None and not text.lower().endswith(DOCUMENT_SUFFIXES)
 
 
 def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked_at: set[str], report: Report) -> str | None:
-    """Return the absolute path of the document with a dotted name: in a part folder of the workspace, else in an allowed package.
+    """Find a document by its dotted name, and return its absolute path.
+
+    The part folders of the workspace are searched before the allowed packages.
 
     If the document does not exist, report an error at `where` and return None. All examined paths, existing or not, are added to
     `looked_at`.
@@ -162,7 +175,10 @@ def packaged_documents(workspace: Workspace) -> dict[str, str]:
 
 
 def _stays(path: str, top: str, workspace: Workspace) -> bool:
-    """Return whether the resolved path of a file is in its package and, if the package is in the workspace, also in the workspace."""
+    """Return whether a file is in its package after symbolic links are resolved.
+
+    If the package is in the workspace, the file must also be in the workspace.
+    """
     return os.path.realpath(path).startswith(os.path.join(os.path.realpath(top), "")) and (
         workspace.contains(path) or not os.path.abspath(path).startswith(os.path.join(workspace.root, ""))
     )

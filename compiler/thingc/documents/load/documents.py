@@ -1,4 +1,4 @@
-"""Read a document and all documents that it references, as trees with positions."""
+"""Read a document and all documents that it references, and parse them to trees with source positions."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ MAX_CHAIN = 100
 class Documents(FrozenStruct):
     """A parsed root document and all parsed documents that it references, directly or indirectly.
 
-    `by_path` is keyed by path in the workspace, in the order of first reference. `links` maps (path of a document, reference in the
-    document) to the path of the referenced document. `broken` are the documents on a cycle of assemblies; the cycle has been reported.
-    `files` are absolute paths, existing or not: all files in the workspace that the documents reference (documents and parts, symbolic
-    links unresolved), and all paths that were examined to find documents of packages.
+    `by_path` is keyed by path in the workspace, in the order of first reference. `links` maps pairs (path of a document, reference in this
+    document) to the path of the referenced document. `broken` contains the documents on a reported cycle of assemblies. `files` contains
+    absolute paths of existing and missing files: all files in the workspace that the documents reference, with symbolic links unresolved,
+    and all paths that were examined to find documents of packages.
     """
 
     root: Document
@@ -55,10 +55,11 @@ def load(
     document: str, workspace: Workspace, report: Report, *, kinds: Collection[str] = ("assembly",),
     texts: Mapping[str, bytes] | None = None, memo: Memo | None = None,
 ) -> Documents | None:
-    """Read a document and follow its `assembly:` and `materials:` references.
+    """Read a document and all documents that its keys `assembly:` and `materials:` reference, directly or indirectly.
 
-    Add all errors to `report`. Return all documents that can be read, or None if the root document cannot be read. `kinds` are the accepted
-    kinds of the document itself; `texts` replace contents on disk, by absolute path; `memo` caches documents.
+    Add all errors to `report`. Return all documents that can be read, or None if the root document cannot be read. `kinds` contains the
+    accepted kinds of the root document. `texts` maps absolute paths to contents that replace the contents on disk. `memo` caches parsed
+    documents.
     """
     path = os.path.abspath(document)
     name = shortened(os.path.basename(path))
@@ -86,21 +87,25 @@ def load(
 
 
 def remember(document: Document, memo: Memo) -> None:
-    """Cache a document, so that `load` reuses it for the same path and content."""
+    """Cache a parsed document, so that `load` returns it for the same path and content."""
     memo.keep(*_known(document.path, document.relative, document.sha256), document)
 
 
 def _known(path: str, relative: str, sha256: str) -> tuple[tuple[str, str, str], tuple[str]]:
-    """Return the key and the inputs by which a document is cached: its path in the workspace and the digest of its content."""
+    """Return the key and the inputs by which a document is cached.
+
+    The key contains the path of the document in the workspace, and the inputs contain the digest of its content.
+    """
     return ("document", path, relative), (sha256,)
 
 
 def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, report: Report) -> Documents:
     """Read additional assemblies and the documents that they reference.
 
-    Return them together with `documents`. Paths in `texts` are relative to the root document.
+    Return the new documents together with `documents`. `texts` contains references to the additional assemblies, relative to the root
+    document.
 
-    Documents that have already been read are reused. Only errors of new documents are reported.
+    Documents that have already been read are not read again. Only errors of new documents are reported.
     """
     reader = _Reader(workspace, report)
     reader.by_path.update(documents.by_path)
@@ -135,7 +140,7 @@ def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
 
 
 def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
-    """Parse a YAML or TOML file, depending on its extension.
+    """Parse the content of a YAML or TOML file. The format is determined from the file extension.
 
     If the content is not a well-formed mapping, report the error and return None.
     """
@@ -169,7 +174,7 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
 
 
 class _Reader:
-    """Reads a document and all documents that it references, each file once.
+    """Reads a document and all documents that it references. Each file is read once.
 
     `by_path` contains the documents in the order in which they are first referenced.
     """
@@ -203,9 +208,9 @@ class _Reader:
         )
 
     def enough(self, where: Span) -> bool:
-        """Return whether the total size of the documents or the number of errors exceeds its maximum.
+        """Return whether the total size of the documents exceeds `MAX_ALL_BYTES`, or too many errors were reported.
 
-        If so, report an error and read no further documents.
+        If the result is True, report an error. No further documents are read.
         """
         if self.ended:
             return True
@@ -251,7 +256,7 @@ class _Reader:
     def follow(self, document: Document, chain: list[tuple[Document, Span]]) -> None:
         """Read the documents that a document references.
 
-        `chain` contains the parent assemblies of the document, each with the location of its reference.
+        `chain` contains the assemblies in which the document is nested, each with the location of its reference to the next assembly.
         """
         if document.relative in self.done:
             return
@@ -273,7 +278,10 @@ class _Reader:
                 self.nest(nested, [*chain, (document, where)])
 
     def nest(self, nested: Document, hops: list[tuple[Document, Span]]) -> None:
-        """Read the document of a nested assembly and the documents that it references. `hops` contains its parent assemblies."""
+        """Read the document of a nested assembly and the documents that it references.
+
+        `hops` contains the assemblies in which this document is nested.
+        """
         position = next((k for k, (above, _) in enumerate(hops) if above.relative == nested.relative), None)
         if position is not None:
             self.cycle(hops[position:])
@@ -320,11 +328,11 @@ def head_line(path: str, kind: str = "assembly") -> str:
 
 
 def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly") -> str | None:
-    """Return the kind of a document (`assembly`) from the value of its key `thingc`.
+    """Return the kind of a document, such as `assembly`, from the value of its key `thingc`.
 
     If the kind is missing or unknown, report an error and return None.
 
-    `usual` is the kind that the help text suggests.
+    `usual` is the kind that the help text of the error suggests.
     """
     file = tree.span.file
     node = tree.entries.get("thingc")
@@ -365,7 +373,10 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
 
 
 def _named_files(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
-    """Yield the files that an assembly references, each with its kind: materials, part files, meshes of links, and nested assemblies."""
+    """Yield the files that an assembly document references: materials documents, part files, meshes of links, and nested assemblies.
+
+    Each item contains the key (such as `file` or `mesh`), the reference, and its location.
+    """
     components = [entries_of(one) for one in entries_of(tree.entries.get("components")).values()]
     shapes = [entries_of(shape) for one in components for shape in _items(one.get("shapes"))]
     named = [

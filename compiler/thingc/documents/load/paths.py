@@ -1,4 +1,4 @@
-"""Resolve the paths in documents. Paths are relative to the document and must be inside the workspace; symbolic links are resolved."""
+"""Resolve the paths in documents. Paths are relative to the document and must be inside the workspace."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ _DRIVE = re.compile(r"[A-Za-z]:|\\\\")
 def find_file(
     text: str, *, beside: str, where: Span | None, workspace: Workspace, suffixes: tuple[str, ...], what: str, report: Report,
 ) -> str | None:
-    """Return the absolute path of the file to which a reference in the document at `beside` points.
+    """Return the absolute path of a file that the document at the path `beside` references.
 
     Report an error at `where` and return None if the reference is an absolute path, or if the file is outside the workspace, does not
-    exist, or has none of the `suffixes`. `what` describes the file in messages (`an assembly document`).
+    exist, or has none of the `suffixes`. `what` is the description of the file in messages, such as `an assembly document`.
     """
     shown = shortened(text)
     if not text.strip():
@@ -74,9 +74,9 @@ def find_file(
 
 
 def find_assembly(text: str, *, beside: str, where: Span | None, workspace: Workspace, report: Report) -> str | None:
-    """Return the absolute path of an assembly document to which a reference points.
+    """Return the absolute path of a referenced assembly document.
 
-    The rules for references are the same as in `find_file`.
+    The same rules apply as in `find_file`.
     """
     return find_file(
         text, beside=beside, where=where, workspace=workspace, suffixes=DOCUMENT_SUFFIXES, what="an assembly document", report=report,
@@ -84,7 +84,7 @@ def find_assembly(text: str, *, beside: str, where: Span | None, workspace: Work
 
 
 def named(text: str, beside: str) -> str | None:
-    """Return the absolute path to which a reference in the document at `beside` points, existing or not.
+    """Convert a path in the document at the path `beside` to an absolute path, whether or not the file exists.
 
     Return None for an invalid path.
     """
@@ -92,7 +92,7 @@ def named(text: str, beside: str) -> str | None:
 
 
 def libraries(path: str) -> tuple[str, ...]:
-    """Return the material libraries in the folder of an OBJ file to which the first lines of the file refer.
+    """Return the names of the material libraries (`.mtl`) that the first lines of an OBJ file reference, if they are in the same folder.
 
     Return an empty tuple for files of other formats.
     """

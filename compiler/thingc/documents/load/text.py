@@ -16,16 +16,16 @@ MAX_ALIAS_NODES = 10_000
 MAX_NODES = 300_000
 """Maximum number of values in a document. Without this limit, ten megabytes of `{}` would need a gigabyte of memory."""
 MAX_FAULTS = 200
-"""Maximum number of errors reported per document. A broken file of ten megabytes may have a million errors."""
+"""Maximum number of errors reported per document. A malformed file of ten megabytes can contain a million errors."""
 
 _BREAK = re.compile(r"\r\n|\r|\n")
 _FORBIDDEN_ASCII = "[^\t\n\r\x20-\x7e]"
 _FORBIDDEN = "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
-"""Characters that documents must not contain.
+"""Regular expression of the characters that documents must not contain.
 
-These are control characters (unsafe in terminals), NEL, line and paragraph separators (which editors and parsers count differently),
-surrogates, and a byte order mark that is not at the start. The pattern is compiled on demand, because compiling it takes as long as reading
-a short document.
+Forbidden characters are control characters (unsafe in terminals), NEL, line and paragraph separators (which editors and parsers count
+differently), surrogates, and a byte order mark that is not at the start. The expression is compiled when it is first needed, because
+compilation takes as long as reading a short document.
 """
 
 _SPOKEN = {
@@ -35,7 +35,7 @@ _SPOKEN = {
 
 
 class Source:
-    """The text of a file without its byte order mark, and the start of each line."""
+    """The text of a file without its byte order mark, with the start index of each line."""
 
     def __init__(self, file: str, text: str) -> None:
         self.file = file
@@ -67,7 +67,10 @@ class Source:
 
 
 def decode(file: str, data: bytes, report: Report) -> Source | None:
-    """Decode a file as UTF-8, with optional byte order mark and CRLF. If the file is invalid, report the error and return None."""
+    """Decode the bytes of a file as UTF-8.
+
+    A byte order mark and CRLF line ends are accepted. If the file is invalid, report the error and return None.
+    """
     top = line_of(file)
     if len(data) > MAX_BYTES:
         report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes", top, help="split the document")
@@ -95,7 +98,10 @@ def decode(file: str, data: bytes, report: Report) -> Source | None:
 
 
 def forbidden(text: str) -> tuple[int, str] | None:
-    """Return the position and a description of the first character that is not allowed in documents, or None."""
+    """Find the first character that is not allowed in documents.
+
+    Return its index and a description, or None if there is no such character.
+    """
     bad = re.search(_FORBIDDEN_ASCII if text.isascii() else _FORBIDDEN, text)
     if bad is None:
         return None

@@ -1,4 +1,4 @@
-"""Parse TOML to a tree with source positions. tomllib provides the values, tree-sitter the positions."""
+"""Parse TOML to a tree with source positions. The values come from tomllib, and the positions come from tree-sitter."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def read_toml(source: Source, report: Report) -> MappingNode | None:
 
 
 class TomlSyntax:
-    """The syntax tree that tree-sitter builds of a TOML document.
+    """The syntax tree of a TOML document, created by tree-sitter.
 
-    `root` is the root node of the syntax tree. All positions are character indices into the text.
+    `root` is the root node of the syntax tree. All positions are indices of characters in the text.
     """
 
     def __init__(self, text: str) -> None:
@@ -88,7 +88,7 @@ class _Array:
 class _Table:
     """A table of a TOML document with its entries and the range of each key.
 
-    `again` contains the other locations of keys that occur in several headers.
+    `again` contains the additional locations of a key that occurs in several headers.
     """
 
     start: int
@@ -103,7 +103,7 @@ _Item = Union[_Leaf, _Array, _Table]
 
 
 class _Statements:
-    """Adds the statements of a TOML document to their tables, in source order. Duplicate keys are reported if a report is given."""
+    """Adds the statements of a TOML document to their tables, in source order. If a report is given, duplicate keys are reported."""
 
     def __init__(self, source: Source, syntax: TomlSyntax, report: Report | None) -> None:
         self.source = source
@@ -179,7 +179,7 @@ class _Statements:
         return True
 
     def descend(self, table: _Table, parts: list[tuple[str, tuple[int, int]]], start: int, end: int) -> _Table | None:
-        """Return the table to which a dotted key leads, and create missing tables.
+        """Return the table that a dotted key selects. Missing tables are created.
 
         For an array of tables, return the last table of the array.
         """
@@ -214,7 +214,7 @@ class _Statements:
 
 
 class _Joiner:
-    """Combines the values of tomllib and the positions of tree-sitter into nodes."""
+    """Combines the values from tomllib and the positions from tree-sitter into a tree of nodes."""
 
     def __init__(self, source: Source, report: Report) -> None:
         self.source = source
@@ -222,7 +222,7 @@ class _Joiner:
         self.before = len(report.diagnostics)
 
     def fault(self, code: Code, message: str, span: Span, help: Hint | None = None) -> None:
-        """Report an error, unless the maximum number of errors has been reported."""
+        """Report an error, unless the maximum number of errors has already been reported."""
         if len(self.report.diagnostics) - self.before < MAX_FAULTS:
             self.report.add(code, message, span, help=help)
 
@@ -275,9 +275,9 @@ class _Joiner:
 
 
 def _too_large(source: Source, syntax: TomlSyntax, report: Report) -> bool:
-    """Return whether the nesting of brackets or dotted keys, or the number of values, exceeds the limit, and report this.
+    """Return whether the brackets or dotted keys are nested too deeply, or the document has too many values. The problem is reported.
 
-    The check uses a loop instead of recursion, so that deep nesting cannot exceed the recursion limit.
+    The check uses a loop instead of recursion, so that deep nesting does not exceed Python's recursion limit.
     """
     waiting = [(syntax.root, 0)]
     values = 0
@@ -300,7 +300,7 @@ _TWICE = ("overwrite", "twice", "mutate", "Duplicate", "namespace")
 
 
 def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: Report) -> None:
-    """Report a syntax error that tomllib raised, with its position in the document and a hint about the probable intention."""
+    """Report a syntax error from tomllib, with its position in the document and a hint about the syntax that the user probably intended."""
     if isinstance(error, RecursionError):
         start = _bracket_beyond(source.text)
         report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
@@ -333,7 +333,7 @@ def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: 
 def _bracket_beyond(text: str) -> int:
     """Return the first position in a malformed document at which nested brackets exceed the maximum depth.
 
-    Brackets inside strings are also counted.
+    Brackets inside strings also count.
     """
     level = 0
     for at, character in enumerate(text):
@@ -345,7 +345,7 @@ def _bracket_beyond(text: str) -> int:
 
 
 def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
-    """Return the range of an unquoted string or quantity at or before `index`, and the key of the value ("" in a list).
+    """Find an unquoted string or quantity at or before `index`. Return its range, and the key of the value ("" in a list).
 
     Return None if no unquoted value is found.
     """
@@ -360,7 +360,7 @@ def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
 
 
 def _in_words(words: str) -> tuple[str, str | None]:
-    """Convert an error message of tomllib to the wording of thingc, with a hint."""
+    """Replace an error message of tomllib by a message and a hint in the words of thingc."""
     if words.startswith("Expected '=' after a key"):
         return "expected `=` after the key", "write `key = value`"
     if words == "Invalid value":

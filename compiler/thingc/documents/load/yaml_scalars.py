@@ -19,7 +19,7 @@ MAX_DIGITS = 400
 
 
 def core_value(text: str) -> Scalar:
-    """Return the value of a plain scalar: `yes`, `no` and `on` are strings; `1e-3` is a float; `0o17` is 15.
+    """Parse a plain (unquoted) scalar: `yes`, `no` and `on` are strings, `1e-3` is a float, and `0o17` is 15.
 
     Raises OverflowError for `.inf`, `.nan` and for numbers that overflow a double.
     """

@@ -1,4 +1,7 @@
-"""Explain errors of the YAML parser. The explanation contains the position of the cause and the probable intention."""
+"""Explain the errors of the YAML parser.
+
+An explanation contains the position of the cause, and the text that the user probably intended.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from thingc.documents.load.text import Source
 
 
 class SyntaxFault(FrozenStruct):
-    """A syntax error: its message, its range, a hint, and a related position with its own message."""
+    """A syntax error: its message, its range in the text, a hint, and an optional second position with its own message."""
 
     message: str
     start: int
@@ -21,16 +24,16 @@ class SyntaxFault(FrozenStruct):
 
 
 _LONGEST_KEY = 200
-"""Maximum number of characters of a key (without its colon) in a search. Searches for longer keys are slow in large documents."""
+"""Maximum length of a key in a text search. Text searches for longer keys are slow in large documents."""
 _QUOTED = re.compile(r"""(?:^|(?<=[\s\[{,:]))(?:"(?:\\.|[^"\\])*"|'(?:''|[^'])*'|\#[^\n\r]*)""", re.MULTILINE | re.DOTALL)
-"""A quoted string, or a comment."""
+"""Regular expression of a quoted string or a comment."""
 _NO_SPACE = re.compile(r"\s*(?:-\s+)*(?P<key>[A-Za-z_][\w.*$-]*):(?P<value>[^\s:#].*)")
 
 
 def explain(source: Source, *, problem: str, at: int, context: str, began: int) -> SyntaxFault:
-    """Explain an error message of libyaml or PyYAML (`problem`) at the index `at` of the text.
+    """Explain the error message `problem` of libyaml or PyYAML at the index `at` of the text.
 
-    `context` is the construct that the parser read, which starts at `began`.
+    `context` describes the construct that the parser was reading, and `began` is the start index of this construct.
     """
     text = source.text
     tab = _tab_before(source, at)
@@ -102,7 +105,7 @@ def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault 
 
 
 def _by_layout(source: Source, problem: str, context: str, at: int, began: int) -> SyntaxFault:
-    """Explain errors of indentation and all other remaining errors."""
+    """Explain an error of indentation, or any error that the other functions do not explain."""
     at = min(at, max(0, len(source.text) - 1))
     end = at + max(1, len(re.match(r"[^\s:,{}\[\]]*", source.text[at:]).group()))  # type: ignore[union-attr]
     if "sequence entries are not allowed" in problem:
@@ -148,9 +151,11 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
 
 
 def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
-    """Return the start of the line above a wrongly indented line, and the columns (from 1) that match a mapping.
+    """Return the start of the line above a wrongly indented line, and the columns (from 1) of the enclosing mappings.
 
-    Return None unless the line is indented less than the line above.
+    The wrong line should probably begin at one of these columns.
+
+    Return None if the wrong line is not indented less than the line above.
     """
     own = at - source.starts[source.line_at(at)]
     place: int | None = None
@@ -176,7 +181,7 @@ def _shallow_above(source: Source, at: int) -> int | None:
 
 
 def _lines_above(source: Source, at: int) -> Iterator[tuple[int, int, str]]:
-    """Yield the lines above the line that begins at `at`, nearest first, without empty lines and comments.
+    """Yield the lines above the line that begins at `at`, beginning with the nearest line. Empty lines and comments are skipped.
 
     Each item contains the index of the first non-blank character, the width of the indentation, and the line. Yield nothing if other text
     precedes `at` on the same line.
@@ -227,7 +232,7 @@ def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
 
 
 def _tab_before(source: Source, at: int) -> int | None:
-    """Return the index of a tab in the indentation of the line of the error or of the line before it."""
+    """Return the index of a tab in the indentation of the line with the error, or of the preceding line."""
     line = source.line_at(min(at, len(source.text)))
     for number in (line, line - 1):
         if number >= 0:
@@ -239,7 +244,10 @@ def _tab_before(source: Source, at: int) -> int | None:
 
 
 def _missing_space(source: Source, at: int) -> tuple[str, str, int] | None:
-    """Find `key:value` on the line of the error or on the two lines above. Return the key, the value and the position."""
+    """Find a `key:value` without a space after the colon, on the line of the error or on the two lines above.
+
+    Return the key, the value and their position.
+    """
     line = source.line_at(min(at, len(source.text)))
     for number in range(line, max(-1, line - 3), -1):
         match = _NO_SPACE.fullmatch(source.line(number))

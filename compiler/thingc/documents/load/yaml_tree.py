@@ -1,9 +1,9 @@
-"""Parse YAML to a tree with source positions, based on the events of libyaml.
+"""Parse YAML to a tree with source positions, using the parser events of libyaml.
 
-The parser also checks rules of thingc, such as unique keys.
+The parser also checks rules of documents, such as unique keys.
 
-PyYAML interprets values as YAML 1.1 (`on` is true, `1e-3` is a string). Therefore this module uses only the parser events of PyYAML, and
-interprets scalars itself.
+PyYAML interprets values as YAML 1.1 (`on` is true, `1e-3` is a string). This module therefore uses only the parser events of PyYAML, and
+interprets scalars by the rules of YAML 1.2.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from thingc.documents.load.yaml_syntax import explain
 def read_yaml(source: Source, report: Report) -> Node | None:
     """Parse a YAML 1.2 document to a tree. If the document is invalid, report the errors and return None.
 
-    Recoverable errors are reported and corrected (the first of duplicate keys is used, tags are dropped), so that
-    later passes can check the rest of the document.
+    Some errors are reported and corrected, so that later passes can check the rest of the document. For example, the first of several
+    duplicate keys is used.
     """
     import yaml
 
@@ -57,12 +57,12 @@ def report_syntax(error: Any, source: Source, report: Report) -> None:
 
 
 class _Stop(Exception):
-    """Raised to stop parsing a YAML document. The reason has been reported before."""
+    """Raised to stop parsing a YAML document. The reason is reported before the exception is raised."""
 
 
 @dataclass(slots=True)
 class _Anchored:
-    """A YAML anchor: its node when it is complete, the number of nodes that it expands to, and its depth."""
+    """A YAML anchor: its node (once complete), the number of nodes in it with all aliases expanded, and its depth."""
 
     node: Node | None = None
     nodes: int = 1
@@ -70,7 +70,7 @@ class _Anchored:
 
 
 class _Builder:
-    """Builds the tree of a YAML document from the events of the parser in one pass.
+    """Builds the tree of a YAML document from parser events, in one pass.
 
     `nodes` counts the nodes of the tree with all aliases expanded.
     """
@@ -134,7 +134,7 @@ class _Builder:
         return node
 
     def bound(self, event: Any, level: int) -> None:
-        """Stop parsing if the document is nested too deeply, is too large, or has too many errors."""
+        """Raise `_Stop` if the document is nested too deeply, is too large, or has too many errors."""
         if level > MAX_LEVELS:
             message = f"the document has more than {MAX_LEVELS} levels of nesting"
         elif self.nodes > MAX_NODES:
@@ -262,7 +262,7 @@ class _Builder:
         return MappingNode(entries=entries, keys=keys, span=span, damaged=damaged)
 
     def collection_span(self, start: int, end: int, last: Any, flow: bool) -> Span:
-        """Return the span of a collection from its first to its last character, without trailing spaces and comments."""
+        """Return the span of a mapping or list from its first to its last character, without trailing spaces and comments."""
         end = max(end, last.end_mark.index)
         if flow:
             return self.source.span(start, end)
@@ -330,9 +330,10 @@ class _Builder:
     # Report one error, and join the pieces to the intended value.
 
     def numbers(self, following: Any) -> tuple[list[tuple[Any, Any]], Any]:
-        """Return up to two keys without values, which are elements of a vector, and the next event.
+        """Read up to two keys without values, which are the other elements of a vector without brackets.
 
-        `following` is the first parser event to read. The returned event is None if the last key has a value.
+        Return these keys and the next event. `following` is the first parser event to read. If the last key has a value, the returned event
+        is None.
         """
         pairs: list[tuple[Any, Any]] = []
         while len(pairs) < 2 and _is_value(following):
@@ -344,7 +345,7 @@ class _Builder:
         return pairs, following
 
     def vector(self, first: Any, more: list[Any]) -> ScalarNode:
-        """Return the vector that the user intended by three values without brackets in a mapping, as in `{xyz: 0, 0, 4 mm}`."""
+        """Return the vector that a user probably meant by three values without brackets, as in `{xyz: 0, 0, 4 mm}`."""
         start, end = first.start_mark.index, more[-1].end_mark.index
         span, text = self.source.span(start, end), " ".join(piece.value for piece in (first, *more))
         written = self.source.text[start:end]
@@ -357,7 +358,10 @@ class _Builder:
         return ScalarNode(value=text, text=text, span=span, damaged=True)
 
     def rejoined_entries(self, first: Any) -> tuple[ScalarNode, Any]:
-        """Return the expression that begins with `first`, and the next event (the next key or the end of its mapping)."""
+        """Join the pieces of an expression that begins with the event `first` and that an unquoted comma split.
+
+        Return the expression and the next event.
+        """
         pieces = [first]
         following = next(self.events)
         while _open(pieces) and type(following).__name__ == "ScalarEvent":
@@ -413,9 +417,9 @@ def is_flow(text: str) -> bool:
 
 
 def read_flow(text: str, place: Span) -> Node | Diagnostic:
-    """Parse a one-line mapping or list that replaces a value of a document (`{on: floor}`). If the text is invalid, return the diagnostic.
+    """Parse a one-line mapping or list that replaces a value of a document (`{on: floor}`).
 
-    All nodes of the resulting tree have the same position, `place`.
+    If the text is invalid, return a diagnostic instead. `place` is the position of all nodes in the resulting tree.
     """
     report = Report()
     tree = read_yaml(Source("", text), report)
