@@ -1,7 +1,8 @@
 """The types of tests that a document can define in its section `tests:`.
 
-Every module of this folder that contains a constant `KIND` defines a type of test. The module determines the keys of the test, its schema,
-its codes, its references, and how it is linked. The module of the same name in `driver/testing/kinds/` measures the test.
+Every module of this folder that contains a constant `KIND` defines a type of test. The module defines the keys of the test, their schema,
+the diagnostic codes, and the references to elements of the robot. The module with the same name in `driver/testing/kinds/` measures the
+test.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from thingc.documents.checks.kind import CheckKind
 
 @cache
 def kinds() -> dict[str, CheckKind[Any, Any]]:
-    """Return all types of document tests, keyed by name (`mass`, `reach`) and in the order of the documentation."""
+    """Return all types of document tests by name, such as `mass` or `reach`, in the order of the documentation."""
     stems = (name.removesuffix(".py") for name in os.listdir(os.path.dirname(__file__)) if name.endswith(".py") and name != "__init__.py")
     modules = [import_module(f"{__name__}.{stem}") for stem in stems]
     unsorted: list[CheckKind[Any, Any]] = [module.KIND for module in modules if hasattr(module, "KIND")]

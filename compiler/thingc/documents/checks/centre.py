@@ -28,16 +28,16 @@ class CentreCode(DiagnosticCode):
 
 
 class WithinSpec(Model):
-    """A box: smallest and largest value per axis. An omitted axis is unbounded."""
+    """A box, given by the smallest and the largest value along each axis. The box is not limited along an omitted axis."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
     x: Interval | None = Field(default=None, examples=[["-10 mm", "10 mm"]])
-    """Smallest and largest value along x."""
+    """Smallest and largest x coordinate."""
     y: Interval | None = Field(default=None, examples=[["-10 mm", "10 mm"]])
-    """Smallest and largest value along y."""
+    """Smallest and largest y coordinate."""
     z: Interval | None = Field(default=None, examples=[[0, "120 mm"]])
-    """Smallest and largest value along z."""
+    """Smallest and largest z coordinate."""
 
     @model_validator(mode="after")
     def _one(self) -> WithinSpec:
@@ -50,7 +50,7 @@ class CentreTest(Model):
     """The centre of mass of the robot, or of some components, must be inside a box."""
 
     of: ComponentField | None = None
-    """A component, or a pattern for several; default: the whole robot."""
+    """The name of a component, or a pattern for several components; default: the whole robot."""
     in_: ShownMountField | None = Field(default=None, alias="in", description="The frame, a mount; default: the world of the mode.")
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
     """Names or patterns of modes, or `all`; default: the first mode."""
@@ -61,7 +61,7 @@ class CentreTest(Model):
 
 
 class CentreCheck(OneLineRepr, FrozenStruct):
-    """A parsed `centre` test. It requires the centre of mass of the named components, or of the whole robot, to be in a box.
+    """A parsed `centre` test. The test requires the centre of mass of the named components, or of the whole robot, to be in a box.
 
     `box["x"]` contains the smallest and the largest x coordinate [m] of the centre of mass.
     """

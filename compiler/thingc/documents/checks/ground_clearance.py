@@ -34,7 +34,7 @@ class GroundClearanceTest(Model):
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     plane: LengthField | None = None
-    """Height of the plane (its z) in the world of the mode; default: 0, the floor of the scene."""
+    """The z coordinate of the plane in the world of the mode; default: 0, the floor of the scene."""
     at_least: LengthField
     """The smallest allowed height of the lowest point above the plane."""
     except_: list[ComponentField] = Field(
@@ -46,8 +46,8 @@ class GroundClearanceTest(Model):
 class GroundClearance(OneLineRepr, FrozenStruct):
     """A parsed `ground_clearance` test.
 
-    It requires parts to be at least `least` [m] above the plane z = `plane` [m] in the world. Parts of the components `spared` are not
-    checked.
+    The test requires parts to be at least `least` [m] above the plane z = `plane` [m] in the world. Parts of the components in `spared` are
+    ignored.
     """
 
     plane: float

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from thingc.model.resolve.types import Test
 
 BOUNDED = ConfigDict(json_schema_extra={"anyOf": [{"required": ["min"]}, {"required": ["max"]}]})
-"""Model configuration for the schema: models with this configuration require `min`, `max` or both."""
+"""Configuration of a pydantic model whose JSON Schema requires `min`, `max` or both."""
 
 
 def require_bounds(low: object, high: object, kind: str, example: str) -> None:
@@ -33,20 +33,20 @@ Stated = TypeVar("Stated", bound=OneLineRepr)
 
 
 class CheckKind(FrozenStruct, Generic[Written, Stated]):
-    """A kind of document test. The class `TestMeasurement` in `driver/testing/outcomes.py` measures tests of this kind.
+    """A type of document test, such as `mass`. The class `TestMeasurement` in `driver/testing/outcomes.py` defines the measurement.
 
-    `model` is the model of the value under the key `name`. If the model has a field `mode`, the test runs once for each mode; if it has a
-    field `pose`, once for each pose; otherwise once. `read(written, reader)` returns the specification of the test, in SI units and with
-    names resolved. If the value is invalid, the reader reports the error and `read` returns None. The pass `link` finds the references in
-    the specification by their type, and resolves them.
+    `name` is the key of the test in documents, and `model` is the pydantic model of its value. If the model has a field `mode`, the test
+    runs once for each mode. If the model has a field `pose`, the test runs once for each pose. `read(written, reader)` converts the value
+    to a specification in SI units with resolved names. If the value is invalid, the reader reports the error and `read` returns None. The
+    pass `link` finds the references in the specification by their type, and resolves them.
 
-    `codes` contains the diagnostic codes of failed tests. `link(test, stated, joints by path, findings)` reports errors that depend on the
-    linked assembly.
+    `codes` contains the diagnostic codes that failed tests report. `link(test, stated, joints by path, findings)` reports errors that
+    depend on the linked assembly.
 
-    `position` is the position of the kind in the documentation; `summary` is one sentence for a schema and a table; `examples` are values
-    of the key; `stub` is the content of a new test of this kind, with the placeholders `$mount` and `$base` for mounts; the test is valid
-    in any robot. `lengths` are the names of the values that are lengths [m]: `thingc diff` prints these values with a unit. `of_limits` is
-    True if the specification depends on joint limits.
+    `position` determines the order of the tests in the documentation. `summary` is one sentence for the schema and the documentation, and
+    `examples` contains example values. `stub` is the content of a new test of this type, with the placeholders `$mount` and `$base` for
+    mounts. The new test is valid for any robot. `lengths` contains the names of values that are lengths [m] and that `thingc diff` prints
+    with a unit. `of_limits` is True if the specification depends on joint limits.
     """
 
     name: str
@@ -62,5 +62,5 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     of_limits: bool = False
 
     def takes(self, key: str) -> bool:
-        """Return whether document tests of this type accept the key `mode` or `pose`."""
+        """Return whether document tests of this type accept the key `key`, which is `mode` or `pose`."""
         return key in self.model.model_fields

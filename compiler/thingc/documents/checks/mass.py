@@ -32,7 +32,9 @@ class MassTest(Model):
     model_config = BOUNDED
 
     of: ComponentField | None = None
-    """A component, or a pattern for several; a nested assembly counts as a whole. Default: the whole robot."""
+    """The name of a component, or a pattern for several components; default: the whole robot. For a nested assembly, the mass of all its
+    components is added up.
+    """
     min: MassField | None = None
     """The smallest mass allowed."""
     max: MassField | None = None
@@ -45,7 +47,7 @@ class MassTest(Model):
 
 
 class MassCheck(OneLineRepr, FrozenStruct):
-    """A parsed `mass` test. It requires the mass [kg] of the named components, or of the whole robot, to be within bounds."""
+    """A parsed `mass` test. The test requires the mass [kg] of the named components, or of the whole robot, to be within bounds."""
 
     of: tuple[Reference, ...]
     minimum: float | None

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 JointBoundField = Annotated[Value, quantity(ANGLE, LENGTH)]
 
 SAMPLES = 200
-"""Default number of positions of a sweep."""
+"""Default number of joint positions at which a sweep over joint ranges is checked."""
 MOST_SAMPLES = 10_000
 
 
@@ -37,9 +37,9 @@ class AllowSpec(Model):
     """Two components that may touch, and the reason."""
 
     pair: Annotated[list[ComponentField], Field(min_length=2, max_length=2)] = Field(examples=[["finger_*", "palm"]])
-    """The two components; patterns allowed; a nested assembly means all its components."""
+    """The names of the two components. Patterns are allowed. The name of a nested assembly means all its components."""
     reason: str = Field(examples=["the gripper closes on its stop"])
-    """The reason why contact is acceptable, for reviewers of the document."""
+    """The reason why the contact is acceptable."""
 
     @model_validator(mode="after")
     def _said(self) -> AllowSpec:
@@ -60,13 +60,15 @@ class NoCollisionTest(Model):
     joints: dict[JointPattern, Literal["all"] | Annotated[list[JointBoundField], Field(min_length=2, max_length=2)]] = Field(
         default={}, examples=[{"elbow": "all", "yaw": ["-30 deg", "30 deg"]}],
     )
-    """Ranges to move through, by joint (patterns allowed): `all` for its limits, or from and to. Other joints stay in the pose."""
+    """The ranges of joints that move, by joint name or pattern: `all` for the whole range of a joint, or two positions. All other joints
+    stay in the pose.
+    """
     samples: CountField | None = None
-    """Number of checked positions of `joints`; default: 200."""
+    """Number of joint positions that are checked in the ranges of `joints`; default: 200."""
     clearance: LengthField | None = None
-    """The smallest allowed gap; default: 0, which allows contact but no overlap."""
+    """The smallest allowed gap between two components; default: 0, which allows contact but no overlap."""
     allow: list[AllowSpec] = Field(default=[], examples=[[{"pair": ["finger_*", "palm"], "reason": "the gripper closes on its stop"}]])
-    """Pairs that may come closer, each with a reason."""
+    """Pairs of components that may touch or overlap, each with a reason."""
 
     @model_validator(mode="after")
     def _sweep(self) -> NoCollisionTest:
@@ -77,7 +79,7 @@ class NoCollisionTest(Model):
 
 
 class AllowedContact(OneLineRepr, FrozenStruct):
-    """A set of component pairs that may touch: every component in `one` with every component in `other`.
+    """Pairs of components that may touch: every component in `one` and every component in `other`.
 
     `text` is the display name of the pairs.
     """
@@ -90,10 +92,10 @@ class AllowedContact(OneLineRepr, FrozenStruct):
 
 
 class CollisionCheck(OneLineRepr, FrozenStruct):
-    """A parsed `no_collision` test. It requires that no components overlap, and that components on links without a common joint are at
-    least `clearance` [m] apart.
+    """A parsed `no_collision` test.
 
-    With `ranges`, the requirement applies at `samples` positions in these ranges.
+    The test requires that no components overlap, and that components on links without a common joint are at least `clearance` [m] apart. If
+    `ranges` is given, `samples` joint positions in these ranges are checked.
     """
 
     ranges: tuple[JointRange, ...]

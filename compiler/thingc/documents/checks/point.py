@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from thingc.model.resolve.types import Reference
 
 ANGLE_OFF = radians(1.0)
-"""Default tolerance for the deviation from the direction [rad]."""
+"""Default for the largest angle [rad] between the z axis of the mount and the required direction."""
 
 
 class PointCode(DiagnosticCode):
@@ -48,9 +48,9 @@ class PointTest(Model):
     within: LengthField
     """The largest allowed distance of the origin of the mount from the point."""
     direction: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 0, -1]])
-    """Required direction of the z axis of the mount, in the same frame: three numbers, of any length."""
+    """Required direction of the z axis of the mount, in the same frame as the point: three numbers, of any length."""
     angle: AngleField | None = None
-    """The largest allowed deviation from that direction; default: 1 deg."""
+    """The largest allowed angle between the z axis of the mount and `direction`; default: 1 deg."""
 
     @model_validator(mode="after")
     def _angle(self) -> PointTest:
@@ -60,7 +60,7 @@ class PointTest(Model):
 
 
 class PointCheck(OneLineRepr, FrozenStruct):
-    """A parsed `point` test. It requires the mount to come closer than `within` [m] to `point` [m].
+    """A parsed `point` test. The test requires the distance of the mount from `point` [m] to be at most `within` [m].
 
     If `direction` (a unit vector) is set, the angle between the z axis of the mount and `direction` must be at most `angle` [rad].
     """

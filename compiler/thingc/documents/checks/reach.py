@@ -32,12 +32,14 @@ class ReachTest(Model):
     model_config = BOUNDED
 
     of: ShownMountField
-    """The mount that reaches."""
+    """The mount whose distance from the mount `from` is measured."""
     from_: ShownMountField = Field(alias="from", description="The mount from which the distance is measured.")
     min: LengthField | None = None
-    """The smallest allowed value of the greatest distance."""
+    """Lower bound of the greatest distance."""
     max: LengthField | None = None
-    """The largest allowed value of the greatest distance. The search finds a lower bound: it can refute this, but not prove it."""
+    """Upper bound of the greatest distance. A search measures the distance, so a greater distance that the search does not find is
+    possible.
+    """
 
     @model_validator(mode="after")
     def _bounds(self) -> ReachTest:
@@ -46,8 +48,9 @@ class ReachTest(Model):
 
 
 class ReachCheck(OneLineRepr, FrozenStruct):
-    """A parsed `reach` test. It requires the largest distance [m] between the mounts `of` and `base`, over the ranges of all joints, to be
-    within bounds.
+    """A parsed `reach` test.
+
+    The test requires the largest distance [m] between the mounts `of` and `base`, over the ranges of all joints, to be within bounds.
     """
 
     of: Reference

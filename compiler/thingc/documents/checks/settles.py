@@ -1,4 +1,4 @@
-"""The document test `settles`: the simulated robot must come to rest after it is released in a pose, with its drives set to this pose."""
+"""The document test `settles`: the robot must come to rest in a simulation that starts in a pose, with drives commanded to this pose."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ if TYPE_CHECKING:
     from thingc.model.resolve.tests import Reader
 
 LONGEST = 600.0
-"""Longest simulation [s] that a document can request, so that no document occupies a machine indefinitely."""
+"""Longest simulated time [s] that a document can request. The limit prevents simulations that would not end in practice."""
 HOLD = 1.0
 """Default time [s] for which the robot must be at rest."""
 GIVES = 5e-3
-"""Default for the largest depth [m] of contacts. Contacts that carry a robot are less deep; deeper contacts overlapped at the start."""
+"""Default for the largest allowed depth [m] of contacts. Contacts that support a robot are less deep. A larger depth means that the bodies
+overlapped at the start.
+"""
 
 
 class SettleCode(DiagnosticCode):
@@ -33,7 +35,7 @@ class SettleCode(DiagnosticCode):
 
 
 class SettlesTest(Model):
-    """The simulated robot must come to rest after it is released in a pose, with its drives set to this pose."""
+    """The simulated robot must come to rest after it is released in a pose, while its drives are commanded to this pose."""
 
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
     """Names or patterns of modes, or `all`; default: the first mode."""
@@ -45,7 +47,7 @@ class SettlesTest(Model):
     drift: LengthField
     """The largest allowed distance of any point of a link from its final position while the robot is at rest."""
     moved: LengthField | None = None
-    """The largest allowed distance of any point of a link from the pose at the end; default: unlimited."""
+    """The largest allowed distance of any point of a link, at the end, from its position in the pose; default: unlimited."""
     penetration: LengthField | None = None
     """The largest allowed penetration of contacts at rest; default: 5 mm."""
     floor: bool = True
@@ -53,11 +55,11 @@ class SettlesTest(Model):
 
 
 class SettleCheck(OneLineRepr, FrozenStruct):
-    """A parsed `settles` test. It requires every point of every link to stay within `drift` [m] of its final position, from the time
-    `within` [s] on and for `hold` [s].
+    """A parsed `settles` test.
 
-    The final position of a point must be at most `moved` [m] from the pose (None: any distance), and contacts must be at most `penetration`
-    [m] deep.
+    The test requires every point of every link to stay within `drift` [m] of its final position for `hold` [s], beginning at the time
+    `within` [s]. The final position of a point must be at most `moved` [m] from its position in the pose (None: any distance). Contacts
+    must be at most `penetration` [m] deep.
     """
 
     within: float

@@ -41,12 +41,13 @@ class TorqueMarginTest(Model):
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     min: NumberField
-    """The smallest allowed margin: 1.5 requires a limit of 1.5 times the needed torque."""
+    """The smallest allowed margin. For example, 1.5 requires an effort limit of 1.5 times the static torque."""
 
 
 class TorqueCheck(OneLineRepr, FrozenStruct):
-    """A parsed `torque_margin` test. It requires the effort limit of each drive of `joints` (paths) to be at least `minimum` times the
-    static effort.
+    """A parsed `torque_margin` test.
+
+    The test requires the effort limit of each drive of `joints` (paths) to be at least `minimum` times its static effort.
     """
 
     joints: tuple[str, ...]
@@ -54,7 +55,7 @@ class TorqueCheck(OneLineRepr, FrozenStruct):
 
 
 def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
-    """Parse the keys of a `torque_margin` test. Report modes in which the document does not specify what supports the robot."""
+    """Parse the keys of a `torque_margin` test. Modes in which the document does not specify what supports the robot are reported."""
     minimum = reader.number(written.min, "min", NUMBER, above=0.0)
     joints = reader.drives(written.drive, "drive")
     floating = [name for name in reader.chosen_modes if not _carried(reader.modes[name])]
@@ -76,12 +77,12 @@ def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck
 
 
 def _carried(mode: Mode) -> bool:
-    """Return whether the document specifies what supports the base of a mode."""
+    """Return whether the document specifies a support for the base of a mode, such as feet or holds."""
     return mode.base != "free" or mode.standing is not None or bool(mode.holds)
 
 
 def _left_out(joints: Sequence[str], mode: Mode) -> list[str]:
-    """Return the paths in `joints` whose drives are not used in a mode."""
+    """Return the paths in `joints` of joints whose drives are not used in a mode."""
     present = mode.actuators
     return [joint for joint in joints if present is not None and joint not in present]
 

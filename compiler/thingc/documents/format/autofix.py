@@ -1,7 +1,7 @@
 """Select and apply the unambiguous fixes of diagnostics.
 
-A name may be misspelt at its use or at its declaration. The use is fixed only if the misspelling occurs once and the other spelling occurs
-at least twice. In all other cases the fix is ambiguous.
+A misspelled name can be wrong at its use or at its declaration. An edit changes the use only if the misspelling occurs once and the correct
+spelling occurs at least twice. In all other cases, the fix is ambiguous and not applied.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ LANGUAGE = frozenset({
     Code.BAD_COLOR, Code.EXPRESSION_COMMA, Code.RAW_TARGET, Code.RAW_UNKNOWN, Code.LIBRARY, Code.PART_MISSING, Code.MISSING_FILE,
     Code.DIMENSION,
 })
-"""Codes of errors in words that documents do not define: keywords, units, Python names, file names, and expressions."""
+"""Codes of misspelled words that documents do not declare: keywords, units, Python names, file names, and expressions."""
 
 GIVING = frozenset({"components", "joints", "links", "mounts", "parameters", "materials", "poses", "modes", "sensors", "tendons"})
 """Keys of a document whose entries declare names."""
 
 PASSES = 5
-"""Maximum number of passes. More than one pass may be needed, because fixing an error may reveal other errors."""
+"""Maximum number of times that fixes are applied. More than one time may be needed, because fixing an error may reveal other errors."""
 
 
 class TextEdit(FrozenStruct):
@@ -45,20 +45,20 @@ class TextEdit(FrozenStruct):
 
 
 class CheckResult(FrozenStruct):
-    """The result of a check, and the documents that the check read (empty if no document could be read)."""
+    """The diagnostics of a check, and the documents that were read (empty if no document could be read)."""
 
     found: Sequence[Diagnostic]
     documents: Sequence[Document]
 
 
 Look = Callable[[Mapping[str, bytes]], CheckResult]
-"""Function that checks documents. Its argument contains file contents by absolute path, which replace the contents on disk."""
+"""A function that checks documents. The argument maps absolute paths to file contents that replace the contents on disk."""
 
 
 def located(edit: Edit, text: str) -> tuple[int, int] | None:
-    """Return the start and end index of the characters that an edit replaces in the text of its file. The text has no byte order mark.
+    """Return the start and end index of the characters that an edit replaces in the text of its file.
 
-    Return None unless the replaced text occurs exactly once at the position of the edit.
+    `text` does not contain a byte order mark. Return None if the text to replace does not occur exactly once at the position of the edit.
     """
     source = Source(edit.span.file, text)
     if not (0 < edit.span.line <= len(source.starts) and 0 < edit.span.end_line <= len(source.starts)):
@@ -74,12 +74,12 @@ def located(edit: Edit, text: str) -> tuple[int, int] | None:
 def autofix(
     look: Look, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
 ) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
-    """Apply unambiguous fixes until no such fix is left.
+    """Apply the unambiguous fixes of diagnostics repeatedly, until no such fix remains.
 
-    `contents` are the contents of files that have already been changed, by absolute path. `allowed` returns whether a file may be changed;
-    `read` returns the bytes of a file on disk. Return the edits in the order made, the contents of all changed files, and the remaining
-    diagnostics. An edit that does not remove the error at its position is not made. For every changed file, the first pass whose number of
-    errors changed reports fewer errors than before.
+    `contents` maps absolute paths to the contents of files that have already been changed. `allowed` is a function that returns whether a
+    file may be changed, and `read` returns the bytes of a file on disk. Return the edits in the order made, the contents of all changed
+    files, and the remaining diagnostics. An edit is discarded if the error at its position remains. The edits must reduce the number of
+    errors in every changed file. If the number changes in several compiler passes, the first of these passes counts.
     """
     before = look(contents)
     done, texts, left = _autofix(look, before, contents, allowed, read, strict=False)
@@ -140,12 +140,12 @@ def safe_edits(
 
 
 def _base(word: str) -> str:
-    """Return the name of a repeated element without its index, such as `leg` for `leg_0`."""
+    """Return the name of an entry with `repeat` from the name of one of its items, such as `leg` for `leg_0`."""
     return re.sub(r"_(?:\d+|\$\w+)$", "", word)
 
 
 def _word_counts(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]:
-    """Count how often each name occurs in the documents, and collect the names that the documents declare."""
+    """Count the occurrences of each name in the documents, and collect the names that the documents declare."""
     words: Counter[str] = Counter()
     given: set[str] = set()
     for document in documents:
@@ -161,9 +161,9 @@ def _word_counts(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]
 
 
 def _told_apart(edit: Edit, words: Counter[str], given: set[str]) -> bool:
-    """Return whether the replaced name is certainly a misspelling of the name that an edit inserts.
+    """Return whether an edit certainly replaces a misspelling, and not a correctly spelled name.
 
-    The result is False if the other spelling is declared but not used elsewhere.
+    Return False if the replacement is a declared name that is not used elsewhere.
     """
     written, meant = (_base(word.rpartition(".")[2]) for word in (edit.written, edit.replacement))
     if words[written] != 1:
@@ -185,18 +185,18 @@ def _applied(chosen: Sequence[TextEdit], texts: Mapping[str, bytes], read: Calla
 
 
 def _faults(diagnostics: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
-    """Count the errors in a file, separately for each pass of the compiler, in the order of the passes.
+    """Return the number of errors in a file for each compiler pass, in the order of the passes.
 
-    Fewer errors in an early pass are better.
+    Results are compared like tuples, so a reduction of errors in an early pass outweighs new errors in later passes.
     """
     passes = Counter(d.code.code[2] for d in diagnostics if d.severity is Severity.ERROR and d.span is not None and d.span.file == file)
     return tuple(passes[digit] for digit in "123456789")
 
 
 def _better(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Sequence[Diagnostic], *, strict: bool) -> list[TextEdit]:
-    """Return the edits that removed the error at their position.
+    """Return the edits after which the error at the position of the edit no longer exists.
 
-    With `strict`, the edits must also have reduced the number of errors of their file.
+    With `strict`, the number of errors in the file must also have decreased.
     """
     errors = [d.span for d in after if d.severity is Severity.ERROR and d.span is not None]
 

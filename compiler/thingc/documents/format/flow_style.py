@@ -1,4 +1,4 @@
-"""Format scalars and values in braces and brackets with one space between elements and keys in canonical order. Line breaks are preserved.
+"""Format scalars, and values in braces and brackets, with uniform spaces and with keys in canonical order. Line breaks are preserved.
 
 The canonical order of keys is the order of fields in the document models. User-defined keys keep their order.
 """
@@ -34,18 +34,18 @@ FIRST: dict[type[BaseModel], tuple[str, ...]] = {
         "modes", "sensors", "names",
     ),
 }
-"""Keys that come first in these models, before all other keys in the order of the model's fields.
+"""Keys of document models that come first in the canonical order, before the other fields of the model.
 
-The fields of a model begin with the inherited fields.
+By default, inherited fields would come first.
 """
 
 FREE = ("$schema", "thingc")
-"""Keys that come before all other keys of a document."""
+"""Keys that are always at the beginning of a document."""
 
 
 @cache
 def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]:
-    """Return the position in the canonical order and the type of the value for every key of a document model."""
+    """Return two mappings for the keys of a document model: the position in the canonical order, and the type of the value."""
     keys = model_keys(model)
     first = [key for key in FIRST.get(model, ()) if key in keys]
     names = [*first, *(key for key in keys if key not in first)]
@@ -55,15 +55,15 @@ def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]
 
 
 def root_shape(kind: str | None) -> FieldType | None:
-    """Return the `FieldType` of a whole document of a kind such as `assembly`. Return None for an unknown kind."""
+    """Return the `FieldType` of a whole document, given its kind, such as `assembly`. Return None for an unknown kind."""
     model = model_of(kind or "")
     return None if model is None else shape_of(model)
 
 
 def shape_for(shape: FieldType | None, value: Any) -> FieldType | None:
-    """Return the type that describes a value. For a union type, return the branch that the value is probably meant for.
+    """Return the field type of a value. For a union type, return the branch that probably matches the value.
 
-    Only the type and the keys of `value` are used.
+    The branch is determined by the Python type and the keys of `value`.
     """
     if shape is None or shape.kind != "union":
         return shape
@@ -71,7 +71,7 @@ def shape_for(shape: FieldType | None, value: Any) -> FieldType | None:
 
 
 def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
-    """Return the type of the value that the key `key` has in a mapping of the type `shape`. Return None if the type is unknown.
+    """Return the type of the value of the key `key` in a mapping of the type `shape`. Return None if the type is unknown.
 
     If `key` is None, return the type of the items of a list.
     """
@@ -85,9 +85,9 @@ def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
 
 
 def ordered(names: Sequence[str], shape: FieldType | None) -> list[int]:
-    """Return the canonical order of the keys of a mapping, as indices into `names`.
+    """Return the indices of `names`, which are the keys of a mapping, in canonical order.
 
-    A key that the model does not contain stays after the key that precedes it in the document.
+    A key that the document model does not define stays behind the key that precedes it in the document.
     """
     if shape is None or shape.kind != "model" or shape.model is None:
         return list(range(len(names)))
@@ -114,7 +114,7 @@ def spaced(text: str, shape: FieldType | None) -> str:
 
 
 def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
-    """Return whether two strings represent the same quantity for a field."""
+    """Return whether two strings for the same field represent the same quantity."""
     if shape is not None and shape.kind == "field" and shape.field is not None:
         try:
             value = shape.field.validate(text)
@@ -130,7 +130,7 @@ def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
 
 
 def takes_vectors(shape: FieldType) -> bool:
-    """Return whether the value of a field is a vector, in which case the items of a list are quantities."""
+    """Return whether a field is a vector, so that the items of its list are quantities."""
     if shape.kind != "field" or shape.field is None:
         return False
     try:
@@ -147,7 +147,7 @@ class Inline:
         self.separator = separator
 
     def value(self, piece: Segment, shape: FieldType | None, by: int) -> str:
-        """Format a value of the document. Lines after the first are shifted by `by` columns."""
+        """Format a value of the document. All lines except the first are indented by `by` additional columns."""
         written = self.text[piece.start : piece.end]
         if piece.kind == "scalar":
             return self.scalar(piece, written, shape, by)
@@ -178,7 +178,7 @@ class Inline:
         return key + self.separator + self.value(item.value, shape_below(shape, item.name), by)
 
     def scalar(self, piece: Segment, written: str, shape: FieldType | None, by: int) -> str:
-        """Format a scalar, with a space before its unit."""
+        """Format a scalar, with a space between its number and its unit."""
         if "\n" in written:
             return shifted(written, by)
         if not written or shape is None or piece.aliases or piece.anchors:
@@ -192,7 +192,7 @@ class Inline:
         return self.text[piece.start : piece.body] + quote + spaced(inner, shape) + quote
 
     def gaps(self, piece: Segment) -> list[str]:
-        """Return the source text before, between and after the entries of a mapping or list in braces or brackets."""
+        """Return the pieces of source text before, between and after the entries of a mapping or list in braces or brackets."""
         at = piece.body + 1
         gaps: list[str] = []
         for item in piece.items:
@@ -211,16 +211,16 @@ class Inline:
 
 
 def outline(piece: Segment) -> Any:
-    """Return a plain Python value with the type and the keys of a segment, as the argument `value` of `shape_for`."""
+    """Return a Python value that has the type and the keys of a segment, for the argument `value` of `shape_for`."""
     if piece.kind == "map":
         return {item.name: None for item in piece.items}
     return [] if piece.kind == "list" else ""
 
 
 def order_of(items: list[Item], shape: FieldType | None) -> list[int]:
-    """Return the canonical order of the entries of a mapping, as indices into `items`.
+    """Return the indices of `items`, which are the entries of a mapping, in canonical order.
 
-    If this order would move an alias before its anchor, return the order of the document.
+    In canonical order, a YAML alias could precede its anchor. In this case, return the order of the document.
     """
     order = ordered([item.name for item in items], shape)
     if order == sorted(order):

@@ -1,4 +1,4 @@
-"""Format documents in the canonical layout, and verify that the meaning of a document does not change."""
+"""Format documents in the canonical layout, and verify that formatting does not change the values of a document."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from thingc.documents.load.documents import document_kind, read_tree
 from thingc.documents.spec.annotation_types import FieldType
 
 MODELINE = "# yaml-language-server: $schema="
-"""Prefix of the comment that specifies the schema of a document for the YAML language server."""
+"""Prefix of the comment by which the YAML language server finds the JSON Schema of a document."""
 
 
 def format_document(path: str, data: bytes, report: Report, *, schema: str | None = None, tree: MappingNode | None = None) -> bytes | None:
     """Return the bytes of a document in canonical layout. If the document is not well-formed, report the error and return None.
 
-    All lines get the line ending of the file's first line; a byte order mark is removed. If `schema` (a path relative to the document) is
-    given, a modeline with this path is added to a YAML document. `tree` is the parsed document, if available. Documents with unsupported
-    syntax are returned unchanged.
+    The line ending of the first line is used for all lines. A byte order mark is removed. If `schema`, a path relative to the document, is
+    given, a comment with this path is added to YAML documents. `tree` is the parsed document, if the caller has already parsed it.
+    Documents with unsupported syntax are returned unchanged.
     """
     before = tree or read_tree(path, data, report)
     kind = None if before is None else document_kind(before, report)
@@ -51,7 +51,7 @@ def format_document(path: str, data: bytes, report: Report, *, schema: str | Non
 
 
 def is_laid_out(document: Document) -> bool:
-    """Return whether `format_document` would change nothing in a document except line ends."""
+    """Return whether a document is already in canonical layout, except for its line endings."""
     text = re.sub(r"\r\n?", "\n", document.text)
     try:
         return _layout(document.path, text, root_shape(document.kind)) == text
@@ -70,9 +70,9 @@ def _layout(path: str, text: str, shape: FieldType | None) -> str:
 
 
 def with_modeline(text: str, schema: str) -> str:
-    """Return the text of a document with a modeline, which is a comment that tells editors the path of the JSON Schema.
+    """Return the text of a YAML document with a modeline, which is a comment with the path of the JSON Schema for editors.
 
-    An existing modeline is updated; otherwise a modeline is added at the top.
+    An existing modeline is updated. A new modeline is added at the top.
     """
     line = MODELINE + schema
     lines = text.split("\n")
@@ -91,9 +91,9 @@ def schema_path(relative: str) -> str:
 
 
 def same(before: Node, after: Node, shape: FieldType | None) -> bool:
-    """Return whether two documents have equal keys and values, with the user-defined keys in the same order.
+    """Return whether two documents have equal keys and values. The order of keys matters only for keys that the user defines.
 
-    A difference in the space before a unit is ignored.
+    Quantities with and without a space before the unit are equal.
     """
     if isinstance(before, ScalarNode) and isinstance(after, ScalarNode):
         if type(before.value) is type(after.value) and before.value == after.value:

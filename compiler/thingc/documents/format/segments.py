@@ -1,7 +1,7 @@
 """Split the text of a document into segments: the range of every key and value, with adjacent comments.
 
-A segment contains the positions of a value in the text, but not the value itself. All positions are indices into the text of the document,
-whose lines end with a line feed.
+A segment contains only positions, not the values. Positions are indices into the text of the document, whose lines must end with a line
+feed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class UnsupportedStyle(Exception):
 
 @dataclass(slots=True, kw_only=True)
 class EndComment:
-    """A comment at the end of a line: its text, its column (from 0) and the spaces before it."""
+    """A comment at the end of a line: its text, its column (from 0), and the spaces that precede it."""
 
     text: str
     column: int
@@ -30,9 +30,10 @@ class EndComment:
 
 
 def commented(line: str, comment: EndComment | None) -> str:
-    """Return a formatted line with its end-of-line comment, if any.
+    """Append the comment, if any, to a formatted line.
 
-    The comment keeps its column if the line ends before this column and the original gap was larger than the default gap.
+    The comment stays in its column if the formatted line is short enough and the original line had more spaces before the comment than the
+    default.
     """
     if comment is None:
         return line
@@ -44,10 +45,10 @@ def commented(line: str, comment: EndComment | None) -> str:
 class Item:
     """An entry of a mapping, or an item of a list.
 
-    For an entry, `key` is the range of its key in the text, and `name` the text of the key.
+    For an entry of a mapping, `key` is the range of its key in the text, and `name` is the text of the key.
 
-    `leading` are the comment lines above the item, with None for an empty line. If the value begins on a later line, `key_comment` is the
-    comment after the colon (or dash). `comment` is the comment after the value.
+    `leading` contains the comment lines above the item, and None for each empty line. If the value begins on a later line, `key_comment` is
+    the comment after the colon (or dash). `comment` is the comment after the value.
     """
 
     value: Segment
@@ -69,9 +70,9 @@ class Item:
 class Segment:
     """A value in the text of a document: a scalar, an alias, a mapping or a list. `flow` is True if the value is in braces or brackets.
 
-    `body` is the index of the first character after the anchor of the value. `names` are the anchors inside the value; `aliases` are the
-    anchors to which the value refers. `trailing` are comments at the end of a block. `column` (from 0) is the column of a block's keys or
-    dashes.
+    `body` is the index of the first character after the anchor of the value. `names` contains the YAML anchors inside the value, and
+    `aliases` the anchors to which aliases in the value refer. `trailing` contains the comments at the end of a block. `column` is the
+    column (from 0) of the keys or dashes of a block.
     """
 
     kind: str
@@ -93,9 +94,9 @@ class Segment:
 
 
 class Trivia(FrozenStruct):
-    """The text between two segments: a comment at the end of the line, and the comment lines that follow as (column, text).
+    """The comments between two segments: a comment at the end of the line, and pairs (column, text) of the comment lines below.
 
-    None represents an empty line.
+    An empty line is represented by None.
     """
 
     comment: EndComment | None
@@ -105,9 +106,9 @@ class Trivia(FrozenStruct):
 def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
     """Parse the text between two segments, from `start` to `end`.
 
-    With `compact`, the next segment may be on the same line (`- key: value`).
+    With `compact`, the next segment can be on the same line, as in `- key: value`.
 
-    Raises `UnsupportedStyle` if the gap contains anything but comments and empty lines.
+    Raises `UnsupportedStyle` if the text contains anything except comments and empty lines.
     """
     lines = text[start:end].split("\n")
     comment: EndComment | None = None
@@ -135,17 +136,20 @@ def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
 
 
 def tidy(lines: list[str | None]) -> list[str | None]:
-    """Return comment lines without consecutive empty lines."""
+    """Return comment lines with at most one empty line in succession."""
     return [line for at, line in enumerate(lines) if line is not None or at == 0 or lines[at - 1] is not None]
 
 
 def first_lines(lines: list[str | None]) -> list[str | None]:
-    """Return comment lines without consecutive empty lines and without empty lines at the beginning."""
+    """Return comment lines with at most one empty line in succession, and without empty lines at the beginning."""
     return list(dropwhile(lambda line: line is None, tidy(lines)))
 
 
 def shifted(text: str, by: int) -> str:
-    """Shift all lines of a string except the first by a number of columns. A line is never shifted left beyond its leading spaces."""
+    """Indent all lines of a string except the first by `by` additional columns.
+
+    If `by` is negative, at most the leading spaces of a line are removed.
+    """
     if by == 0 or "\n" not in text:
         return text
     first, *others = text.split("\n")

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True, kw_only=True)
 class _Statement:
-    """A statement of a TOML document: a header `[a.b]` (`value` is None) or a pair `key = value`.
+    """A statement of a TOML document: a header `[a.b]`, for which `value` is None, or a pair `key = value`.
 
-    It contains the position, the words of the key and the comments.
+    The statement contains its position, the words of its key, and its comments.
     """
 
     start: int
@@ -33,9 +33,9 @@ class _Statement:
 
 @dataclass(slots=True)
 class _Names:
-    """The tables of a document: the keys of each table, in the order of their first occurrence.
+    """The keys of each table of a document, in the order of their first occurrence.
 
-    `settle` adds the types of the tables and the canonical position of each key.
+    The method `settle` determines the types of the tables and the canonical positions of the keys.
     """
 
     below: dict[str, _Names] = field(default_factory=dict)
@@ -51,7 +51,7 @@ class _Names:
                 table.add((item.name,), item.value)
 
     def settle(self, shape: FieldType | None) -> None:
-        """Determine the types and positions of all keys. Call this method after all keys have been added."""
+        """Determine the type and the canonical position of each key. Call this method after all keys have been added."""
         self.shape = shape
         known = list(self.below)
         inner = shape_for(shape, dict.fromkeys(known))
@@ -60,11 +60,11 @@ class _Names:
             table.settle(shape_below(inner, word))
 
     def rank(self, words: tuple[str, ...]) -> tuple[int, ...]:
-        """Return the sort key of a dotted key: the canonical position of each of its words in the table that contains the word."""
+        """Return the sort key of a dotted key: for each of its words, the canonical position in the table that contains the word."""
         return tuple(self.at(words[:depth]).ranks[word] for depth, word in enumerate(words))
 
     def at(self, words: tuple[str, ...]) -> _Names:
-        """Return the table to which a dotted key leads."""
+        """Return the table that a dotted key selects."""
         table = self
         for word in words:
             table = table.below[word]
@@ -91,7 +91,10 @@ def toml_layout(text: str, shape: FieldType | None) -> str:
 
 
 def _opening(sections: list[_Statement]) -> list[str | None]:
-    """Return the comments at the top of a document: comments before an empty line, and comments that configure an editor."""
+    """Return the comments at the top that describe the whole document and not its first key.
+
+    The result contains comments before an empty line, and comments that configure an editor.
+    """
     first = next((s for section in sections for s in (section, *section.pairs) if s.end), None)
     if first is None:
         return []
@@ -102,7 +105,7 @@ def _opening(sections: list[_Statement]) -> list[str | None]:
 
 
 def _section(section: _Statement, text: str, names: _Names, first: bool) -> list[str]:
-    """Return the lines of a section: its header (the first section has no header) and its pairs in canonical order."""
+    """Return the lines of a section: its header, if any, and its pairs in canonical order."""
     lines: list[str] = []
     if section.end:
         lines.extend([] if first else [""])
@@ -121,9 +124,9 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
 
 
 def _alignment(pairs: list[_Statement], text: str) -> list[int]:
-    """Return the number of spaces before each `=`.
+    """Return the number of spaces before the `=` of each pair.
 
-    The number is larger than 1 if the `=` is aligned with the `=` of a neighbouring line.
+    The number is larger than 1 if the document aligns the `=` with the `=` of a neighbouring line.
     """
     columns: list[int] = []
     widths: list[int] = []
@@ -140,14 +143,14 @@ def _alignment(pairs: list[_Statement], text: str) -> list[int]:
 
 
 class _Cutter:
-    """Converts the syntax tree of tree-sitter to statements."""
+    """Converts the syntax tree of a TOML document, from tree-sitter, to statements."""
 
     def __init__(self, text: str) -> None:
         self.text = text
         self.syntax = TomlSyntax(text)
 
     def sections(self) -> tuple[list[_Statement], list[str | None]]:
-        """Return the sections of the document and the comments after its last statement. The first section has no header."""
+        """Return the sections of the document and the comments after its last statement. The first section does not have a header."""
         root = self.syntax.root
         if root.has_error:
             raise UnsupportedStyle

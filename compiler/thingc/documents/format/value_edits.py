@@ -1,4 +1,4 @@
-"""Set and remove values in the text of a document by path. Comments, layout and all other text are preserved."""
+"""Set and remove values, given by their paths, in the text of a document. Comments, layout and all other text are preserved."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ Written = str | Mapping[str, "Written"] | Sequence["Written"]
 
 
 class CannotSetValue(Exception):
-    """Raised if a value cannot be set without changing other values. The message of the exception explains the reason."""
+    """Raised if a value cannot be set or removed without changing other values. The message of the exception explains the reason."""
 
 
 def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
-    """Return the text of a document after setting values at paths. Values are strings in the syntax of documents (`120 mm`).
+    """Set values at paths of a document, and return the changed document. Values are strings in the syntax of documents (`120 mm`).
 
-    Missing entries are added after existing entries, as a mapping in braces if necessary. In a section whose mappings are on several lines,
-    and in a new section, a new mapping is also written on several lines. Raises `CannotSetValue` if this would change other values.
+    Missing entries are added after existing entries. New mappings are written in braces, except in new sections and in sections whose
+    existing mappings extend over several lines. Raises `CannotSetValue` if setting a value would change other values.
     """
     set_one = _in_toml if _is_toml(document.path) else _in_yaml
     for keys, value in values.items():
@@ -39,9 +39,9 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
 
 
 def without(document: Document, keys: Keys) -> Document:
-    """Return the text of a document after removing a key and its value. The mapping must contain at least one other key.
+    """Remove a key and its value from a document, and return the changed document.
 
-    Raises `CannotSetValue` if this would change other values.
+    The mapping with this key must contain at least one other key. Raises `CannotSetValue` if removing the key would change other values.
     """
     after = _parse_document(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
     if after is None or after.tree.plain() != _take_out(document.tree.plain(), keys):
@@ -54,21 +54,21 @@ def _is_toml(path: str) -> bool:
 
 
 def _meant(value: Written) -> Plain:
-    """Parse the text of a value, such as `{upper: 60 deg}`, to plain Python values."""
+    """Parse a value such as `{upper: 60 deg}` to plain Python values."""
     if isinstance(value, str):
         return core_value(value)
     return {key: _meant(one) for key, one in value.items()} if isinstance(value, Mapping) else [_meant(one) for one in value]
 
 
 def _parse_document(document: Document, text: str) -> Document | None:
-    """Parse the new content of a document. Return None if the content is not a well-formed mapping."""
+    """Parse the changed text of a document. Return None if the text is not a well-formed mapping."""
     report = Report()
     tree = read_tree(document.path, text.encode(), report)
     return replace(document, text=text, tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
 
 def _put(whole: Any, keys: Keys, value: Any, mapping: Callable[[], Any] = dict) -> Any:
-    """Set the value at a path in nested Python mappings and lists, in place. Call `mapping` to create each missing mapping."""
+    """Set the value at a path in nested Python mappings and lists, in place. The function `mapping` creates each missing mapping."""
     inner = whole
     for key in keys[:-1]:
         if isinstance(inner, dict) and not isinstance(inner.get(key), (dict, list)):
@@ -79,7 +79,7 @@ def _put(whole: Any, keys: Keys, value: Any, mapping: Callable[[], Any] = dict) 
 
 
 def _step(inner: Any, key: str) -> Any:
-    """Convert a step of a path to a key of a mapping or to the index of a list."""
+    """Convert one word of a path to a key of the mapping `inner`, or to an index of the list `inner`."""
     return int(key) if isinstance(inner, list) else key
 
 
@@ -118,7 +118,7 @@ def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
 
 
 def _lines(source: Source, node: MappingNode, rest: Keys, value: Written) -> list[str]:
-    """Return the lines of a new entry of a mapping in block style, without its indentation."""
+    """Return the lines of a new entry of a mapping in block style, with indentation relative to the mapping."""
     last = list(node.entries.values())[-1]
     if isinstance(value, Mapping) and len(rest) == 2:  # a new section
         return ["", f"{_scalar(rest[0])}:", f"  {_entry(rest[1:], value)}"]
@@ -205,10 +205,10 @@ def _in_toml(document: Document, keys: Keys, value: Written) -> str:
 
 
 def _behind_entries(document: Document, keys: Keys) -> tuple[int, bool] | None:
-    """Return where to insert a new entry of a section with a header, and whether the last entry is a table with its own header.
+    """Return the index at which to insert a new entry of a TOML section, and whether the last entry is a table with its own header.
 
-    The new entry belongs at the end of the last line of the last entry. Return None if the entry exists, or if the section has another
-    form.
+    The index is at the end of the last line of the last entry. Return None if the entry exists, or if the section is empty or does not have
+    a header.
     """
     source, text, node = Source(document.path, document.text), document.text, node_at(document.tree, keys[:1])
     if not isinstance(node, MappingNode) or not node.entries or keys[1] in node.entries:
@@ -252,14 +252,14 @@ def _toml_value(value: Written) -> Any:
 
 
 def changes(document: Document, values: Mapping[Keys, str]) -> Iterator[tuple[str, str | None, str]]:
-    """Yield the path, the previous text and the new text of each value that is set. The previous text is None if the path did not exist."""
+    """Yield the path, the previous text and the new text of each value in `values`. The previous text is None if the path did not exist."""
     for keys, value in values.items():
         node = node_at(document.tree, keys)
         yield ".".join(keys), None if node is None else _as_written(document, node), value
 
 
 def _as_written(document: Document, node: Node) -> str:
-    """Return the text of a value for display: the text of a scalar, or of a short mapping or list on one line, otherwise `...`."""
+    """Return the text of a value for display. Mappings and lists that are long or on several lines are shown as `...`."""
     if isinstance(node, ScalarNode):
         return node.text
     start, end = Source(document.path, document.text).range(node.span)

@@ -1,4 +1,4 @@
-"""Format a YAML document in the canonical layout. The parser is libyaml, whose events contain the positions of all values."""
+"""Format a YAML document in the canonical layout. The parser is libyaml, whose parser events contain the positions of all values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _BLOCK_ANCHOR = re.compile(r"&\S+")
 
 
 def yaml_pieces(text: str) -> tuple[Segment, int, list[str | None]]:
-    """Return the root of a well-formed YAML document, the index where it starts (after `---`), and the comments above its first key.
+    """Return the root value of a well-formed YAML document, its start index (after `---`), and the comments above its first key.
 
     Raises `UnsupportedStyle` for explicit keys (`?`), block scalars that keep trailing line breaks (`|+`), an end mark (`...`), or
     lists with empty items.
@@ -137,7 +137,7 @@ class _Cutter:
 
 
 class _Commenter:
-    """Assigns every comment to an entry of the document."""
+    """Assigns every comment of a document to an entry."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -147,7 +147,7 @@ class _Commenter:
         self.ended: list[Segment] = []
 
     def run(self, root: Segment, start: int) -> list[str | None]:
-        """Assign every comment to an entry of the document. Return the comments at the top that describe the whole document."""
+        """Assign every comment to an entry, and return the comments at the top that describe the whole document."""
         self.at = start
         if root.flow:
             head = gap(self.text, start, root.start)
@@ -167,9 +167,9 @@ class _Commenter:
         return self.head(root.items[0])
 
     def head(self, first: Item) -> list[str | None]:
-        """Separate comments of the document from comments of its first key.
+        """Separate the comments of the document from the comments of its first key, and return the former.
 
-        Comments before an empty line, and comments for an editor, belong to the document.
+        The former are comments before an empty line, and comments for an editor.
         """
         lines = first.leading
         cut = max((at for at, line in enumerate(lines) if line is None or is_modeline(line)), default=-1) + 1
@@ -226,9 +226,9 @@ class _Commenter:
         self.last, self.inside = item, False
 
     def take(self, gap: Trivia, column: int) -> list[str | None]:
-        """Assign the comments between two entries to the entry that they describe.
+        """Assign the comments between two entries to one of the entries.
 
-        Return the comment lines that belong to the next entry, which is in `column`.
+        Return the comment lines of the next entry, which begins in the column `column`.
         """
         if gap.comment is not None:
             if self.last is None:
@@ -262,7 +262,7 @@ def is_modeline(line: str) -> bool:
 
 
 def _chain(piece: Segment) -> list[Segment]:
-    """Return the nested blocks that end at the same position as `piece`, with the outermost block first."""
+    """Return the block `piece` and all nested blocks that end at the same position, with the outermost block first."""
     blocks: list[Segment] = []
     while piece.block:
         blocks.append(piece)
@@ -271,7 +271,7 @@ def _chain(piece: Segment) -> list[Segment]:
 
 
 INDENT = 2
-"""Number of columns per level."""
+"""Indentation per level, in columns."""
 
 
 def yaml_layout(text: str, shape: FieldType | None) -> str:
@@ -321,7 +321,7 @@ class _Printer:
     def alignment(self, items: list[Item]) -> list[int]:
         """Return the number of spaces after the colon of each entry.
 
-        The number is larger than 1 if the value is aligned with the value of a neighbouring line.
+        The number is larger than 1 if the document aligns the value with the value of a neighbouring line.
         """
         written: list[tuple[int, int] | None] = []
         for item in items:
@@ -358,14 +358,14 @@ class _Printer:
         return lines
 
     def head(self, head: str, item: Item) -> str:
-        """Return the line that introduces a block, with its anchor and comment."""
+        """Return the first line of an entry whose value is a block, with its anchor and comment."""
         value = item.value
         if value.body > value.start:
             head += " " + self.text[value.start : value.body]
         return commented(head, item.key_comment)
 
     def leaf(self, piece: Segment, shape: FieldType | None, by: int) -> str:
-        """Format a value that is not a block. Empty lines of block scalars have no trailing spaces."""
+        """Format a scalar, an alias, or a value in braces or brackets. Trailing spaces are removed from empty lines of block scalars."""
         written = self.inline.value(piece, shape, by)
         if piece.kind == "scalar" and self.text[piece.body] in "|>":
             original = self.text[piece.start : piece.end].split("\n")

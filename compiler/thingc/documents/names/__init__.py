@@ -1,1 +1,1 @@
-"""Indexes of names in documents: the target of each name, all its uses, and the edits that rename it."""
+"""Index the names in documents: find the declaration and all uses of a name, and rename it."""

@@ -1,6 +1,6 @@
-"""Names in the text of a document: its sections, the keys that repeats create, and all strings that declare names or refer to names.
+"""Find the names in the text of a document: its sections, the keys that repeats create, and strings that declare or use names.
 
-The types of the fields of document models define to which kind of name a string refers (`documents/spec/name_types.py`).
+The field types of document models determine the kind of name to which a string refers (`documents/spec/name_types.py`).
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ class NameOccurrence(FrozenStruct):
 
 
 class SettingWord(FrozenStruct):
-    """A name in the path of a setting (`components.leg.joints.knee.limit.upper`). `offset` is its position in the path.
+    """A name in the path of a setting (`components.leg.joints.knee.limit.upper`). `offset` is the index of the name in the path.
 
-    The name is resolved like a key at `path` in the document of the nested components `through`.
+    `through` contains the nested components that lead to a document, and `path` is the path of a key in this document that would refer to
+    the same element.
     """
 
     offset: int
@@ -42,7 +43,10 @@ class SettingWord(FrozenStruct):
 
 
 def mentions_of(document: Document) -> Iterator[NameOccurrence]:
-    """Yield the names in a document, in source order. Values that do not belong to the document model are skipped."""
+    """Yield all strings in a document that declare names or refer to names, in source order.
+
+    Values that do not belong to the document model are skipped.
+    """
     model = model_of(document.kind)
     if model is not None:
         yield from _in(document.tree, shape_of(model), ())
@@ -88,7 +92,7 @@ def _of_text(text: str, shape: FieldType) -> DeclaresName | RefersTo | None:
 def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
     """Yield the names of elements in `raw` (`raw: {mjcf: {joint: {NAME: ...}}}`).
 
-    In elements under `add`, only values that refer to a name are included. Under `order`, all names are included.
+    For elements under `add`, only values that refer to a name are yielded. For elements under `order`, all names are yielded.
     """
     for kind, named in node.entries.items():
         if kind in ("add", "order"):
@@ -101,10 +105,11 @@ def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
 
 
 def referred(path: Path) -> str | None:
-    """Return the type of MuJoCo element to which a value in an added element refers: a joint, a site, a body, or an element of any type
-    (`object`).
+    """Return the type of MuJoCo element to which an attribute of an added element refers.
 
-    Return None if the value is not a reference to an element.
+    The type is a joint, a site, a body, or any element (`object`).
+
+    Return None if the attribute does not refer to an element.
     """
     key = str(path[-1]).rstrip("12")
     if key in ("objname", "refname"):
@@ -116,7 +121,7 @@ REFERRED = {
     **dict.fromkeys(("joint", "jointinparent", "actuator"), "joint"), **dict.fromkeys(("body", "subtree", "geom"), "body"),
     **dict.fromkeys(("site", "cranksite", "slidersite", "refsite", "sidesite"), "site"),
 }
-"""Attributes of added elements whose value may be a name of the document, with the kind of that name."""
+"""Attributes of added MuJoCo elements that can refer to an element of the document, with the kind of this element."""
 
 
 def setting_words(text: str) -> Iterator[SettingWord]:
@@ -146,11 +151,11 @@ def setting_words(text: str) -> Iterator[SettingWord]:
 
 
 GLOB = re.compile(r"[*?\[]")
-"""Characters that only patterns contain."""
+"""Regular expression of the characters that occur only in patterns."""
 SPECIAL = re.compile(r"[*?\[$]")
-"""Characters that only patterns and indices of repeats contain."""
+"""Regular expression of the characters that occur only in patterns and in indices of repeats."""
 _ITEMS = 100
-"""Assumed number of items of a repeat for pattern matching, if its count is an expression."""
+"""Number of items that pattern matching assumes for a repeat whose count is an expression."""
 
 
 @cache
@@ -167,7 +172,7 @@ def pattern_of(text: str, index: str) -> re.Pattern[str]:
 
 
 class DocumentNames:
-    """A parsed document with the lines of its text, and all strings in it that declare names or refer to names."""
+    """A parsed document, with the lines of its text and all strings that declare names or refer to names."""
 
     def __init__(self, document: Document) -> None:
         self.document, self.path = document, document.path
@@ -189,7 +194,7 @@ class DocumentNames:
         return node.entries if isinstance(node, MappingNode) else None
 
     def index_of(self, path: Path) -> str:
-        """Return the index name of the `repeat` that applies at a path of the document, by default `i`.
+        """Return the name of the index of the `repeat` that encloses a path of the document. The default name is `i`.
 
         Return an empty string outside a repeat.
         """
@@ -198,8 +203,9 @@ class DocumentNames:
         return self.text(path[0], path[1], "repeat", "as") or "i"
 
     def items(self, section: str, key: str) -> list[str]:
-        """Return the names that an entry of `components` or `joints` creates: its key, or the names of all items for an entry with
-        `repeat`.
+        """Return the names that an entry of `components` or `joints` creates.
+
+        An entry with `repeat` creates the names of all items. Other entries create only the name that is their key.
         """
         repeat = self.repeat(section, key)
         if repeat is None:
@@ -209,7 +215,7 @@ class DocumentNames:
         return [f"{key}_{one}" for one in range(min(number, 10 * _ITEMS))]
 
     def fitting(self, section: str, word: str, index: str = "") -> list[str]:
-        """Return the keys of the section `components` or `joints` that match one word of a reference, which may be a pattern."""
+        """Return the keys of the section `components` or `joints` that match `word`, which is one word of a reference or a pattern."""
         entries = self.section(section)
         if not SPECIAL.search(word):
             stem, _, number = word.rpartition("_")
@@ -220,7 +226,7 @@ class DocumentNames:
         return [key for key in entries if any(pattern.match(item) for item in self.items(section, key))]
 
     def stem(self, section: str, key: str, word: str) -> bool:
-        """Return whether a word of a reference begins with `key`, the key to which it refers."""
+        """Return whether a word of a reference starts with the text of `key`. A pattern can also refer to the key without this text."""
         rest = word[len(key):]
         return word.startswith(key) and (not rest or rest[0] in "*?[$" or (rest[0] == "_" and self.repeat(section, key) is not None))
 
@@ -229,7 +235,7 @@ class DocumentNames:
         return self.document.span(mention.path, key=mention.key)
 
     def place(self, span: Span, text: str, start: int, end: int) -> Span | None:
-        """Return the span of the characters `start` to `end` of the string at `span`, or None if the string is written with escapes."""
+        """Return the span of the characters from `start` to `end` in the string at `span`. Return None if the string contains escapes."""
         if span.file != self.path or span.line != span.end_line:
             return None
         begin = self.lines[span.line - 1][span.column - 1 : span.end_column - 1].find(text)

@@ -1,6 +1,6 @@
-"""Index of the declarations and uses of names in a workspace's documents and parts.
+"""Find the declarations and uses of all names in the documents and parts of a workspace.
 
-The module `references.py` resolves the names in a document.
+The module `references.py` resolves the names in a single document.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ class NameIndex(FrozenStruct, kw_only=False):
     by_name: Mapping[Name, tuple[NamePlace, ...]]
 
     def at(self, file: str, line: int, column: int) -> NamePlace | None:
-        """Return the declaration or the use of a name at a cursor position (line and column from 1).
+        """Return the declaration or the use of a name at a cursor position (line and column, counted from 1).
 
-        The cursor may also be directly after the last character of the name. If several names overlap there, return the shortest one.
+        The cursor can also be directly after the name. If several names contain the position, return the shortest name.
         """
         around = [
             place for place in self.places

@@ -1,6 +1,6 @@
-"""Names of Things in the modules of a workspace: the names of classes, of mounts (which are attributes), and of parameters.
+"""Find the names of Things in the Python modules of a workspace: names of classes, of mounts (which are attributes), and of parameters.
 
-Modules are only parsed. Their code is never run.
+The modules are parsed and never run.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from thingc.base.source import Span
 class PartName(FrozenStruct, kw_only=False):
     """A mount (an attribute) or a parameter of a Thing.
 
-    `what` is `part mount` or `part parameter`, `file` the absolute path of its module and `owner` the class in it. If the declaration is
-    unknown, `file` is empty and `owner` is the reference `module:Class`.
+    `what` is `part mount` or `part parameter`, `file` is the absolute path of the module, and `owner` is the name of the class. If the
+    declaration is unknown, `file` is empty and `owner` is the reference `module:Class`.
     """
 
     what: str
@@ -31,7 +31,7 @@ class PartName(FrozenStruct, kw_only=False):
 
 
 class PartPlace(FrozenStruct, kw_only=False):
-    """The location of a mount or parameter name in a Python module, and whether the module declares the name at this location."""
+    """An occurrence of the name of a mount or parameter in a Python module. The occurrence can be a declaration or a use."""
 
     name: PartName
     span: Span
@@ -62,9 +62,9 @@ class _Module:
         return self._inside[node.name]
 
     def span(self, line: int, end: int, text: str) -> Span | None:
-        """Return the span of a word that ends at byte offset `end` of a line.
+        """Return the span of the word `text`, which ends at the byte offset `end` of a line.
 
-        Return None if the line contains other text at this position.
+        Return None if the line contains another text at this position.
         """
         column = len(self.lines[line - 1].encode()[:end].decode(errors="replace")) - len(text) + 1
         if self.lines[line - 1][column - 1 : column - 1 + len(text)] != text:
@@ -79,8 +79,8 @@ class _Module:
 class _Inside:
     """The attributes of `self` that the methods of a Python class assign or use.
 
-    `assigned` maps each assigned attribute to whether its value creates mounts. `by_name` maps each attribute to all its places,
-    assignments first.
+    `assigned` maps each assigned attribute to True if its value creates mounts. `by_name` maps each attribute to all locations in the
+    class, with assignments first.
     """
 
     def __init__(self, node: ast.ClassDef) -> None:
@@ -102,7 +102,7 @@ class _Inside:
 
 @dataclass(slots=True)
 class PartClass:
-    """A class that documents use as a part, followed by its base classes in the workspace."""
+    """A class that documents use as a part, and its base classes in the workspace."""
 
     reference: str
     lineage: list[tuple[_Module, ast.ClassDef]]
@@ -121,10 +121,12 @@ class PartClass:
         return None if header is None else module.span(node.lineno, len(module.lines[node.lineno - 1][: header.end()].encode()), node.name)
 
     def mounts(self, text: str, pattern: re.Pattern[str] | None) -> list[PartName]:
-        """Return the attributes that contain the mount `text`: an attribute with this name, or a list or dict of mounts (`screw` for
-        `screw_0`).
+        """Return the attributes that can contain the mount `text`.
 
-        With a `pattern`, `text` is the beginning of the name before the first special character, and all matching attributes are returned.
+        The result contains an attribute with this name, and lists or dicts of mounts (`screw` for `screw_0`).
+
+        With a `pattern`, all attributes that match the pattern are returned, and `text` is the part of the pattern before its first special
+        character.
         """
         owners: dict[str, tuple[_Module, ast.ClassDef]] = {}
         several: set[str] = set()
@@ -141,9 +143,9 @@ class PartClass:
         return [self._give(PartName("part mount", owners[name][0].file, name, owners[name][1].name)) for name in chosen]
 
     def parameter(self, text: str) -> PartName:
-        """Return the name of the parameter `text` with the class that declares it.
+        """Return the parameter `text` with the class that declares the parameter.
 
-        If no class in the workspace declares the parameter, its file is empty.
+        If no class in the workspace declares the parameter, the file of the result is empty.
         """
         for module, node in self.lineage:
             method = _init_of(node)
@@ -162,7 +164,7 @@ class PartClass:
 
 
 class PartNames:
-    """The modules in part folders (absolute paths).
+    """The Python modules in the part folders, given by absolute paths.
 
     `read` is a function that returns the text of a file, or None. Parsed modules are cached.
     """
@@ -175,15 +177,16 @@ class PartNames:
         self._given: dict[PartName, None] = {}
 
     def thing(self, reference: str) -> PartClass | None:
-        """Return the class `module:Class`, or None if its module is not in a part folder."""
+        """Return the class with the reference `module:Class`, or None if its module is not in a part folder."""
         if reference not in self._things:
             lineage = self._lineage(reference, [])
             self._things[reference] = PartClass(reference, lineage, self._given) if lineage else None
         return self._things[reference]
 
     def places(self) -> Iterator[PartPlace]:
-        """Yield the locations of all mounts and parameters that were requested, in the class that declares them and in requested derived
-        classes.
+        """Yield the locations of all mounts and parameters that callers have requested.
+
+        The locations are in the class that declares the name and in requested derived classes.
         """
         for name in self._given:
             declared = False
@@ -193,15 +196,15 @@ class PartNames:
                     declared = True
 
     def classes(self) -> Iterator[tuple[str, PartClass]]:
-        """Yield the part classes that were requested by `thing` and that exist, each with its reference `module:Class`."""
+        """Yield the existing part classes that callers have requested with `thing`, each with its reference `module:Class`."""
         yield from ((reference, thing) for reference, thing in self._things.items() if thing is not None)
 
     def elsewhere(self, name: PartName) -> tuple[str, int] | None:
-        """Return the location (file and line) of code that may use a mount or parameter under its name.
+        """Return the location (file and line) of other code in which the name of a mount or parameter occurs.
 
-        Return None if there is no such code.
+        Return None if no other code contains the name.
 
-        Whether the code at this location uses the mount or parameter can only be decided by running the code.
+        Only running this code could show whether it uses the mount or parameter.
         """
         family = {(module.file, node.name) for module, node in self._family(name)}
         own = {(span.file, span.line, span.column) for module, node in self._family(name) for span in _name_spans(module, node, name)}
@@ -217,8 +220,9 @@ class PartNames:
         return None
 
     def attributes(self, name: PartName) -> frozenset[str]:
-        """Return the names that a renamed mount or parameter must not take: for a mount, the attributes of its class, and for a parameter,
-        the parameters of its class.
+        """Return the names that are not available as a new name of a mount or parameter.
+
+        The attributes of its class are not available for a mount, and the parameters of its class are not available for a parameter.
         """
         taken: set[str] = set()
         for module, node in self._family(name):
@@ -233,7 +237,10 @@ class PartNames:
         return [module.file for module in self._all()]
 
     def _family(self, name: PartName) -> list[tuple[_Module, ast.ClassDef]]:
-        """Return the class that declares a name. For a mount, also return all derived classes in the part folders."""
+        """Return the class that declares the mount or parameter `name`.
+
+        For a mount, also return all derived classes in the part folders.
+        """
         family: dict[tuple[str, str], tuple[_Module, ast.ClassDef]] = {}
         for module in self._all() if name.what == "part mount" else ():
             for node in module.classes.values():
@@ -260,7 +267,7 @@ class PartNames:
                             yield module
 
     def _lineage(self, reference: str, above: list[str]) -> list[tuple[_Module, ast.ClassDef]]:
-        """Return a class and its base classes, approximately in method resolution order."""
+        """Return a class, followed by its base classes in approximate method resolution order."""
         name, _, cls = reference.partition(":")
         module = self._module(name) if name and cls and reference not in above else None
         if module is None:
@@ -335,7 +342,7 @@ def _name_spans(module: _Module, node: ast.ClassDef, name: PartName) -> Iterator
 
 
 def _parameter_of_self(node: ast.Attribute) -> bool:
-    """Return whether a node is `self.p.NAME`."""
+    """Return whether a syntax node is an expression `self.p.NAME`."""
     return isinstance(node.value, ast.Attribute) and node.value.attr == "p" and _of_self(node.value)
 
 
@@ -352,7 +359,7 @@ def _documented(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str
 
 
 def _may_be(node: ast.AST, name: PartName, family: set[str]) -> bool:
-    """Return whether a node may refer to a mount or parameter. The comparison uses only the text of the name."""
+    """Return whether a syntax node may refer to a mount or parameter. Only the text of the name is compared."""
     if isinstance(node, ast.Constant):
         return node.value == name.text
     if name.what == "part mount":
@@ -367,6 +374,6 @@ def _may_be(node: ast.AST, name: PartName, family: set[str]) -> bool:
 
 
 def _class_around(module: _Module, node: ast.AST) -> str | None:
-    """Return the top-level class that contains a node."""
+    """Return the name of the top-level class that contains a syntax node, or None."""
     line = getattr(node, "lineno", 0)
     return next((one.name for one in module.classes.values() if one.lineno <= line <= (one.end_lineno or 0)), None)

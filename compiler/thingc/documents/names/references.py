@@ -1,7 +1,7 @@
-"""Resolve the strings in the text of a document that refer to names.
+"""Find the names to which the strings in a document refer.
 
-The types of the fields of document models define to which kind of name a string refers (`document_names.py`). Documents may have other
-errors. The documents are not compiled.
+The field types of document models determine the kind of name to which a string refers (`document_names.py`). The documents are not compiled
+and may contain other errors.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from thingc.documents.names.part_names import PartClass, PartName, PartNames
 from thingc.documents.spec.name_types import DeclaresName, ReferenceKind, RefersTo
 
 Role = Literal["declared", "used", "fits"]
-"""Roles of a name at a place. `fits` means a pattern that matches the name, or a string in which the name is written with escapes."""
+"""Roles of a name at a location. The role `fits` means that a pattern matches the name, or that the name is written with escapes."""
 
 
 class Name(FrozenStruct, kw_only=False):
     """A name that a document or a part module declares.
 
     `what` is the type of the named element: a type from `name_types.py`, or `document`, `part`, `part mount` or `part parameter`. `file` is
-    the absolute path of the document or module that declares the name (empty if unknown). `owner` is the component or class in this file to
-    which the name belongs (`components.leg`).
+    the absolute path of the document or module that declares the name, or an empty string if unknown. `owner` is the component or class in
+    this file to which the name belongs (`components.leg`).
     """
 
     what: str
@@ -41,7 +41,7 @@ class Name(FrozenStruct, kw_only=False):
 class NamePlace(FrozenStruct, kw_only=False):
     """A location at which a name is declared or used, in a document or in a part module.
 
-    The span covers only the characters of the name. For the role `fits`, the span covers the whole pattern that matches the name.
+    The span covers only the characters of the name. For the role `fits`, the span contains the whole pattern.
     """
 
     name: Name
@@ -50,7 +50,7 @@ class NamePlace(FrozenStruct, kw_only=False):
 
 
 Hit = tuple[int, int, Name, Role]
-"""An occurrence of a name in a string: start, end (exclusive), the name and its role."""
+"""An occurrence of a name in a string: the start, the end (exclusive), the name, and the role of the name."""
 Word = tuple[int, str]
 """A word of a string and its start index."""
 
@@ -93,7 +93,7 @@ class NameReader:
                     yield NamePlace(name, exact or span, role if exact is not None else "fits")
 
     def hits(self, mention: NameOccurrence) -> Iterator[Hit]:
-        """Yield the names that a string of the document declares or to which it refers."""
+        """Yield the names that a string of the document declares or refers to."""
         written, path, text = self.own, mention.path, mention.text
         index = written.index_of(path)
         if index and "$" in text:
@@ -107,12 +107,12 @@ class NameReader:
         yield from self.meant(self.base, mention.names.what, text, path, index)
 
     def own_name(self, what: str, text: str, path: Path) -> Name:
-        """Return the name that the key or the string at a path of this document declares."""
+        """Return the name that a key or a string of this document declares."""
         owner = f"{path[0]}.{path[1]}" if what in ("index", "mount") else ""
         return Name(what, self.own.path, text, owner)
 
     def meant(self, base: DocumentNames | None, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """Yield the names in an assembly to which a string at `path` refers."""
+        """Yield the names in the assembly `base` to which the string at `path` refers."""
         match what:
             case "assembly document":
                 yield from self._document(self.document(self.own, text), text)
@@ -124,7 +124,7 @@ class NameReader:
                 yield from self._inside(base, what, text, path, index)
 
     def _inside(self, base: DocumentNames, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """Yield the names in the assembly `base` to which a string refers."""
+        """Yield the names in the assembly `base` to which a string refers, depending on the kind of reference `what`."""
         match what:
             case "expression":
                 yield from self.expression(base, text, path, index)
@@ -169,7 +169,7 @@ class NameReader:
                 assert_never(what)
 
     def posed(self, base: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """Yield the names to which a key of a pose at `path` refers: a joint, or a nested assembly whose pose is used."""
+        """Yield the names to which the key of a pose at `path` refers: a joint, or a nested assembly."""
         said = node_at(self.own.document.tree, path)
         pose = isinstance(said, ScalarNode) and isinstance(said.value, str) and re.fullmatch(r"\s*[A-Za-z]\w*\s*", said.value)
         exact = list(self.exact_joint(base, text, index))
@@ -210,9 +210,9 @@ class NameReader:
     def components_of(
         self, written: DocumentNames, words: Sequence[str], index: str,
     ) -> list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]]:
-        """Return the components to which a list of component names leads, through nested documents.
+        """Return the components that a list of component names selects, through nested documents.
 
-        Each component is given by its document and its key, with its parent components.
+        Each item of the result contains the document and the key of a component, and its parent components.
         """
         level: list[tuple[DocumentNames, tuple[tuple[DocumentNames, str], ...]]] = [(written, ())]
         reached: list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]] = []
@@ -222,7 +222,7 @@ class NameReader:
         return reached
 
     def components(self, written: DocumentNames, words: Sequence[Word], index: str) -> Iterator[Hit]:
-        """Yield every component that exists along a reference, which is split into its words."""
+        """Yield every existing component to which one of the `words` of a reference refers."""
         for depth, (at, word) in enumerate(words):
             for (one, key), _ in self.components_of(written, [text for _, text in words[: depth + 1]], index):
                 yield self._hit(one, "components", "component", key, at, word)
@@ -234,7 +234,7 @@ class NameReader:
     def mount(self, written: DocumentNames, text: str, index: str, what: str) -> Iterator[Hit]:
         """Yield the names to which a reference `component.mount` refers.
 
-        If `what` allows it, the reference may also be an exported mount or a component.
+        For some values of `what`, the reference can also be an exported mount or a component.
         """
         *words, (at, last) = _words(text)
         if not words:
@@ -256,9 +256,9 @@ class NameReader:
                     yield from self.components(nested, [(at, last)], "")
 
     def of_component(self, written: DocumentNames, key: str, word: str, index: str) -> Iterator[Hit]:
-        """Yield the mounts of a component that the last word of a reference matches.
+        """Yield the mounts of a component whose name matches `word`, the last word of a reference.
 
-        Mounts are added by the document, exported by a nested assembly, or declared by the part.
+        The mounts can be added by the document, exported by a nested assembly, or declared by the part.
         """
         added = node_at(written.document.tree, ("components", key, "mounts"))
         pattern = pattern_of(word, index)
@@ -284,7 +284,10 @@ class NameReader:
             yield from self.mount(nested, text, index, "mount")
 
     def exact_joint(self, written: DocumentNames, text: str, index: str) -> Iterator[Hit]:
-        """Yield the joint to which a string without patterns refers: `hand.finger`, or one of its coordinates such as `wrist[0]`."""
+        """Yield the joint to which a string refers: `hand.finger`, or one of its coordinates such as `wrist[0]`.
+
+        The string does not contain patterns.
+        """
         *words, (at, last) = _words(re.sub(r"\[\d+\]$", "", text))
         if any(GLOB.search(word) for _, word in (*words, (at, last))):
             return
@@ -331,7 +334,7 @@ class NameReader:
                 yield from self.all_joints(inner, (*way, (written, "components", key)))
 
     def in_section(self, written: DocumentNames | None, what: str, text: str) -> Iterator[Hit]:
-        """Yield the names of one kind (for example `pose`) in a section that a string matches. Yield nothing if the document is None."""
+        """Yield the names in one section, for example `poses`, that match a string. Yield nothing if the document is None."""
         if written is None:
             return
         entries = written.section(f"{what}s")
@@ -343,7 +346,7 @@ class NameReader:
                     yield 0, len(text), Name(what, written.path, key), "fits"
 
     def material(self, written: DocumentNames, text: str) -> Iterator[Hit]:
-        """Yield the material from the document or from one of the materials documents that the document lists."""
+        """Yield the material `text`, which the document or one of its materials documents defines."""
         node = written.document.tree.entries.get("materials")
         sources = [written]
         if not isinstance(node, MappingNode):
@@ -369,7 +372,7 @@ class NameReader:
                 yield use.offset, use.end, Name("parameter", written.path, use.name), "used"
 
     def rule(self, written: DocumentNames, text: str) -> Iterator[Hit]:
-        """Yield the names in a rule, which compares parameters, settings and results."""
+        """Yield the names in a rule, which is a comparison of parameters, settings and results."""
         try:
             uses = parse_expression(text, dotted=True).names
         except ExpressionError:
@@ -385,7 +388,7 @@ class NameReader:
                 yield from self.setting(written, name, at)
 
     def setting(self, written: DocumentNames, text: str, at: int) -> Iterator[Hit]:
-        """Yield the parameter to which a setting refers, or the names in the path of any other value of the assembly."""
+        """Yield the parameter to which a setting refers, or the names in the path of another value of the assembly."""
         if "." not in text:
             yield from _moved(at, self.in_section(written, "parameter", text))
             return
@@ -397,7 +400,7 @@ class NameReader:
             yield from _moved(at + word.offset, inside.key(word.path, str(word.path[-1]), word.names))
 
     def key(self, path: Path, text: str, names: DeclaresName | RefersTo) -> Iterator[Hit]:
-        """Yield the name that the key at a path of this document declares or to which this key refers.
+        """Yield the name that the key at a path of this document declares or refers to.
 
         The document need not contain the key.
         """
@@ -422,7 +425,7 @@ class NameReader:
         return one
 
     def choice(self, written: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
-        """Yield the chosen part, document or material.
+        """Yield the part, document or material that a choice selects.
 
         The path of the choice determines whether the string names a part, a document or a material.
         """
@@ -439,7 +442,7 @@ class NameReader:
                 yield from self.material(inner, text)
 
     def raw(self, written: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
-        """Yield the names that the name of an element in a target's file contains: `hand/finger`."""
+        """Yield the names in the path of an element in output files, such as `hand/finger`."""
         kind = referred(path) or "" if path[2] == "add" else str(path[2])
         dotted = text.replace("/", ".")
         words = _words(dotted)
@@ -459,12 +462,12 @@ class NameReader:
 
 
 def _dotted(way: Sequence[tuple[DocumentNames, str, str]]) -> Iterator[str]:
-    """Yield the dotted names of all items of a joint, with the names of its parent components."""
+    """Yield the dotted names of all items of a joint, including the names of its parent components."""
     (written, section, key), *rest = way
     for item in written.items(section, key):
         yield from (f"{item}.{inner}" for inner in _dotted(rest)) if rest else (item,)
 
 
 def part_name(name: PartName) -> Name:
-    """Convert the name of a mount or parameter in a part module to a name of the index."""
+    """Convert a `PartName`, which is the name of a mount or parameter in a part module, to a `Name`."""
     return Name(name.what, name.file, name.text, name.owner)

@@ -1,6 +1,6 @@
-"""Compute the text edits that rename a name at its declaration and at all its uses, or the reason why the name cannot be renamed.
+"""Rename a name at its declaration and at all its uses, or explain why the name cannot be renamed.
 
-The edits are verified: the edited documents are parsed and resolved, and every reference must refer to the same element as before.
+The edits are verified by parsing the edited documents. Every reference must refer to the same element as before.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from thingc.documents.names.workspace_index import WorkspaceIndex, mentioned
 from thingc.documents.spec.name_types import RESERVED
 
 WORDS = {"export": "exported mount", "part mount": "mount of a part", "part parameter": "parameter of a part"}
-"""Kinds of names whose description in messages differs from the internal name."""
+"""Descriptions of kinds of names in messages, if they differ from the internal name of the kind."""
 
 _SECTIONS = {
     "component": "components", "joint": "joints", "parameter": "parameters", "pose": "poses", "mode": "modes", "link": "links",
     "sensor": "sensors", "tendon": "tendons", "test": "tests", "material": "materials", "export": "mounts",
 }
 _RESERVING = frozenset({"component", "joint", "export", "link", "mount", "part mount"})
-"""Kinds of names for which `world`, `root` and `origin` are reserved."""
+"""Kinds of names that cannot be `world`, `root` or `origin`, because these names are reserved."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 
 
@@ -41,8 +41,8 @@ class RenameRefused(Exception):
 class RenameEdits(FrozenStruct):
     """The edits that rename an element of a document.
 
-    `texts` are the new contents of files by absolute path. `after` is the index of names after the rename. The places of each file are
-    ordered from last to first.
+    `texts` maps absolute paths to the new contents of files. `after` is the index of all names after the rename. The edited locations in
+    each file are sorted from last to first.
     """
 
     places: tuple[Span, ...]
@@ -51,7 +51,7 @@ class RenameEdits(FrozenStruct):
 
 
 def renamable(sight: WorkspaceIndex, name: Name) -> None:
-    """Raise `RenameRefused` if a name cannot be renamed at all."""
+    """Raise `RenameRefused` if a name cannot be renamed, whatever the new name is."""
     what = WORDS.get(name.what, name.what)
     if name.what in ("document", "part"):
         kinds = "files" if name.what == "document" else "classes"
@@ -94,7 +94,7 @@ def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
 
 
 def with_spans(sight: WorkspaceIndex, spans: Iterable[Span], new: str) -> dict[str, str]:
-    """Replace the text at each span by `new`. Return the new contents of the changed files by absolute path."""
+    """Replace the text at each span by `new`, and return the new contents of the changed files by absolute path."""
     lines: dict[str, list[str]] = {}
     for span in sorted(spans, key=lambda one: (one.file, one.line, one.column), reverse=True):
         if span.file not in lines:
@@ -133,7 +133,7 @@ def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
 
 
 def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, str]]:
-    """Yield the existing names that conflict with a new name, each with the type of element that it names."""
+    """Yield the existing names that conflict with a new name, each with the type of its element."""
     written = sight.documents[name.file]
     if name.what == "index":
         if new in written.section("parameters"):

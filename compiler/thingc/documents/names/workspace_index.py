@@ -1,4 +1,7 @@
-"""Index of all names in the documents and part modules of a workspace. The contents of open, unsaved files replace the contents on disk."""
+"""Index of all names in the documents and part modules of a workspace.
+
+For files that are open in an editor, the unsaved contents are indexed.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +24,9 @@ MAX_TEXT = 10_000_000
 
 
 class WorkspaceIndex(FrozenStruct):
-    """The documents of a workspace by absolute path: parsed `documents`, and the contents of `broken` documents that cannot be parsed.
+    """The documents of a workspace by absolute path: `documents` are parsed, and `broken` contains the texts that cannot be parsed.
 
-    `read` returns the text of any file (or None), `relative` returns the display path of a file.
+    `read` is a function that returns the text of any file (or None), and `relative` returns the display path of a file.
     """
 
     documents: Mapping[str, DocumentNames]
@@ -35,7 +38,7 @@ class WorkspaceIndex(FrozenStruct):
     folders: tuple[str, ...] = ()
 
     def with_texts(self, texts: Mapping[str, str]) -> WorkspaceIndex:
-        """Return a copy of the index in which the contents of some files are replaced by `texts`."""
+        """Return a copy of the index in which `texts` replaces the contents of some files."""
         def read(path: str) -> str | None:
             return texts[path] if path in texts else self.read(path)
 
@@ -63,8 +66,8 @@ def index_workspace(
 ) -> WorkspaceIndex:
     """Build the index of names for all documents of a workspace, or for the documents in `only` (absolute paths).
 
-    `texts` are the contents of open files by absolute path. `last` are previous versions of documents, which replace documents that cannot
-    be parsed. `disk` is the function that reads all other files.
+    `texts` maps absolute paths to the contents of files that are open in an editor. `last` contains previous versions of documents, which
+    are used for documents that cannot be parsed now. The function `disk` reads all other files.
     """
     def read(path: str) -> str | None:
         return texts[path] if path in texts else disk(path)
@@ -108,5 +111,5 @@ def read_document(path: str, relative: str, text: str) -> DocumentNames | None:
 
 
 def mentioned(text: str, word: str) -> bool:
-    """Return whether a text contains the name `word`, or the name of an item of a repeat, such as `leg_0` for `leg`."""
+    """Return whether a text contains the name `word`, or the name of an item of a repeat, such as `leg_0` if `word` is `leg`."""
     return re.search(rf"(?<![A-Za-z0-9_]){re.escape(word)}(?![A-Za-z0-9])", text, re.ASCII) is not None

@@ -1,1 +1,1 @@
-"""Document models and their validation. This package is imported lazily, because importing pydantic is slower than reading a document."""
+"""Document models and their validation. The package is imported lazily, because importing pydantic takes longer than reading a document."""

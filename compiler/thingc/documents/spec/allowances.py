@@ -1,4 +1,4 @@
-"""The key `allow` of documents, which suppresses warnings."""
+"""The key `allow` of documents, by which a user suppresses warnings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ALLOWABLE = {code.code: code.title for code in all_codes() if code.warned_by is 
 
 
 def _warning_code(value: Any) -> str:
-    """Validate the code of a warning that is suppressed."""
+    """Validate the diagnostic code of a suppressed warning."""
     if not isinstance(value, str):
         raise fault("type", f"expected the code of a warning such as `TC407`, found {found(value)}")
     if value in ALLOWABLE:
@@ -50,7 +50,7 @@ Allow = dict[
 
 
 def allow() -> Any:
-    """Return the field `allow`, whose schema lists all possible codes with their titles."""
+    """Return the pydantic field `allow`, whose JSON Schema lists all possible codes with their titles."""
     return Field(default={}, examples=[{"TC407": "the idler carries no rotor"}], json_schema_extra={
         "properties": {code: {**_REASON_SCHEMA, "description": f"{title}."} for code, title in ALLOWABLE.items()},
         "additionalProperties": False,
@@ -80,7 +80,7 @@ def allowances(spec: AssemblySpec, document: Document) -> Iterator[Allowance]:
 def _lines(written: Mapping[str, str], document: Document, path: Path, covered: list[Path] | None = None) -> Iterator[Allowance]:
     """Yield the entries of the mapping `allow` of the element at `path`.
 
-    They suppress warnings at the paths `covered`, by default at `path`.
+    The entries suppress warnings at the paths `covered`, by default only at `path`.
     """
     for code, reason in written.items():
         yield Allowance(

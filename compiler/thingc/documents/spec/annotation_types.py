@@ -1,7 +1,7 @@
-"""The types of values in document models, such as mapping, list or choice, derived from the annotations of the models.
+"""Types of the values in documents, such as mapping, list or choice, derived from the annotations of pydantic models.
 
-Errors of pydantic contain a location in the model. This module maps such a location to the place in the document, and provides similar
-names and the description of the expected type.
+A validation error of pydantic contains a location in the model. The types in this module are used to find the corresponding position in the
+document, similar names, and a description of the expected type.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from thingc.documents.spec.name_types import DeclaresName, RefersTo
 
 
 class FieldType(FrozenStruct):
-    """The type of a value in a document model, derived from an annotation.
+    """The type of a value in a document, derived from an annotation.
 
     `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`. `model` is the
-    class of a document model. `members` are the types of dict values, of list items or of the branches of a union. `key` is the type of
-    dict keys. `choices` are the values of a literal. `field` is the validator, `names` is the kind of name that the value declares or to
-    which it refers, `annotation` is the annotation.
+    class of a document model. `members` contains the types of dict values, of list items, or of the branches of a union. `key` is the type
+    of dict keys. `choices` contains the allowed values of a `Literal`. `field` is the validator, and `annotation` is the annotation.
+    `names` is the kind of name that the value declares or refers to.
     """
 
     kind: str
@@ -44,7 +44,7 @@ class FieldType(FrozenStruct):
 
     @property
     def words(self) -> str:
-        """A description of the values that are valid, for messages."""
+        """A description of the valid values for messages."""
         if self.kind == "model":
             assert self.model is not None
             keys = model_keys(self.model)
@@ -68,12 +68,12 @@ class FieldType(FrozenStruct):
 
 @cache
 def shape_of(annotation: Any) -> FieldType:
-    """Convert a Python annotation of a document model to a `FieldType`. The branch `None` of an optional type is ignored."""
+    """Convert a Python annotation of a document model to a `FieldType`. For an optional type, `None` is ignored."""
     return _field_shape(annotation, ())
 
 
 def _field_shape(annotation: Any, metadata: Sequence[Any]) -> FieldType:
-    """Return the type of a model's field from its annotation and `metadata`."""
+    """Return the type of a field of a document model, given its annotation and its `metadata`."""
     names = next((extra for extra in metadata if isinstance(extra, (DeclaresName, RefersTo))), None)
     for extra in metadata:
         if isinstance(extra, FieldValidator):
@@ -102,7 +102,10 @@ def _field_shape(annotation: Any, metadata: Sequence[Any]) -> FieldType:
 
 @cache
 def model_keys(model: type[BaseModel]) -> dict[str, tuple[FieldType, bool]]:
-    """Return the keys that a document model defines, in order. Each key has the type of its value, and whether the key is required."""
+    """Return the keys that a document model defines, in order.
+
+    Each key is mapped to the type of its value and to whether the key is required.
+    """
     return {
         field.alias or name: (_field_shape(field.annotation, field.metadata), field.is_required())
         for name, field in model.model_fields.items()
@@ -115,7 +118,10 @@ def alternatives(shape: FieldType) -> list[FieldType]:
 
 
 def branch_of(shape: FieldType, value: Any) -> FieldType | None:
-    """Return the branch of a union type that `value` is probably meant for. Return None if no branch accepts this type of value."""
+    """Return the branch of a union type that the user probably intended by `value`.
+
+    Return None if all branches require another type of value.
+    """
     branches = alternatives(shape)
     if isinstance(value, dict):
         fitting = [branch for branch in branches if branch.kind in ("model", "dict")]
@@ -137,9 +143,9 @@ def branch_of(shape: FieldType, value: Any) -> FieldType | None:
 
 
 def likeness(branch: FieldType, value: dict[str, Any]) -> float:
-    """Rate how well a value fits a type: count the keys of `value` that the type defines.
+    """Return a score for how well a mapping matches a type: the number of keys of `value` that the type defines.
 
-    A key that is only similar to a defined key counts 0.5. A type with arbitrary keys counts 0.25 in total.
+    A key that is only similar to a defined key adds 0.5. For a type that accepts arbitrary keys, the score is 0.25.
     """
     if branch.model is None:
         return 0.25
@@ -148,11 +154,11 @@ def likeness(branch: FieldType, value: dict[str, Any]) -> float:
 
 
 def one_of(words: Sequence[str]) -> str:
-    """Format a list of alternatives for a message: each word in backticks, with commas and a final "or" between the words."""
+    """Format alternatives for a message: each word in backticks, with commas and a final "or" between the words."""
     quoted = [f"`{word}`" for word in words]
     return quoted[0] if len(quoted) == 1 else ", ".join(quoted[:-1]) + " or " + quoted[-1]
 
 
 def spoken(choice: Any) -> str:
-    """Format an allowed value of a field in the syntax of documents."""
+    """Format an allowed value of a field as it is written in documents."""
     return {True: "true", False: "false"}[choice] if isinstance(choice, bool) else str(choice)

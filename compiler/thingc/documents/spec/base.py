@@ -1,4 +1,4 @@
-"""The base class of all document models, and a function that creates the validation error of a rule between fields."""
+"""The base class of all document models, and a function that creates validation errors for rules that involve several fields."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from thingc.base.suggestions import Hint
 
 
 class Model(BaseModel):
-    """A mapping in a document. Unknown keys are errors, and values are immutable.
+    """The base class of the pydantic models of mappings in documents. Unknown keys are errors, and instances are immutable.
 
-    The docstrings under the fields are the hover text of an editor: `spec.schema` reads them when it exports the
-    schemas. (pydantic's own `use_attribute_docstrings` reads the source at every import, which costs 40 ms.)
+    The docstrings below the fields are the hover text in editors: `spec.schema` copies them into the JSON Schemas. The option
+    `use_attribute_docstrings` of pydantic is not used, because it reads the source at every import, which takes 40 ms.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 def rule(message: str, help: Hint = "", key: str | None = None) -> PydanticCustomError:
-    """Create a validation error for a mapping that violates a rule between its fields. `key` is the key that causes the error."""
+    """Create the validation error for a mapping whose fields violate a common rule. `key` is the key that causes the error."""
     return PydanticCustomError("rule", "{message}", {"message": message, "help": help, "path": (key,) if key is not None else ()})

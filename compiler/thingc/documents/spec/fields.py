@@ -1,9 +1,10 @@
 """Types of values in documents: quantities, expressions, vectors, names, references, colours.
 
-Each is an `Annotated` type that pydantic validates with one function, without pydantic's unions and regular expressions. Therefore an
-invalid value causes one error, with a message of thingc. The errors are `PydanticCustomError`s, whose type is a word that `spec.validation`
-converts to a code. Their context contains `message` and `help`; `offset` and `end` (characters inside the scalar) if only a part of the
-scalar is invalid; `path` if the error is inside the value; and `others`, a list of further errors of this type.
+Each type is an `Annotated` type that pydantic validates with a single function, instead of with pydantic's unions and regular expressions.
+An invalid value therefore causes exactly one error, whose message is written by thingc. The errors are `PydanticCustomError`s. The module
+`spec.validation` converts the type of an error to a diagnostic code. The context of an error contains `message` and `help`. If only a part
+of a scalar is invalid, `offset` and `end` are the range of its characters. If the error is inside the value, `path` is the path to the
+error. `others` is a list of further errors.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ Vector = tuple[Value, Value, Value]
 
 
 class FieldValidator:
-    """An annotation of a model field, with its validator, its description in messages, and its JSON Schema."""
+    """An annotation of a field of a document model: its validator, its description in messages, and its JSON Schema."""
 
     def __init__(self, validate: Callable[[Any], Any], words: str, schema: Mapping[str, Any]) -> None:
         self.validate = validate
@@ -76,9 +77,9 @@ class FieldValidator:
 
 
 def fault(kind: str, message: Hint, *, help: Hint | None = None, offset: int | None = None, end: int | None = None) -> PydanticCustomError:
-    """Create a pydantic validation error with the message and the help text of thingc.
+    """Create a pydantic validation error from a message and a help text.
 
-    The module docstring describes the context of the error.
+    The docstring of this module describes the context of the error.
     """
     context: dict[str, Any] = {"message": message}
     if help:
@@ -106,7 +107,7 @@ def found(value: object) -> str:
 
 
 def read_expression(text: str) -> Expression:
-    """Parse an expression such as `=reach / 2`. A syntax error in the expression is raised as a validation error."""
+    """Parse an expression such as `=reach / 2`. Syntax errors are raised as pydantic validation errors."""
     try:
         return parse_expression(text)
     except ExpressionError as error:
@@ -124,7 +125,7 @@ def _of_unit(error: UnitError) -> PydanticCustomError:
 
 
 def _bare(value: int | float) -> Quantity:
-    """Convert a number without a unit to a quantity. Numbers that overflow a double are rejected."""
+    """Convert a number without a unit to a quantity. Raises an error for integers that overflow a double."""
     try:
         number = float(value)
     except OverflowError:
@@ -135,9 +136,9 @@ def _bare(value: int | float) -> Quantity:
 
 
 def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, example: str) -> Value:
-    """Parse a string or a number of a document as a quantity with one of the given physical dimensions, or as an expression.
+    """Parse a string or a number of a document to a quantity with one of the given physical dimensions, or to an expression.
 
-    Raises an error: `expected a length (such as `120 mm`), found ...`.
+    Raises an error such as `expected a length (such as `120 mm`), found ...` for any other value.
     """
     if isinstance(value, Quantity):
         return checked(value, dimensions, f"{value.value}")
@@ -157,7 +158,10 @@ def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, exampl
 
 
 def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: str) -> Quantity:
-    """Parse a quantity with `parse_quantity`. If the string is not a quantity at all, the error describes the expected value."""
+    """Parse a quantity, such as `120 mm`, by calling `parse_quantity`.
+
+    For a string that is not a quantity at all, raise an error that describes the expected value.
+    """
     start = len(text) - len(text.lstrip())
     if scan_number(text, start) is None:
         raise UnitError(f"expected {words} (such as `{example}`), found {found(text)}", help=expression_hint(text))
@@ -173,7 +177,10 @@ def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: 
 
 
 def decimal_point(text: str, whole: str, rest: str) -> Suggestion:
-    """Return the hint for a decimal comma. The hint includes a fix only if the comma cannot be a thousands separator, as in 1,500."""
+    """Return the hint for a number with a decimal comma.
+
+    The hint contains a fix only if the comma cannot be a thousands separator, as in 1,500.
+    """
     point = f"{whole}.{rest}"
     decimals = re.match(r"\d*", rest)
     sure = decimals is not None and len(decimals.group()) != 3 and shortened(point) == point
@@ -181,10 +188,10 @@ def decimal_point(text: str, whole: str, rest: str) -> Suggestion:
 
 
 def quantity(*dimensions: Dimension, doc: str = "") -> FieldValidator:
-    """Return a validator for values of one of the physical dimensions. The validated value is a `Quantity` or an `Expression`.
+    """Return a validator for quantities with one of the given physical dimensions. The validated value is a `Quantity` or an `Expression`.
 
-    The number 0 needs no unit. Other numbers without a unit are rejected, unless NUMBER is one of the physical dimensions. `doc` replaces
-    the default description ("an angle or a length") in messages and in the schema.
+    The number 0 is valid without a unit. All other numbers without a unit are rejected, unless NUMBER is one of the physical dimensions.
+    `doc` replaces the default description, such as "an angle or a length", in messages and in the JSON Schema.
     """
     words = doc or " or ".join(dimension.words for dimension in dimensions)
     examples = [dimension.example for dimension in dimensions]
@@ -244,14 +251,14 @@ def _begins_with_number(text: str) -> bool:
 
 
 def _joint_value(value: Any) -> Value | str:
-    """Validate a joint's coordinate, or (in a pose) the name of a nested document's pose."""
+    """Validate the value of a joint coordinate, or in a pose the name of a pose of a nested document."""
     if isinstance(value, str) and _NAME.fullmatch(value.strip()):
         return value.strip()
     return read_value(value, (ANGLE, LENGTH), "an angle or a length", "30 deg")
 
 
 def _vector(dimension: Dimension) -> FieldValidator:
-    """Return the field type of a vector with three values of one physical dimension: `[10 mm, 0, =h]` or `0 120 30 mm`.
+    """Return the validator of a vector with three values of one physical dimension: `[10 mm, 0, =h]` or `0 120 30 mm`.
 
     The validated value is a tuple of three values.
     """
@@ -296,8 +303,9 @@ def _vector(dimension: Dimension) -> FieldValidator:
 
 
 def within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticCustomError:
-    """Return a copy of a validation error with the path of the faulty item inside a value, so that `spec.validation` can locate the
-    error.
+    """Return a copy of a validation error with the path of the invalid item inside a value.
+
+    By this path, `spec.validation` finds the location of the error.
     """
     context = dict(error.context or {})
     context["path"] = path
@@ -305,7 +313,7 @@ def within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticC
 
 
 def raise_all(errors: list[PydanticCustomError]) -> None:
-    """Raise the first of several validation errors, if any. The context of the raised error contains the other errors."""
+    """If the list is not empty, raise its first validation error with all other errors in its context."""
     if errors:
         first, *others = errors
         raise PydanticCustomError(first.type, "{message}", {**(first.context or {}), "others": others})
@@ -315,7 +323,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 
 
 def name_of(value: Any) -> str:
-    """Validate a name of a document. Raises an error if it is invalid."""
+    """Validate a name in a document, such as the name of a component. Raises an error if the name is invalid."""
     if not isinstance(value, str):
         raise fault("type", f"expected a name, found {found(value)}")
     if _NAME.fullmatch(value):
@@ -329,7 +337,7 @@ def name_of(value: Any) -> str:
 
 
 def _index(value: Any) -> str:
-    """Validate the index of a joint coordinate, which is a whole number of at least 0."""
+    """Validate the index of a joint coordinate, which must be an integer of at least 0."""
     if isinstance(value, str) and value.isdecimal() and value.isascii() and len(value) < 3:
         return value
     raise fault("name", f"expected the index of a coordinate such as `0`, found {found(value)}")
@@ -339,9 +347,9 @@ _REFERENCE_WORD = re.compile(r"(?:[A-Za-z*?\[]|\$\{?[A-Za-z])(?:[A-Za-z0-9_*?\[\
 
 
 def _reference(value: Any) -> str:
-    """Validate a reference, which consists of names with dots.
+    """Validate a reference to an element, which consists of names separated by dots.
 
-    It may contain the index `$i` of a repeat and, if patterns are allowed, `*`, `?` and `[...]`.
+    A reference can contain the index `$i` of a repeat. If patterns are allowed, `*`, `?` and `[...]` are also valid.
     """
     if not isinstance(value, str):
         raise fault("type", f"expected a reference such as `plate.servo_seat`, found {found(value)}")
@@ -363,7 +371,7 @@ _HEX = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})", re.ASCII)
 
 
 def _color(value: Any) -> str:
-    """Validate a CSS colour name, `#rgb` or `#rrggbb`, and normalise it to `#rrggbb`."""
+    """Validate a CSS colour name, `#rgb` or `#rrggbb`, and convert it to `#rrggbb`."""
 
     if not isinstance(value, str):
         raise fault("type", f"expected a colour, found {found(value)}", help='write a CSS name or `"#rrggbb"`')
@@ -379,7 +387,7 @@ def _color(value: Any) -> str:
 
 
 def _count(value: Any) -> int | Expression:
-    """Validate a count, which is a whole number of at least 0 or an expression."""
+    """Validate a count, which must be an integer of at least 0 or an expression."""
     if is_expression(value):
         return read_expression(value)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -401,7 +409,7 @@ _COST = re.compile(r"\d+(?:\.\d+)? [A-Z]{3}", re.ASCII)
 
 
 def _cost(value: Any) -> str:
-    """Validate a cost, which is an amount with a currency, such as `12.50 EUR`. The string is returned unchanged."""
+    """Validate a cost: an amount with a currency, such as `12.50 EUR`. The string is returned unchanged."""
     if isinstance(value, str) and _COST.fullmatch(value):
         return value
     amount = value if isinstance(value, (int, float)) and not isinstance(value, bool) else "12.50"
@@ -419,7 +427,7 @@ _ANY_SCHEMA = {
 _INDEX_SCHEMA = {"type": "string", "pattern": "^[0-9]$"}
 _NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "examples": ["shoulder"]}
 REFERENCE_PATTERN = rf"^{_REFERENCE_WORD.pattern}(\.{_REFERENCE_WORD.pattern})*$"
-"""JSON Schema pattern of a string that is a reference."""
+"""Regular expression of a reference for the JSON Schemas."""
 _REFERENCE_SCHEMA = {
     "type": "string", "pattern": REFERENCE_PATTERN,
     "description": "Dotted names; the last may be a mount; `$i` inside a repeat.",
@@ -489,4 +497,4 @@ wheat f5deb3, white ffffff, whitesmoke f5f5f5, yellow ffff00, yellowgreen 9acd32
 COLORS: dict[str, str] = {
     name: f"#{digits}" for name, digits in (entry.split() for entry in _TABLE.replace("\n", " ").split(",") if entry.strip())
 }
-"""CSS colours: lower-case name to `#rrggbb`."""
+"""CSS colours: a mapping of lower-case names to `#rrggbb`."""

@@ -1,7 +1,7 @@
-"""Keywords of other formats and programs (URDF, SDFormat, MJCF, ROS, printing, CAD) and the keys and values that they correspond to.
+"""Keywords of other formats and programs (URDF, SDFormat, MJCF, ROS, printing, CAD), with the corresponding keys and values of thingc.
 
-`KEYS` lists foreign keys by the model of the mapping. `WORDS` lists values that other formats use in place of one of our choices. `WHOLE`
-lists mappings that users often write as a bare value.
+`KEYS` contains keys of other formats, grouped by the document model in which users write them. `WORDS` contains values of other formats
+that users write in place of a choice of thingc. `WHOLE` contains mappings for which users often write only a single value.
 """
 
 from __future__ import annotations
@@ -119,12 +119,13 @@ _KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     variants.AxisSpec: {"from": "start min lower", "to": "stop end max upper", "count": "steps n num"},
     workspace.WorkspaceSpec: {"parts": "path paths part_folders", "build": "out output"},
 }
-"""Keys of other formats, grouped by our key to use instead, or by a sentence that explains the replacement."""
+"""Keys of other formats, grouped by the key of thingc that replaces them, or by a sentence that explains the replacement."""
 
 KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     model: {word: meant for meant, words in table.items() for word in words.split()} for model, table in _KEYS.items()
 }
-"""Keys of other formats by the model of the mapping, each with our key or a sentence that explains the replacement."""
+"""Keys of other formats by document model, each with the key of thingc that replaces it, or with a sentence that explains the replacement.
+"""
 
 FREE = "define a floating robot as a mode: `modes: {adrift: {root: COMPONENT, base: free}}`"
 
@@ -143,16 +144,16 @@ _WORDS = {
     "bought buy": "purchased stock bought purchase", "uniform": "grid random", "lhs": "latin_hypercube latin",
     "vendor": "datasheet data_sheet catalogue", "measured": "weighed scale", "estimated": "guess guessed cad computed",
 }
-"""Values of other formats, grouped by the choices to which they may correspond."""
+"""Values of other formats, grouped by the choices of thingc that they can mean."""
 
 WORDS: Mapping[str, tuple[str, ...]] = {word: tuple(meant.split()) for meant, words in _WORDS.items() for word in words.split()}
-"""Values of other formats in lower case, with the choices to which they may correspond, most likely first.
+"""Values of other formats in lower case, with the choices of thingc that they can mean. The most likely choice comes first.
 
-A choice may be invalid at some places.
+A choice is suggested only where it is valid.
 """
 
 FLOATING = frozenset({"floating", "float", "free", "freejoint", "6dof", "floating_base"})
-"""Joint types of other formats that correspond to the base type of a mode."""
+"""Joint types of other formats that mean a free base of a mode in thingc."""
 
 WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     assembly.LimitSpec: ("lower", "upper"), modes.WorldAtSpec: ("xyz",), modes.HoldSpec: ("xyz",), assembly.MountSpec: ("xyz",),
@@ -162,11 +163,11 @@ WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     sensors.SensorSpec: ("type",), modes.ContactsSpec: ("exclude",), link_shapes.RoundSpec: ("radius",),
     link_shapes.LongSpec: ("radius", "length"),
 }
-"""Models of mappings that users often write as a value or a list of values, with the keys of these values."""
+"""Models of mappings for which users often write a single value or a list of values, with the keys of these values."""
 
 
 def key_for(model: type[BaseModel], key: str) -> str | None:
-    """Return the key of thingc that corresponds to a key of another format, or a sentence that explains the difference.
+    """Return the key of thingc that replaces a key of another format, or a sentence that explains the difference.
 
     Return None for an unknown key.
     """
@@ -178,7 +179,7 @@ def key_for(model: type[BaseModel], key: str) -> str | None:
 
 
 def choice_hint(word: str, choices: list[str]) -> Hint | None:
-    """Return a hint for a value that is not one of the choices but is used in another format, or None."""
+    """Return a hint for a value of another format that was written in place of one of the choices, or None."""
     plain = word.lower().replace("-", "_").replace(" ", "_")
     names = [one for one in WORDS.get(plain, ()) if one in choices]
     if names:
@@ -187,7 +188,10 @@ def choice_hint(word: str, choices: list[str]) -> Hint | None:
 
 
 def written_whole(model: type[BaseModel], texts: list[str], value: object) -> str | None:
-    """Return the mapping that the user probably intended by a bare value or a list, or None. `texts` contains the scalars of the value."""
+    """Return the text of the mapping that the user probably intended by a single value or a list, or None.
+
+    `texts` contains the source texts of the scalars in the value.
+    """
     keys = WHOLE.get(model)
     if keys is None or not texts or not all(texts) or isinstance(value, bool):
         return None

@@ -15,16 +15,15 @@ if TYPE_CHECKING:
 
 
 ANY_NAME = "*"
-"""Placeholder in a path for an entry whose name is invalid. Any unresolved reference may refer to this entry."""
+"""Placeholder in a path for an entry whose name is invalid. Every reference that cannot be resolved may refer to this entry."""
 
 
 class InvalidEntries(FrozenStruct):
-    """The paths of invalid values that validation removed from a document, and the paths of keys that an invalid key may be a misspelling
-    of.
+    """The paths of invalid values that validation has removed from a document.
 
-    All of these errors have been reported.
+    Also contains paths of required keys if an invalid key may be a misspelling of the required key. The invalid values have been reported.
 
-    Later passes do not report errors at such a path, at its parent paths, or inside its value.
+    Later passes do not report errors at one of these paths, at its parent paths, or inside its value.
     """
 
     paths: frozenset[Path] = frozenset()
@@ -33,19 +32,19 @@ class InvalidEntries(FrozenStruct):
         return bool(self.paths)
 
     def touch(self, path: Path) -> bool:
-        """Return whether the value at `path`, one of its parents, or a value inside it is invalid."""
+        """Return whether the value at `path`, a value that contains it, or a value inside it is invalid."""
         return any(doubt[: len(path)] == path[: len(doubt)] for doubt in self.paths)
 
     def at(self, path: Path) -> bool:
-        """Return whether the whole value at `path`, or one of its parents, is invalid."""
+        """Return whether the value at `path`, or a value that contains it, is invalid as a whole."""
         return any(doubt == path[: len(doubt)] for doubt in self.paths)
 
     def lacks(self, section: str) -> bool:
-        """Return whether some names in a section may be unknown because the section or one of its names is invalid."""
+        """Return whether names may be missing in a section, because the whole section or the name of an entry is invalid."""
         return (section, ANY_NAME) in self.paths or self.at((section,))
 
     def names(self, section: str) -> Iterator[str]:
-        """Yield the entries of a section that are invalid as a whole, in alphabetical order."""
+        """Yield the names of the entries of a section that are invalid as a whole, in alphabetical order."""
         yield from sorted(str(doubt[1]) for doubt in self.paths if len(doubt) == 2 and doubt[0] == section and doubt[1] != ANY_NAME)
 
 
@@ -55,7 +54,7 @@ NO_DOUBTS = InvalidEntries()
 class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
     """The validated models of documents, keyed by the path of the document in the workspace.
 
-    `doubts` contains the invalid entries of each document; `allowances` contains the warnings that each document suppresses.
+    `doubts` contains the invalid entries of each document, and `allowances` contains the warnings that each document suppresses.
     """
 
     def __init__(self, *arguments: Any) -> None:
@@ -64,7 +63,7 @@ class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
         self.allowances: list[Allowance] = []
 
     def joined(self, more: Specs) -> Specs:
-        """Return the validated models of these documents and of the documents in `more`."""
+        """Return the union of these validated models and the models in `more`."""
         both = Specs({**self, **more})
         both.doubts = {**self.doubts, **more.doubts}
         both.allowances = [*self.allowances, *more.allowances]

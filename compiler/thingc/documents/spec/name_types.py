@@ -1,7 +1,8 @@
 """The types of model fields whose keys or values declare a name or refer to a name.
 
-Only these types define to which kind of name a string refers. `documents/names/document_names.py` uses them, so "rename" and "go to
-definition" need no lists of keys. `tests/spec/test_mentions.py` lists the few string fields that do not refer to a name.
+These types are the only place that defines to which kind of name a string refers. The module `documents/names/document_names.py` reads the
+types, so the editor commands "rename" and "go to definition" do not need lists of keys. The test `tests/spec/test_mentions.py` lists all
+other string fields.
 """
 
 from __future__ import annotations
@@ -16,32 +17,33 @@ from thingc.documents.spec.fields import JointValueField, Name, ReferenceField
 Declared = Literal[
     "component", "export", "index", "joint", "link", "material", "mode", "mount", "parameter", "pose", "sensor", "tendon", "test",
 ]
-"""Kinds of declared names. `export` is a mount that is exported to a parent assembly, `index` is the index of a `repeat`."""
+"""Kinds of names that documents declare. `export` is a mount that is exported to a parent assembly, and `index` is the index of a `repeat`.
+"""
 ReferenceKind = Literal[
     "assembly document", "choice", "component", "coordinate", "coordinate or tendon", "expression", "joint", "joint or nested assembly",
     "material", "materials document", "mode", "modes", "mount", "mount of its own", "mount or export", "parameter of a nested assembly",
     "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw", "root", "rule", "sensor", "setting", "tendon",
 ]
-"""Kinds of references.
+"""Kinds of references in documents.
 
-`coordinate` is a coordinate of a joint in the same document. `modes` and `poses` are names, patterns or `all`. `setting` is a parameter or
-the path of any other value in an assembly, `choice` is a value that is set at such a path, and `rule` is a comparison between settings and
-results. `raw` is an element of a file that a target writes.
+`coordinate` refers to a coordinate of a joint in the same document. `modes` and `poses` refer to one or several elements by names, patterns
+or `all`. `setting` is a parameter or the path of a value in an assembly, `choice` is the value at such a path, and `rule` is a comparison
+of settings and results. `raw` refers to an element of an output file.
 """
 
 
 RESERVED = frozenset({"world", "root", "origin"})
-"""Reserved names with a special meaning."""
+"""Names with a special meaning, which users cannot give to elements."""
 
 
 class DeclaresName(FrozenStruct, kw_only=False):
-    """An annotation of a model field whose key or string declares a name."""
+    """An annotation for fields of document models whose key or string declares a name."""
 
     what: Declared
 
 
 class RefersTo(FrozenStruct, kw_only=False):
-    """An annotation of a model field whose key or string refers to a name."""
+    """An annotation for fields of document models whose key or string refers to a name."""
 
     what: ReferenceKind
 
@@ -91,4 +93,4 @@ PoseValueField = Annotated[JointValueField, RefersTo("pose of a nested assembly"
 ModeNames = Annotated[str, RefersTo("modes")] | Annotated[list[Annotated[str, RefersTo("modes")]], Field(min_length=1)]
 PoseNames = Annotated[str, RefersTo("poses")] | Annotated[list[Annotated[str, RefersTo("poses")]], Field(min_length=1)]
 JointNames = JointPattern | Annotated[list[JointPattern], Field(min_length=1)]
-"""A name, a pattern or `all`, or a list of these."""
+"""A name, a pattern or `all`, or a list of names and patterns."""

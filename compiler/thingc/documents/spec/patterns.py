@@ -1,7 +1,7 @@
-"""Regular expressions of values and similar patterns, for the JSON Schemas.
+"""Regular expressions and schemas of values in documents, for the JSON Schemas.
 
-The patterns accept every value that the compiler accepts, and reject unknown units and simple units of another physical dimension. Regular
-expressions cannot check the dimension of products of units or the syntax of expressions.
+The regular expressions accept every value that the compiler accepts. They reject unknown units and simple units of another physical
+dimension. Regular expressions cannot check the dimension of products of units or the syntax of expressions.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ANY_VALUE = rf"^(\s*{EXPRESSION}|\s*{_DIGITS}(\s*{_UNITS})?\s*|(?!\s*(=|[-+]?\.?
 
 
 def _units_of(*dimensions: Dimension) -> str:
-    """Return the pattern of a unit, without simple units of other dimensions.
+    """Return the regular expression of a unit with one of the physical dimensions, or of a product of units.
 
     The value `0 %` is accepted in the same way as the number 0 without a unit.
     """
@@ -30,19 +30,22 @@ def _units_of(*dimensions: Dimension) -> str:
 
 
 def quantity_pattern(*dimensions: Dimension, word: str = "") -> str:
-    """Return the pattern of a value of one of the physical dimensions. If `word` is given, the pattern also accepts this word."""
+    """Return the regular expression of a quantity with one of the physical dimensions.
+
+    If `word` is given, the regular expression also accepts this word.
+    """
     bare = _DIGITS if any(fits(NUMBER, one) for one in dimensions) else _ZERO
     return rf"^\s*({EXPRESSION}|{_DIGITS}\s*{_units_of(*dimensions)}|{bare}{'|' + word if word else ''})\s*$"
 
 
 def vector_pattern(dimension: Dimension) -> str:
-    """Return the regular expression of a vector in one string: three numbers and a unit, or three zeros."""
+    """Return the regular expression of a vector in a single string: three numbers and a unit, or three zeros."""
     numbers, zeros = ((_BETWEEN.join([one] * 3)) for one in (_DIGITS, _ZERO))
     return rf"^\s*({numbers}\s*{_units_of(dimension)}|{zeros})\s*$"
 
 
 def raw_schema(levels: int) -> dict[str, Any]:
-    """Return the schema of scalars, lists of scalars, and mappings of scalars and lists that are nested at most `levels` deep."""
+    """Return the JSON Schema of a scalar, a list of scalars, or a mapping of these that is nested at most `levels` deep."""
     schema: dict[str, Any] = {
         "type": ["string", "number", "boolean", "array", "object"],
         "items": {"type": ["string", "number", "boolean", "object"] if levels else ["string", "number", "boolean"]},

@@ -1,6 +1,6 @@
-"""Remove the invalid entries of a document, so that later passes can use the rest.
+"""Remove the invalid entries of a document, so that later passes can use the valid entries.
 
-For each error, the smallest removable entry that contains the error is removed.
+For each error, the smallest entry that contains the error and can be removed is removed.
 """
 
 from __future__ import annotations
@@ -15,28 +15,30 @@ from thingc.documents.spec.annotation_types import FieldType, model_keys
 from thingc.documents.spec.invalid_entries import ANY_NAME
 
 ROUNDS = 12
-"""Maximum number of passes. More than one pass may be needed, because an entry may become invalid when a required key is removed."""
+"""Maximum number of times that invalid entries are removed. More than one time may be needed, because removing a required key makes the
+enclosing entry invalid.
+"""
 
 _NEEDED = ("thingc", "name", "components")
-"""Required keys of an assembly. `prune` handles the required key `materials` of a materials document."""
+"""Required keys of an assembly. The function `prune` handles the required key `materials` of a materials document."""
 
 _STAND_INS: dict[str, Any] = {"parameters": 0, "poses": {}}
-"""Placeholders for removed entries whose name is valid, by section."""
+"""Placeholder values by section, for removed entries whose name is valid."""
 
 
 MISPLACED = "misplaced"
-"""Kind of an error (type `value`) for keys that are indented like the entry to which they belong.
+"""Kind of an error (type `value`) for keys that have the same indentation as the entry to which they belong.
 
-That entry is the `owner` in the error's context (None if the keys precede the first entry).
+The context of the error contains this entry as `owner`, or None if the keys precede the first entry.
 """
 
 
 class Fault(FrozenStruct):
-    """An error in a document, at the value at `path` or, if `key` is True, at the key of this value.
+    """A validation error at the value at `path` of a document. If `key` is True, the error is at the key of this value.
 
-    The type and the context come from pydantic or `fields`.
+    The type and the context of the error come from pydantic or from `fields`.
 
-    `shape` is the expected type, or the type of the mapping with an unknown or missing key.
+    `shape` is the expected type of the value. For an unknown or missing key, `shape` is the type of the mapping.
     """
 
     path: Path
@@ -48,7 +50,10 @@ class Fault(FrozenStruct):
 
 
 def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
-    """Remove the invalid entries from the plain values of a document. Return the removed paths, or None if nothing useful remains."""
+    """Remove the invalid entries from `plain`, which is a document as plain Python values.
+
+    Return the removed paths, or None if required keys of the document are invalid.
+    """
     doubts: set[Path] = set()
     for fault in faults:
         path = fault.path
@@ -81,7 +86,9 @@ def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
 
 
 def take_out(plain: dict[str, Any], path: Path, *, name: bool = False) -> Path | None:
-    """Remove the value at `path` from the plain values of a document. For an item of a list, remove the whole list.
+    """Remove the value at `path` from `plain`, which is a document as plain Python values.
+
+    If the value is an item of a list, remove the whole list.
 
     `name` is True if the name of the entry is invalid.
 
@@ -110,7 +117,7 @@ def _copied(value: Any) -> Any:
 
 
 def _at(value: Any, path: Path) -> Any:
-    """Return the plain Python value at a path of a document. Return None if the path does not exist."""
+    """Return the value at a path of a document that consists of plain Python values. Return None if the path does not exist."""
     for step in path:
         if isinstance(value, dict):
             value = value.get(step)

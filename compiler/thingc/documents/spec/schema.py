@@ -1,6 +1,6 @@
 """JSON Schema (draft 2020-12) of each kind of document, for editors. `python -m thingc.documents.spec.schema` writes `schemas/`.
 
-Titles, descriptions and examples come from the models; the docstring below a field is its description.
+Titles, descriptions and examples come from the pydantic models. The description of a field is the docstring below the field.
 """
 
 from __future__ import annotations
@@ -48,11 +48,12 @@ def json_schema(kind: str) -> dict[str, Any]:
 
 
 class _Generator(GenerateJsonSchema):
-    """pydantic's schema generator, extended with the schemas of our own types."""
+    """The JSON Schema generator of pydantic, extended with the schemas of `fields`."""
 
     def dict_schema(self, schema: Any) -> dict[str, Any]:
-        """Return the JSON Schema of a mapping, with the regular expression of its keys. pydantic omits this expression for types with
-        validators.
+        """Return the JSON Schema of a mapping, including the regular expression of its keys.
+
+        For types with validators, the method of pydantic omits this expression.
         """
         mapping: dict[str, Any] = super().dict_schema(schema)
         keys = schema.get("keys_schema")
@@ -64,7 +65,10 @@ class _Generator(GenerateJsonSchema):
 
 
 def _documentation(*modules: types.ModuleType) -> dict[str, dict[str, str]]:
-    """Return the docstrings of fields by class and field name. Inherited fields are listed at the class that defines them."""
+    """Return the docstrings of all fields in these modules, keyed by class name and field name.
+
+    An inherited field is listed under the class that defines the field.
+    """
     texts: dict[str, dict[str, str]] = {}
     for module in modules:
         for node in ast.parse(inspect.getsource(module)).body:
@@ -83,7 +87,7 @@ def _is_text(node: ast.stmt) -> bool:
 
 
 def _describe(definition: dict[str, Any], documented: dict[str, str]) -> None:
-    """Prepend the docstrings of fields to the descriptions of their types."""
+    """Prepend the docstring of each field to the description of the type of the field."""
     for name, field in definition.get("properties", {}).items():
         text = documented.get(name)
         if text is not None:
@@ -92,7 +96,7 @@ def _describe(definition: dict[str, Any], documented: dict[str, str]) -> None:
 
 
 def _complete(name: str, field: dict[str, Any], definitions: dict[str, Any]) -> None:
-    """Add information for editors to the schema of a field: a title, the description of the mapping, and the choices as examples."""
+    """Add information for editors to the schema of a field: a title, the description of a mapping, and the choices as examples."""
     field.setdefault("title", name.replace("_", " ").title())
     if "$ref" in field:
         inner = definitions[field["$ref"].rpartition("/")[2]]
@@ -108,7 +112,7 @@ def _complete(name: str, field: dict[str, Any], definitions: dict[str, Any]) -> 
 
 
 def _without_null(schema: Any) -> Any:
-    """Return the schema without `null`, which is not a valid value in documents, and without null defaults."""
+    """Remove `null`, which is not a valid value in documents, and null defaults from a schema."""
     if isinstance(schema, list):
         return [_without_null(item) for item in schema]
     if not isinstance(schema, dict):
@@ -130,7 +134,7 @@ def _both(inner: dict[str, Any], outer: dict[str, Any]) -> dict[str, Any]:
 
 
 def write(folder: str) -> list[str]:
-    """Write every schema as `<kind>-1.json` into a folder. Return the paths."""
+    """Write the JSON Schema of each kind of document to a file `<kind>-1.json` in a folder. Return the paths of the files."""
     paths = []
     for kind in KINDS:
         path = os.path.join(folder, f"{kind}-1.json")

@@ -1,4 +1,4 @@
-"""Values of an assembly that variants can set or choose, and their paths (`joints.elbow.limit.upper`)."""
+"""Find the values of an assembly that a variant can set or choose, given their paths (`joints.elbow.limit.upper`)."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ if TYPE_CHECKING:
     from thingc.documents.spec.assembly import AssemblySpec
 
 KEYS = ("part", "file", "assembly", "material")
-"""Keys of a component whose values can be chosen."""
+"""Keys of a component whose values a variant can choose."""
 DEFAULT_MATERIAL = "defaults.component.material"
 EXAMPLES = "`components.NAME.part` (or `.assembly`, `.file`, `.material`), or `defaults.component.material`"
 
 VALUES = "the path of a value, such as `joints.NAME.limit.upper` or `components.NAME.mass`"
 SECTIONS = ("components", "defaults", "joints", "links", "materials", "poses", "sensors", "tendons")
-"""Sections of a nested assembly in which values can be set. No key of a component has the name of such a section."""
+"""Sections of a nested assembly whose values a variant can set. These names differ from all keys of components."""
 
 
 class ChoicePath(FrozenStruct):
-    """The parsed path of a choice such as `components.leg.components.foot.part`: the names of the components and the key, here `part`."""
+    """A parsed path of a choice. For `components.leg.components.foot.part`, the names are `leg` and `foot`, and the key is `part`."""
 
     components: tuple[str, ...]
     key: str
 
 
 def parse(path: str) -> ChoicePath | None:
-    """Parse the path of a choice. Return None if the path is not a choice."""
+    """Parse a path such as `components.foot.part`. Return None if the path does not refer to a choice."""
     words = path.split(".")
     names: list[str] = []
     while len(words) > 2 and words[0] == "components":
@@ -54,7 +54,10 @@ def parse(path: str) -> ChoicePath | None:
 
 
 def nested(path: str) -> tuple[str, str] | None:
-    """Split a path into a component and the path in its nested assembly. Return None if the path does not lead into a nested assembly."""
+    """Split a path into the name of a component and the rest of the path, which refers to a value in the nested assembly.
+
+    Return None if the path does not refer to a value in a nested assembly.
+    """
     words = path.split(".", 2)
     if len(words) < 3 or words[0] != "components" or words[2].partition(".")[0] not in SECTIONS or "." not in words[2]:
         return None
@@ -62,15 +65,16 @@ def nested(path: str) -> tuple[str, str] | None:
 
 
 def is_value(path: str) -> bool:
-    """Return whether a path leads to a value of the document, such as a limit, and not to a choice of a part or material."""
+    """Return whether a path refers to a value, such as a limit, and not to a choice, such as a part or a material."""
     words = path.split(".")
     return len(words) > 1 and all(words) and " " not in path and parse(path) is None
 
 
 def dimension_at(document: Document, path: Path) -> Dimension | None:
-    """Return the physical dimension of the joint value at `path`. Return None for other values, and if the dimension is ambiguous.
+    """Return the physical dimension of the joint value at `path`.
 
-    The dimension depends on the `type` of the joint. For `defaults`, poses and patterns, it depends on the types of all matching joints.
+    Return None if the value does not belong to a joint, or if its dimension is ambiguous. The dimension depends on the `type` of the joint.
+    For `defaults`, poses and patterns, all matching joints must have the same dimension.
     """
     names, key = _joints(document, path)
     coordinates = {_coordinate(document, name) for name in names}
@@ -78,11 +82,11 @@ def dimension_at(document: Document, path: Path) -> Dimension | None:
     return dimensions_of(coordinate).get(key) if coordinate is not None else None
 
 _VECTOR = re.compile(r"(\S+)\s+(\S+)\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)", re.ASCII)
-"""Pattern of three numbers that share one unit."""
+"""Regular expression of a vector: three numbers with a common unit."""
 
 
 def _joints(document: Document, path: Path) -> tuple[Iterator[str], str]:
-    """Return the joints to which the value at a path may apply, and the key of the value."""
+    """Return the names of the joints to which the value at a path applies, and the key of the value."""
     every = node_at(document.tree, ("joints",))
     names = list(every.entries) if isinstance(every, MappingNode) else []
     key = str(path[-1]) if path else ""
@@ -105,17 +109,19 @@ def _coordinate(document: Document, name: str) -> Dimension | None:
 def current_value(documents: Documents, path: str) -> ExpressionValue | Expression | None:
     """Return the value at a path in the root document or a nested document.
 
-    A vector that is written as one string is returned as a string. Return None if the document does not specify the value, or if the value
-    is an expression in a nested document.
+    A vector that the document contains as one string is returned as a string. Return None if the document does not specify the value, or if
+    the value is an expression in a nested document.
     """
     document, keys = _leading(documents, path)
     return None if document is None else _value(documents, document, keys)
 
 
 def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
-    """Return the value that a nested document declares for one of its parameters, at a path such as `components.leg.parameters.length`.
+    """Return the value that a nested document specifies for one of its own parameters.
 
-    Return None for other paths, and if the value is an expression.
+    For example, the path is `components.leg.parameters.length`.
+
+    Return None if the value is an expression, or if the path does not refer to such a parameter.
     """
     document, keys = _leading(documents, path)
     if document is None or len(keys) != 4 or (keys[0], keys[2]) != ("components", "parameters"):
@@ -128,13 +134,16 @@ def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
 
 
 def dimension_stated(documents: Documents, path: str) -> Dimension | None:
-    """Return the physical dimension of the joint value at a path. The value need not exist in the document. Return None for other paths."""
+    """Return the physical dimension of the joint value at a path.
+
+    The document need not contain the value. Return None if the path does not refer to a value of a joint.
+    """
     document, keys = _leading(documents, path)
     return None if document is None else dimension_at(document, keys)
 
 
 def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[str, ...]]:
-    """Return the nested document to which a path leads, and the remaining keys in this document."""
+    """Return the nested document that contains the value at a path, and the keys of the value in this document."""
     document: Document | None = documents.root
     while document is not None and (through := nested(path)) is not None:
         component, path = through
@@ -160,9 +169,9 @@ def _value(documents: Documents, document: Document, keys: tuple[str, ...]) -> E
 
 
 def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
-    """Return the current values of the choices of a document's own components, by path.
+    """Return the current choices (parts, files, assemblies and materials) of the components in a document, keyed by path.
 
-    Choosing the current value does not change the robot.
+    Selecting a current choice again does not change the robot.
     """
     default = assembly.defaults.component if assembly.defaults is not None else None
     choices = {DEFAULT_MATERIAL: default.material} if default is not None and default.material is not None else {}
@@ -172,12 +181,12 @@ def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
 
 
 def in_full(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] | None:
-    """Convert a value in short form to its long form if a path leads to a key inside it.
+    """Convert a value in short form to its long form, if a path refers to a key inside the value.
 
-    Return the path of the value and its long form, or None.
+    Return the path of the value and its long form, or None if the path does not refer to a value in short form.
 
-    Short forms are a drive of a joint that only names a component or comes from `defaults` (`joints.elbow.drive.kp`), and a vector that is
-    written as one string (`modes.moon.gravity.2`).
+    There are two short forms. A joint drive can be only the name of a component, or come from `defaults` (`joints.elbow.drive.kp`). A
+    vector can be a single string (`modes.moon.gravity.2`).
     """
     text = node_at(tree, keys[:-1])
     vector = _VECTOR.fullmatch(text.text.strip()) if keys[-1].isdecimal() and isinstance(text, ScalarNode) else None
@@ -197,6 +206,9 @@ def in_full(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] |
 
 
 def stated_node(tree: Node, keys: tuple[str, ...]) -> Node | None:
-    """Return the node at a path of a document, or None. The path may lead into a value in short form."""
+    """Return the node at a path of a document, or None if there is no value at this path.
+
+    The path can refer to a key inside a value in short form.
+    """
     place, node = in_full(tree, keys) or ((), tree)
     return node_at(node, keys[len(place):])

@@ -1,4 +1,4 @@
-"""Explain unknown keys: find the intended key and the mapping where it belongs."""
+"""Explain errors about unknown keys: find the key that the user probably intended, and the mapping where the key is valid."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from thingc.documents.spec.pruning import MISPLACED, Fault
 
 
 class UnknownKey:
-    """An unknown key in a document, with the model of the document (`root`) and the validation error (`fault`).
+    """An error about an unknown key in a document. `root` is the model of the document, and `fault` is the validation error.
 
-    `instead` is the intended key of the same mapping, or None. `help` is the help text of the diagnostic.
+    `instead` is the key of the same mapping that the user probably intended, or None. `help` is the help text of the error.
     """
 
     def __init__(self, document: Document, root: type[Model], fault: Fault) -> None:
@@ -52,7 +52,7 @@ class UnknownKey:
     def _called(self, told: str) -> Hint:
         """Return the help text that suggests the key `told` instead of the unknown key.
 
-        If `told` is a whole sentence, return this sentence.
+        If `told` is a whole sentence, this sentence is returned unchanged.
         """
         if told not in self.known:
             return told
@@ -62,14 +62,13 @@ class UnknownKey:
         return Suggestion(f"use `{told}`", (self.key, told))
 
     def _mate(self) -> str | None:
-        """Suggest the long form of `attach` if the unknown key `turn` or `gap` is next to the short form of `attach`."""
+        """Suggest the long form of `attach` for an unknown key `turn` or `gap` in a component with the short form of `attach`."""
         if not {"mount", "to"} <= set(self.known) - self.present:
             return None
         return f"write in full: `mount: {shortened(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
 
     def _place(self, root: type[Model]) -> str | None:
-        """Describe where an unknown key belongs: in a mapping inside its own mapping, in a parent mapping, or in a section of the document.
-        """
+        """Describe where an unknown key is valid: in a nested mapping, in a parent mapping, or in a section of the document."""
         value = node_at(self.document.tree, self.path)
         if "parameters" in self.known and "part" not in self.known and len(self.path) > 1 and isinstance(value, ScalarNode):
             return f"set a parameter by `parameters: {{{shortened(self.key, 40)}: {shortened(value.text, 40)}}}`"
@@ -99,7 +98,7 @@ class UnknownKey:
         return self._parameter(shown)
 
     def _section(self, root: type[Model], value: Any) -> str | None:
-        """Return the section of the document whose entries resemble the mapping under the key."""
+        """Return the section of the document whose entries are similar to the value of the unknown key."""
         if not isinstance(value, dict):
             return None
         likes = {name: likeness(entry, value) for name, entry in sections(root) if entry.model is not None}
@@ -109,12 +108,12 @@ class UnknownKey:
         return f"move `{self.key}` below the key `{best}`, indented by two more spaces"
 
     def _of_entries(self, root: type[Model]) -> str | None:
-        """Describe the sections of the document in whose entries the unknown key is valid."""
+        """Describe the sections of the document whose entries accept the unknown key."""
         having = [name for name, entry in sections(root) if entry.model is not None and self.key in model_keys(entry.model)]
         return f"`{self.key}` is a key of an entry of {one_of(having)}: check the indentation" if having else None
 
     def _parameter(self, shown: str) -> str | None:
-        """Describe how to set the parameters of a part or a nested document."""
+        """Return a help text that describes how to set the parameters of a part or of a nested document."""
         for of, key in (("part", "params"), ("assembly", "parameters")):
             if {of, key} <= set(self.known) and of in self.present and shown != "..." and nearest(self.key, self.known) is None:
                 return f"set a parameter of the {of} by `{key}: {{{shortened(self.key, 40)}: {shown}}}`"
@@ -126,14 +125,14 @@ def _node_text(value: Node | None) -> str:
 
 
 def sections(root: type[Model]) -> Iterator[tuple[str, FieldType]]:
-    """Yield the sections of a document with named entries, and the types of the entries."""
+    """Yield the name of each section of a document with named entries, and the type of its entries."""
     for name, (shape, _) in model_keys(root).items():
         if shape.kind == "dict":
             yield name, shape_of(shape.members[0])
 
 
 def along(root: type[Model], document: Document, path: Path) -> Iterator[FieldType]:
-    """Yield the type of the document, and then the type of every value along `path` up to the first unknown key."""
+    """Yield the types of the document and of all values along `path`, up to the first unknown key."""
     shape = shape_of(root)
     yield shape
     for depth, step in enumerate(path):
@@ -153,12 +152,15 @@ def along(root: type[Model], document: Document, path: Path) -> Iterator[FieldTy
 
 
 def _models(model: type[Model] | Any, key: str) -> Iterator[type[Model] | Any]:
-    """Yield the document models of the mappings that are valid as the value of a key."""
+    """Yield the document models of the mappings that a key accepts as its value."""
     return (one.model for one in alternatives(model_keys(model)[key][0]) if one.model is not None)
 
 
 def gathered(document: Document, root: type[Model], faults: list[Fault]) -> list[Fault]:
-    """Combine the errors of keys that are indented like their entry, and drop the errors that report these keys as missing."""
+    """Combine the errors about keys that have the same indentation as the entry to which they belong.
+
+    Errors that report these keys as missing are dropped.
+    """
     misplaced: list[Fault] = []
     for section, entry in sections(root):
         around = node_at(document.tree, (section,))
@@ -191,9 +193,9 @@ def gathered(document: Document, root: type[Model], faults: list[Fault]) -> list
 
 
 def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
-    """Return the message and the help text for keys that are indented like their entry.
+    """Return the message and the help text for keys that have the same indentation as the entry to which they belong.
 
-    For TOML, the texts refer to tables instead of indentation.
+    For TOML documents, the texts mention tables instead of indentation.
     """
     section, owner, names = str(fault.path[0]), fault.context["owner"], [f"`{shortened(name)}`" for name in fault.value]
     several = len(names) > 1
@@ -208,7 +210,7 @@ def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
 
 
 def _is_rather(value: Any, key: FieldType, entry: FieldType) -> bool:
-    """Return whether a value resembles the value of the key `key` more than a complete entry of the section."""
+    """Return whether a value is more similar to the value of the key `key` than to a whole entry of the section."""
     if not isinstance(value, dict):
         return True
     known = sum(name in model_keys(entry.model) for name in value) if entry.model is not None else 0

@@ -1,4 +1,7 @@
-"""Validate documents against their models. `validation_errors.py` explains errors; it is imported only if there are errors."""
+"""Validate documents with their pydantic models.
+
+The module `validation_errors.py`, which explains errors, is only imported if a document has errors.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from thingc.documents.spec.invalid_entries import InvalidEntries, Specs
 from thingc.documents.spec.materials import MaterialsSpec
 
 KINDS = ("assembly", "materials", "variants", "workspace")
-"""Kinds of documents with a model."""
+"""Kinds of documents that have a pydantic model."""
 
 
 def model_of(kind: str) -> type[Model] | None:
@@ -40,10 +43,10 @@ def model_of(kind: str) -> type[Model] | None:
 
 
 def validate(documents: Documents, report: Report, memo: Memo | None = None) -> Specs:
-    """Validate all documents, and return their models by path in the workspace.
+    """Validate all documents, and return their models, keyed by the path of the document in the workspace.
 
-    For an invalid document, all errors are reported, the model contains the valid rest, and `doubts` contains the removed entries.
-    Documents without any useful valid entries are omitted. `memo` caches the models of valid documents.
+    For an invalid document, all errors are reported. Its model contains only the valid entries, and `doubts` contains the removed entries.
+    Documents without useful valid entries are omitted. `memo` caches the models of valid documents.
     """
     specs, memo = Specs(), memo or Memo()
     for path, document in documents.by_path.items():
@@ -67,7 +70,10 @@ def validate_one(document: Document, report: Report) -> Model | None:
 
 
 def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEntries]:
-    """Report the errors of a document. Return the model of the valid rest (None if nothing is left) and the removed entries."""
+    """Validate a document, and report its errors.
+
+    Return the model with the valid entries (None if no useful entries remain), and the removed entries.
+    """
     model = model_of(document.kind)
     if model is None:
         report.add(Code.WRONG_KIND, f"documents of kind `{document.kind}` are not supported yet", document.span(("thingc",)))
@@ -92,9 +98,10 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEnt
 
 
 def _build(model: type[Model]) -> None:
-    """Build the validator of a model at its first use, without pydantic's search for plugins in all installed packages.
+    """Build the validator of a pydantic model when it is first used.
 
-    The search for plugins takes longer than validating a document.
+    pydantic normally searches all installed packages for plugins first. This search is skipped, because it takes longer than validating a
+    document.
     """
     if model.__pydantic_complete__:
         return

@@ -1,10 +1,10 @@
-"""Convert the validation errors of pydantic to diagnostics with positions in the document, and extract the valid rest of the document.
+"""Convert the validation errors of pydantic to diagnostics with positions in the document, and find the valid entries of the document.
 
 This module is imported only for invalid documents.
 
-pydantic validates the plain values and reports locations in the model. This module resolves these locations with the annotations
-(`annotation_types`). pydantic's location contains the tag of a union, which is not in the document. Therefore the written value determines
-the intended branch of a union, and only the errors of this branch are reported.
+pydantic validates the plain values and reports locations in the model. This module converts these locations to positions in the document by
+following the annotations (`annotation_types`). The branch of the union that the user probably intended is determined from the value, and
+only errors of this branch are reported.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ def sound_rest(
     document: Document, model: type[Model], plain: dict[str, Any], error: ValidationError | None, empty: Mapping[Path, ScalarNode],
     damaged: frozenset[Path], report: Report,
 ) -> tuple[Model | None, InvalidEntries]:
-    """Report the errors of a document. Return the model of the valid rest (None if nothing is left) and the removed entries.
+    """Report the errors of a document. Return the model with the valid entries (None if no useful entries remain), and the removed entries.
 
-    `error` is the exception of the model for the `plain` values, which are pruned in place. `empty` contains the paths of null values.
-    `damaged` contains the paths of errors that `load` has reported.
+    `plain` contains the values of the document, from which invalid entries are removed in place, and `error` is the exception of the model.
+    `empty` contains the paths of null values, and `damaged` the paths of errors that `load` has already reported.
     """
     wrong = _report_empty(document, empty, report)
     faults: list[Fault] = []
@@ -49,7 +49,7 @@ def sound_rest(
 
 
 def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong: frozenset[Path]) -> tuple[Model | None, InvalidEntries]:
-    """Return the model of a document without its errors and without the values at the paths `wrong`, and the removed entries."""
+    """Return the model of a document without invalid entries and without the values at the paths `wrong`, and the removed entries."""
     doubts: set[Path] = set()
     pruned = prune(plain, faults)
     for path in wrong:
@@ -71,7 +71,7 @@ def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong:
 def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: Report) -> frozenset[Path]:
     """Report keys without a value, because null is not allowed.
 
-    Return the paths of these keys, and the paths of values that a decimal comma split.
+    Return the paths of these keys, and the paths of values that were split by a decimal comma.
     """
     paths: set[Path] = set()
     for path, node in empty.items():
@@ -101,9 +101,9 @@ _COMMA = "use a decimal point, not a comma"
 
 
 def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Suggestion] | None:
-    """Detect a decimal comma such as `{gap: 1,5 mm}`, which is parsed as `gap: 1` and a key `5 mm`.
+    """Detect a decimal comma such as in `{gap: 1,5 mm}`, which YAML parses as `gap: 1` and a key `5 mm`.
 
-    Return the path of the value, the span of the whole text, and a hint with the intended value.
+    Return the path of the value, the span of the text with the comma, and a hint with the correct value.
     """
     mapping = node_at(document.tree, path[:-1])
     if not isinstance(mapping, MappingNode) or not isinstance(path[-1], str) or not path[-1][:1].isdigit():
@@ -120,7 +120,10 @@ def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Suggesti
 
 
 def _faults(shape: FieldType, value: Any, path: Path, error: ValidationError) -> Iterator[Fault]:
-    """Yield the errors of a value of this type at `path`. For unions, only the errors of the intended branch are included."""
+    """Yield the validation errors of the value at `path`, whose expected type is `shape`.
+
+    For a union, only errors of the branch that the user probably intended are yielded.
+    """
     unions: set[Path] = set()
     for entry in error.errors(include_url=False):
         steps, there, key, union = _follow(shape, entry["loc"], entry["type"])
@@ -137,7 +140,7 @@ def _faults(shape: FieldType, value: Any, path: Path, error: ValidationError) ->
 
 
 def _each(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the type and the context of a validation error from `spec.fields`, and of all further errors that its context contains."""
+    """Yield the type and the context of a validation error from `spec.fields`, and of all further errors in its context."""
     others: list[PydanticCustomError] = context.pop("others", [])
     yield kind, context
     for other in others:
@@ -145,7 +148,7 @@ def _each(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, A
 
 
 def _union_faults(shape: FieldType, value: Any, path: Path) -> Iterator[Fault]:
-    """Yield the errors of the intended branch for a value that matches no branch of a union."""
+    """Yield the errors of a value that does not match any branch of a union, for the branch that the user probably intended."""
     branch = branch_of(shape, value)
     if branch is None:
         yield Fault(path=path, kind="type", context={}, value=value, shape=shape)
@@ -166,9 +169,9 @@ def _union_faults(shape: FieldType, value: Any, path: Path) -> Iterator[Fault]:
 
 
 def _follow(shape: FieldType, location: tuple[int | str, ...], kind: str) -> tuple[Path, FieldType, bool, bool]:
-    """Resolve the location of a pydantic error with the annotations.
+    """Convert the location of a pydantic error to a path in the document.
 
-    Return the path in the document, the type at this path, whether the error is about the key, and whether the search stopped at a union.
+    Return the path, the type at this path, whether the error is about the key, and whether the search stopped at a union.
     """
     path: list[int | str] = []
     for index, step in enumerate(location):

@@ -31,14 +31,14 @@ KINDS: dict[str, Code] = {
     "name": Code.BAD_NAME, "reference": Code.BAD_REFERENCE, "color": Code.BAD_COLOR, "vector": Code.WRONG_LENGTH,
     "type": Code.WRONG_TYPE, "rule": Code.BROKEN_RULE, "choice": Code.UNKNOWN_CHOICE,
 }
-"""Codes of the errors that `spec.fields` and the rules of models raise."""
+"""Diagnostic codes of the validation errors that `spec.fields` and the rules of models raise."""
 
 
 class FaultReporter(FrozenStruct, eq=False):
     """Reports the validation errors of a document. `root` is the model of the document.
 
-    `empty` are the paths that have been reported as keys without a value. `damaged` are the paths of placeholders for invalid values and of
-    mappings with an invalid key (reported), which may be a misspelling of a missing key.
+    `empty` contains the paths of keys without a value, which have already been reported. `damaged` contains the paths of placeholders for
+    invalid values, and of mappings with an invalid key that may be a misspelling of a missing key.
     """
 
     document: Document
@@ -71,7 +71,7 @@ class FaultReporter(FrozenStruct, eq=False):
                 self._one(fault)
 
     def _stands_in(self, path: Path) -> bool:
-        """Return whether the value at a path, or an item of a vector at this path, is a placeholder that `load` inserted."""
+        """Return whether the value at a path, or an item of a vector at this path, is a placeholder for an invalid value."""
         inside = (place for place in self.damaged if place[: len(path)] == path)
         return any(isinstance(node_at(self.document.tree, place), ScalarNode) for place in inside)
 
@@ -133,7 +133,7 @@ class FaultReporter(FrozenStruct, eq=False):
         self._add(Code.WRONG_LENGTH, message, self._place(fault.path), fault.path, None)
 
     def _stated(self, fault: Fault) -> None:
-        """Report an error with its own message, which comes from a field or from a rule of a model."""
+        """Report an error whose message was created by a field or by a rule of a model."""
         path = (*fault.path, *fault.context.get("path", ()))
         if fault.kind == "unit":
             fault = self._of_its_joint(fault)
@@ -147,7 +147,7 @@ class FaultReporter(FrozenStruct, eq=False):
         self._add(KINDS[fault.kind], fault.context["message"], where, path, help)
 
     def _of_its_joint(self, fault: Fault) -> Fault:
-        """Add the physical dimension that the type of the joint requires to the error of a missing unit."""
+        """Add the physical dimension that the type of the joint requires to an error about a missing unit."""
         dimension = dimension_at(self.document, fault.path)
         if dimension is not None:
             try:
@@ -182,7 +182,7 @@ def _inside(path: Path) -> str:
 
 
 def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) -> str | None:
-    """Return a hint for a value that was written in place of a mapping, if the intended mapping can be derived from the value."""
+    """Return a hint for a value that was written in place of a mapping, or None if the intended mapping is unclear."""
     node = node_at(document.tree, path)
     if isinstance(node, SequenceNode):
         texts = [one.text if isinstance(one, ScalarNode) else "" for one in node.items]
@@ -213,7 +213,7 @@ def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) 
 
 
 def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
-    """Return a hint for a mapping that was written in place of its only value."""
+    """Return a hint for a mapping that was written where only the single value in it is expected."""
     if not isinstance(fault.value, dict) or len(path) != len(fault.path) or fault.shape.field is None:
         return None
     if path[:1] == ("links",):
@@ -226,7 +226,7 @@ def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
 
 
 def _space_hint(value: Any) -> str | None:
-    """Return a hint for the string `key:value`, in which the space after the colon is missing."""
+    """Return a hint for a string `key:value` in which a space after the colon is missing."""
     match = re.fullmatch(r"([A-Za-z_]\w*):(\S.*)", value) if isinstance(value, str) else None
     return f"a space is missing after the `:`: `{match.group(1)}: {shortened(match.group(2))}`" if match else None
 
@@ -242,7 +242,7 @@ def dotted(path: Path) -> str:
 def within(document: Document, path: Path, offset: int, end: int) -> Span | None:
     """Return the span of the characters from `offset` to `end` (exclusive) in the scalar at `path`.
 
-    Return None if the span cannot be determined because the scalar is on several lines or contains escapes.
+    Return None if the scalar is on several lines or contains escapes, so that the span cannot be determined.
     """
     node = node_at(document.tree, path)
     if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line or node.span.file != document.path:
