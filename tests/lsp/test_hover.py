@@ -46,11 +46,11 @@ def said(analysis: Analysis, text: str, marked: str) -> str:
 
 
 @pytest.mark.parametrize(("marked", "words"), [
-    ("par│ameters:\n", "Values that a variant or a parent assembly may set."),
+    ("par│ameters:\n", "Parameters, by name, whose values a variant or a parent assembly can set."),
     ("re│ach: {value", "**reach** = 120 mm; at least `50 mm`"),
     ("half: =re│ach / 2", "`=reach / 2` = **60 mm**\n\n**reach** = 120 mm; at least `50 mm`"),
     ("120│ deg}", "`120 deg` = 2.0944 rad"),
-    ("mass: 1 k│g", "Mass, instead of the mass from the part and its material."),
+    ("mass: 1 k│g", "The mass, which replaces the mass from the part and its material."),
     ("child: finger_$i.s│eat",
      "**finger_0.seat**: Exported by `finger.yaml`: `bone.seat`.\n\nAt (0, 0, 0) mm, z along +z of `finger_0.bone`."),
     ("=(i + 1) * 5│0 g", "`=(i + 1) * 50 g` = **50 g ... 100 g**"),

@@ -72,8 +72,8 @@ def test_a_field_that_takes_a_mapping_is_told_by_the_mapping() -> None:
 
 def test_docstrings_are_descriptions_also_of_inherited_fields() -> None:
     definitions = json_schema("assembly")["$defs"]
-    assert definitions["ComponentSpec"]["properties"]["material"]["description"] == "A material in scope."
-    assert definitions["ComponentSpec"]["properties"]["part"]["description"] == "A part class as `module:Class`."
+    assert definitions["ComponentSpec"]["properties"]["material"]["description"] == "A material that this document can use."
+    assert definitions["ComponentSpec"]["properties"]["part"]["description"] == "The class of a part, as `module:Class`."
     rpy = definitions["AtSpec"]["properties"]["rpy"]["description"]
     assert rpy.startswith("Extrinsic roll, pitch, yaw, as in URDF. Three values, each an angle")
     assert definitions["LimitSpec"]["properties"]["effort"]["examples"] == ["4.1 N*m", "300 N", "=reach / 2"]

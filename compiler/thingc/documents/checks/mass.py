@@ -32,8 +32,8 @@ class MassTest(Model):
     model_config = BOUNDED
 
     of: ComponentField | None = None
-    """The name of a component, or a pattern for several components; default: the whole robot. For a nested assembly, the mass of all its
-    components is added up.
+    """The name of a component, or a pattern for several components; default: the whole robot. A nested assembly includes all its
+    components.
     """
     min: MassField | None = None
     """The smallest mass allowed."""

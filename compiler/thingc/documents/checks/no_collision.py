@@ -60,8 +60,8 @@ class NoCollisionTest(Model):
     joints: dict[JointPattern, Literal["all"] | Annotated[list[JointBoundField], Field(min_length=2, max_length=2)]] = Field(
         default={}, examples=[{"elbow": "all", "yaw": ["-30 deg", "30 deg"]}],
     )
-    """The ranges of joints that move, by joint name or pattern: `all` for the whole range of a joint, or two positions. All other joints
-    stay in the pose.
+    """The ranges of joints that move, by joint name or pattern: `all` for the limits of a joint, or two positions. Other joints stay in the
+    pose.
     """
     samples: CountField | None = None
     """Number of joint positions that are checked in the ranges of `joints`; default: 200."""

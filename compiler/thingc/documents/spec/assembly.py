@@ -107,14 +107,14 @@ UNIT_OF_ITS_OWN = "STEP, 3MF and glTF files specify their unit"
 
 
 class ParameterSpec(Model):
-    """A parameter with all keys: its value, and the range of values that a variant or a parent may set."""
+    """A parameter in long form: its default value, and the range of values that a variant or a parent assembly can set."""
 
     value: AnyQuantityField
     """The default value."""
     min: AnyQuantityField | None = None
-    """The smallest value allowed, in the same dimension."""
+    """The smallest allowed value, with the same physical dimension."""
     max: AnyQuantityField | None = None
-    """The largest value allowed, in the same dimension."""
+    """The largest allowed value, with the same physical dimension."""
     doc: str = Field(default="", examples=["servo axis to servo axis"])
     """A one-line description."""
 
@@ -139,7 +139,7 @@ class BomSpec(Model):
     cost: CostField | None = None
     """Price per piece."""
     make: Literal["buy", "print", "machine"] | None = None
-    """Whether it is bought, printed or machined; bought parts get no print file."""
+    """Whether the component is bought, printed or machined. Bought components do not get a print file."""
 
 
 class PrintSpec(Model):
@@ -161,11 +161,11 @@ class AttachSpec(Model):
     mount: OwnMountField
     """A mount of this component."""
     to: MountField
-    """The mount to which it is attached."""
+    """The mount to which the component is attached."""
     turn: AngleField | None = None
-    """A constant rotation about the other mount's z."""
+    """A constant rotation about the z axis of the mount `to`."""
     gap: LengthField | None = None
-    """A constant distance along the other mount's z."""
+    """A constant distance along the z axis of the mount `to`."""
 
 
 class RepeatSpec(Model):
@@ -182,21 +182,21 @@ class ComponentDefaults(Model):
     """Defaults for all components of this document (`defaults: component:`)."""
 
     material: MaterialField | None = Field(default=None, examples=["petg"])
-    """A material in scope."""
+    """A material that this document can use."""
     mass: MassSpec | MassField | None = Field(default=None, examples=["57.2 g", {"value": "57.2 g", "source": "measured"}])
-    """Mass, instead of the mass from the part and its material."""
+    """The mass, which replaces the mass from the part and its material."""
     com: CentreOfMassSpec | Vector3Length | None = Field(default=None, examples=["0 0 12 mm", {"value": "0 0 12 mm", "source": "vendor"}])
-    """Centre of mass, in component axes."""
+    """The centre of mass, in the frame of the component."""
     inertia: InertiaSpec | InertiaMatrix | None = Field(
         default=None, examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}],
     )
-    """Inertia about the centre of mass, in component axes."""
+    """The inertia about the centre of mass, in the axes of the component."""
     collision: Collision | None = None
     """The collision shape for simulators; default: `hull`."""
     visual: bool | None = None
     """Whether the component is drawn; default: true."""
     process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 4, "infill": "30 %"}])
-    """The manufacturing process. Its keys override keys of the material's process."""
+    """The manufacturing process. Keys of this process override keys of the material's process."""
     print: PrintSpec | None = Field(default=None, examples=[{"up": [0, 0, 1]}])
     """The orientation of the part on the printer."""
     bom: BomSpec | None = Field(
@@ -206,10 +206,10 @@ class ComponentDefaults(Model):
 
 
 KINDS = ("part", "file", "assembly", "link", "frame")
-"""Kinds of components. Each component must have exactly one of these keys."""
+"""Keys that determine the kind of a component. Each component must have exactly one of the keys."""
 
 OF_PARTS = ("collision", "visual", "process", "print")
-"""Keys that are invalid for a link, because the shapes of the link have these keys."""
+"""Keys that a component with `link` cannot have, because each shape of a link has its own settings."""
 
 
 def _component_rules(schema: dict[str, Any]) -> None:
@@ -230,30 +230,30 @@ def _component_rules(schema: dict[str, Any]) -> None:
 
 
 class ComponentSpec(ComponentDefaults):
-    """A component: exactly one of `part`, `file`, `assembly`, `link`, `frame`, placed by at most one of `attach`, `at`."""
+    """A component with exactly one of the keys `part`, `file`, `assembly`, `link`, `frame`, and at most one of `attach`, `at`."""
 
     model_config = ConfigDict(json_schema_extra=_component_rules)
 
     part: PartField | None = Field(default=None, examples=["arm:BasePlate", "thingc_stock.dynamixel:XM430"])
-    """A part class as `module:Class`."""
+    """The class of a part, as `module:Class`."""
     file: str | None = Field(default=None, examples=["parts/motor.step"])
-    """A part from a file: STEP, BREP, STL, 3MF or OBJ, relative to this document."""
+    """The file of a part: STEP, BREP, STL, 3MF or OBJ, relative to this document."""
     assembly: AssemblyDocument | None = Field(default=None, examples=["end_effector.yaml"])
     """Another assembly document, relative to this one."""
     link: Literal[True] | None = None
-    """A component whose geometry is listed under `shapes`, and whose mass is given."""
+    """A component whose geometry is listed under `shapes`, and whose mass is specified."""
     frame: Literal[True] | None = None
     """A component without geometry."""
     shapes: list[ShapeSpec] = Field(default=[], examples=[[{"box": "380 90 110 mm"}]])
     """The visual and collision shapes of a link."""
     unit: Literal["um", "mm", "cm", "m", "in", "ft"] | None = None
-    """The unit of the numbers in an STL, OBJ or BREP file, which does not specify it; default: mm."""
+    """The unit of length in an STL, OBJ or BREP file, because these formats do not specify the unit; default: mm."""
     faces: CountField | None = Field(default=None, examples=[5000])
-    """The largest number of triangles of a file in simulators; prints, masses and STEP use the full geometry."""
+    """The largest number of triangles in meshes for simulators. Print files, masses and STEP files use the full geometry."""
     params: dict[PartParameter, AnyQuantityField] = Field(default={}, examples=[{"length": "120 mm", "holes": 4}])
-    """The part's parameters."""
+    """Values for parameters of the part, by name."""
     parameters: dict[NestedParameter, AnyQuantityField] = Field(default={}, examples=[{"pen_diameter": "15 mm"}])
-    """The nested assembly's parameters."""
+    """Values for parameters of the nested assembly, by name."""
     attach: Annotated[AttachSpec | dict[OwnMountKey, MountField] | None, Field(union_mode="left_to_right")] = Field(
         default=None, examples=[{"back": "plate.servo_seat"}, {"mount": "back", "to": "plate.servo_seat", "turn": "90 deg"}],
     )
@@ -263,7 +263,7 @@ class ComponentSpec(ComponentDefaults):
     mounts: dict[NewMount, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
     """Mounts that this document adds to the component, by name."""
     mirror: Literal["x", "y", "z"] | None = None
-    """The axis of mirroring: the part, or the whole assembly, is mirrored at the plane normal to this axis of its frame."""
+    """Mirrors the part, or the whole nested assembly, at the plane normal to this axis of its frame."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}, {"count": "=legs", "as": "k"}])
     """Repeats the entry as `name_0`, `name_1` and so on."""
     allow: Allow = allow()
@@ -315,9 +315,9 @@ class LimitSpec(Model):
     """Position limits of a joint, and limits of effort and velocity."""
 
     lower: JointValueField | None = None
-    """The smallest position."""
+    """The smallest position of the joint."""
     upper: JointValueField | None = None
-    """The largest position."""
+    """The largest position of the joint."""
     effort: EffortField | None = None
     """Largest torque or force of the joint; default: from the drive."""
     velocity: SpeedField | None = None
@@ -342,7 +342,7 @@ class MimicSpec(Model):
     polynomial: Annotated[list[AnyQuantityField], Field(min_length=2, max_length=5)] | None = Field(
         default=None, examples=[["10 deg", 1, "0.2 rad^-1"]],
     )
-    """Coefficients of the powers of q(joint), from the 0th to at most the 4th; replaces `multiplier` and `offset`."""
+    """Coefficients of a polynomial in q(joint), in ascending order up to at most the fourth power; replaces `multiplier` and `offset`."""
 
     @model_validator(mode="after")
     def _once(self) -> MimicSpec:
@@ -366,28 +366,28 @@ class JointDefaults(Model):
     )
     """The passive dynamics of the joint; a list for a joint with several coordinates."""
     turn: AngleField | None = None
-    """A constant rotation about the parent mount's z, or the joint's `axis`, before the motion."""
+    """A constant rotation about the z axis of the parent mount (or about `axis`), before the motion."""
     gap: LengthField | None = None
-    """A constant distance along the parent mount's z, or the joint's `axis`."""
+    """A constant distance along the z axis of the parent mount (or along `axis`)."""
     drive: DriveSpec | ComponentField | list[DriveSpec | ComponentField] | dict[Index, DriveSpec | ComponentField] | None = Field(
         default=None, examples=["yaw_servo", {"kind": "position", "kp": "20 N*m/rad", "effort": "4 N*m"}],
     )
-    """A component that is an actuator, or an inline actuator."""
+    """The drive of the joint: a component that is an actuator, or an inline actuator."""
 
 
 class JointSpec(JointDefaults):
     """A joint, by which a mount of the child component moves relative to a mount of the parent component."""
 
     type: JointType
-    """How the child moves on the parent: `revolute` rotates within limits, `continuous` without, `prismatic` slides, `screw` does both."""
+    """The kind of joint: `revolute` rotates within limits, `continuous` without limits, `prismatic` translates, `screw` does both."""
     parent: MountField
     """The parent mount: `component.mount`."""
     child: MountField
-    """The child mount; the joint places its component."""
+    """The child mount. The joint places the component of this mount."""
     axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 1, 0]])
     """The axis of motion, in the parent mount's frame. With an `axis`, the mounts coincide at q = 0 instead of facing each other."""
     offset: JointValueField | list[JointValueField] | dict[Index, JointValueField] | None = Field(default=None, examples=["30 deg"])
-    """The position of the joint at q = 0. It is added to q."""
+    """The position of the joint at q = 0, which is added to q."""
     lead: LengthField | None = Field(default=None, examples=["8 mm", "-2 mm"])
     """For a `screw`, the advance per turn; negative for a left-hand thread."""
     mimic: MimicSpec | list[MimicSpec] | dict[Index, MimicSpec] | None = Field(
@@ -419,7 +419,7 @@ class TurnSpec(Model):
     rpy: Vector3Angle | None = None
     """Extrinsic roll, pitch, yaw in the parent mount's axes, as in URDF."""
     quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(default=None, examples=[[0.966, 0.259, 0, 0]])
-    """w, x, y, z, as in MJCF, of any length except 0."""
+    """The quaternion w, x, y, z, as in MJCF, of any length except 0."""
 
     @model_validator(mode="after")
     def _one(self) -> TurnSpec:
@@ -440,11 +440,11 @@ class AssemblySpec(Model):
     parameters: dict[NewParameter, ParameterSpec | AnyQuantityField] = Field(
         default={}, examples=[{"reach": {"value": "100 mm", "min": "60 mm", "max": "200 mm"}, "pen_diameter": "15 mm"}],
     )
-    """Values that a variant or a parent assembly may set."""
+    """Parameters, by name, whose values a variant or a parent assembly can set."""
     materials: list[MaterialsDocument] | dict[NewMaterial, MaterialSpec] = Field(default=[], examples=[
         ["thingc_stock.materials"], ["materials.yaml"], {"petg": {"density": "1270 kg/m^3"}},
     ])
-    """Materials documents in scope, as paths or `package.document` (`thingc_stock.materials`), or materials defined here."""
+    """Materials that this document can use: definitions by name, or materials documents as paths or `package.document`."""
     defaults: DefaultsSpec | None = Field(default=None, examples=[{"component": {"material": "petg"}}])
     components: Annotated[dict[NewComponent, ComponentSpec], Field(min_length=1)] = Field(examples=[{"plate": {"part": "arm:BasePlate"}}])
     """Parts, nested assemblies and frames, by name."""
@@ -457,7 +457,7 @@ class AssemblySpec(Model):
     )
     """Tendons, by name: sums of joint coordinates, or paths, along which drives and springs act."""
     links: dict[NewLink, ComponentField] = Field(default={}, examples=[{"base_link": "plate"}])
-    """Names of links. Each entry also selects the component whose frame is the frame of the link."""
+    """Names of links, each with the component whose frame is the frame of the link."""
     mounts: dict[NewExport, MountField] = Field(default={}, examples=[{"base": "plate.bottom", "tip": "hand.tip"}])
     """Mounts that this assembly exports to a parent assembly."""
     poses: dict[NewPose, dict[JointKey, PoseValueField | list[JointValueField] | dict[Index, JointValueField] | TurnSpec]] = Field(
@@ -468,12 +468,12 @@ class AssemblySpec(Model):
     """Modes, by name. Each mode is a simulation model; the first mode is the default."""
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "2 ms", "integrator": "implicitfast"}])
     raw: dict[str, RawField] = Field(default={}, examples=[{"mjcf": {"joint": {"yaw": {"solreflimit": "0.01 1"}}}}])
-    """Raw attributes for the files of a target, by path. Only the target checks these attributes."""
+    """Attributes that are added to the output files of one target, by path. Only the target checks their values."""
     sensors: dict[NewSensor, SensorSpec] = Field(default={}, examples=[{"imu": {"type": "imu", "at": "body.imu"}}])
     """Sensors, by name."""
     names: NamesSpec | None = Field(default=None, examples=[{"joints": {"joint_1": "1"}}])
     """Names in output files that differ from the names in this document."""
     tests: dict[NewTest, TestSpec] = Field(default={}, examples=[{"light": {"mass": {"max": "2.2 kg"}}}])
-    """Tests of the robot; `thingc test` runs them."""
+    """Tests of the robot, which `thingc test` runs."""
     allow: Allow = allow()
     """Suppressed warnings of this document, by code, each with a reason."""

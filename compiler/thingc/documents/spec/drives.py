@@ -23,7 +23,7 @@ from thingc.documents.spec.name_types import ComponentField
 DriveKind = Literal["position", "velocity", "motor"]
 
 UNUSED = {"velocity": ("kp",), "motor": ("kp", "kv")}
-"""Gains that each kind of drive does not use and that therefore cannot be overridden."""
+"""Gains that each kind of drive does not use. Documents cannot override these gains."""
 
 
 class DynamicsSpec(Model):
@@ -42,7 +42,7 @@ class DynamicsSpec(Model):
 
 
 class DriveSpec(Model):
-    """A drive whose values are in the document, or the actuator of a component with some values replaced."""
+    """A drive: either its values, or a component that is an actuator, with some values replaced."""
 
     model_config = ConfigDict(json_schema_extra={
         "anyOf": [{"required": ["component"]}, {"required": ["kind"]}],
@@ -57,7 +57,7 @@ class DriveSpec(Model):
     })
 
     component: ComponentField | None = None
-    """A component that is an actuator. The other keys replace values of this actuator."""
+    """A component that is an actuator. The other keys replace values of the actuator."""
     kind: DriveKind | None = Field(default=None, validate_default=True)
     """The commanded quantity: a position, a velocity, or the torque or force itself (`motor`); default: as in the component."""
     kp: StiffnessField | None = None
@@ -71,7 +71,7 @@ class DriveSpec(Model):
     armature: ArmatureField | None = None
     """Reflected rotor inertia."""
     axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[1, 0, 0]])
-    """The axis about which the drive rotates a ball, in the parent mount's axes at q = 0. The axis moves with the child."""
+    """The axis of the drive of a ball joint, in the axes of the parent mount at q = 0. The axis moves with the child mount."""
 
     @field_validator("kind")
     @classmethod

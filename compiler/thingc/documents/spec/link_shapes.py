@@ -16,7 +16,7 @@ from thingc.documents.spec.poses import PoseSpec
 
 ShapeKind = Literal["mesh", "box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"]
 KINDS: tuple[ShapeKind, ...] = get_args(ShapeKind)
-"""Kinds of shapes. Each shape must have exactly one of these keys."""
+"""Keys that determine the kind of a shape. Each shape must have exactly one of the keys."""
 
 
 class RoundSpec(Model):
@@ -32,7 +32,7 @@ class LongSpec(Model):
     radius: LengthField
     """Radius of the round cross-section."""
     length: LengthField
-    """Length along z; for a capsule without its round ends."""
+    """Length along z. The length of a capsule does not include its round ends."""
 
 
 def _shape_rules(schema: dict[str, Any]) -> None:
@@ -42,14 +42,14 @@ def _shape_rules(schema: dict[str, Any]) -> None:
 
 
 class ShapeSpec(Model):
-    """A shape of a link: exactly one of `mesh`, `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`."""
+    """A shape of a link, with exactly one of the keys `mesh`, `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`."""
 
     model_config = ConfigDict(json_schema_extra=_shape_rules)
 
     mesh: str | None = Field(default=None, examples=["meshes/trunk.stl"])
     """A mesh file: STL, OBJ, COLLADA (`.dae`), PLY or glTF (`.glb`), relative to this document."""
     unit: Literal["um", "mm", "cm", "m", "in", "ft"] | None = None
-    """The unit of the numbers in an STL, OBJ or PLY `mesh`, which does not specify it; default: mm."""
+    """The unit of length in an STL, OBJ or PLY `mesh`, because these formats do not specify the unit; default: mm."""
     scale: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | NumberField | None = Field(
         default=None, examples=[[1, 1, -1], 0.5],
     )
@@ -72,13 +72,13 @@ class ShapeSpec(Model):
         default="both", alias="for", description="Whether the shape is visual, for collision, or both; default: both.",
     )
     material: MaterialField | None = Field(default=None, examples=["rubber"])
-    """A material in scope; default: the material of the link."""
+    """The material of the shape; default: the material of the link."""
     color: ColorField | None = None
     """The colour of the shape; default: the colour of its material."""
     friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.6}])
     """The friction of the shape, which overrides the friction of its material."""
     name: FileName | None = Field(default=None, examples=["left-foot"])
-    """The name of the geom, visual and collision of the shape in output files; default: the name of the component with a number."""
+    """The name of the shape in output files; default: the name of the component with a number."""
 
     @property
     def kind(self) -> ShapeKind:

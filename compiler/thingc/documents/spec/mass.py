@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of a component as given in a document, with their sources."""
+"""Mass, centre of mass and inertia of a component in a document, each with the source of the value."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class MassSpec(Model):
     value: MassField
     """The mass."""
     source: Source
-    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because the original value is physically impossible)."""
+    """`measured`, `vendor`, `estimated`, or `repaired` (an import replaced a physically impossible value)."""
 
 
 class CentreOfMassSpec(Model):
@@ -27,24 +27,24 @@ class CentreOfMassSpec(Model):
     value: Vector3Length
     """The centre of mass."""
     source: Source
-    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because the original value is physically impossible)."""
+    """`measured`, `vendor`, `estimated`, or `repaired` (an import replaced a physically impossible value)."""
 
 
 class InertiaMatrix(Model):
     """The inertia matrix of a component about its centre of mass, along the axes of the component. Products of inertia are 0 by default."""
 
     ixx: InertiaField
-    """Moment about x."""
+    """Moment of inertia about the x axis."""
     iyy: InertiaField
-    """Moment about y."""
+    """Moment of inertia about the y axis."""
     izz: InertiaField
-    """Moment about z."""
+    """Moment of inertia about the z axis."""
     ixy: InertiaField | Literal[0] = Field(default=0, examples=["1e-6 kg*m^2", 0])
-    """Product of x and y."""
+    """Product of inertia for x and y."""
     ixz: InertiaField | Literal[0] = Field(default=0, examples=["1e-6 kg*m^2", 0])
-    """Product of x and z."""
+    """Product of inertia for x and z."""
     iyz: InertiaField | Literal[0] = Field(default=0, examples=["1e-6 kg*m^2", 0])
-    """Product of y and z."""
+    """Product of inertia for y and z."""
 
 
 class InertiaSpec(Model):
@@ -53,4 +53,4 @@ class InertiaSpec(Model):
     value: InertiaMatrix = Field(examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}])
     """The inertia."""
     source: Source
-    """`measured`, `vendor`, `estimated`, or `repaired` (by an import, because the original value is physically impossible)."""
+    """`measured`, `vendor`, `estimated`, or `repaired` (an import replaced a physically impossible value)."""

@@ -23,26 +23,26 @@ class FrictionSpec(Model):
 
 
 class ProcessSpec(Model):
-    """Manufacturing process of a part. It is used to estimate the mass of a part with infill: for `fdm`, layer by layer."""
+    """Manufacturing process of a part, which also determines how the mass of a part with infill is estimated."""
 
     kind: Literal["fdm", "resin", "machined", "cast", "molded", "bought"] | None = None
-    """Printed from filament (`fdm`) or resin, machined, cast, molded, or bought."""
+    """The kind of process: printed from filament (`fdm`) or resin, machined, cast, molded, or bought."""
     walls: CountField | None = None
-    """Number of lines in a wall."""
+    """Number of printed lines in a wall."""
     line_width: LengthField | None = None
     """Width of one printed line."""
     layer: LengthField | None = None
     """Height of one layer."""
     top: CountField | None = None
-    """Solid layers on top."""
+    """Number of solid layers at the top."""
     bottom: CountField | None = None
-    """Solid layers below."""
+    """Number of solid layers at the bottom."""
     infill: RatioField | None = None
     """Share of the interior that is filled, 0 % to 100 %."""
     overlap: RatioField | None = Field(default=None, examples=["25 %"])
     """Overlap of infill and walls, as a share of the line width; default: 25 %, as in PrusaSlicer."""
     bridge_flow: RatioField | None = Field(default=None, examples=["100 %"])
-    """Amount of material in bridges; default: 100 %, as in PrusaSlicer."""
+    """Flow of material in bridges, relative to other lines; default: 100 %, as in PrusaSlicer."""
     estimate: Literal["layers", "skin"] | None = None
     """How to estimate the mass of a part with infill: `layers` (the default for `fdm`) or `skin` (for all others)."""
 
@@ -51,11 +51,11 @@ class MaterialSpec(Model):
     """A material: density, appearance, friction and manufacturing process."""
 
     base: str | None = Field(default=None, examples=["bd_materials:pla"])
-    """A library material as the base: `bd_materials:pla`; keys written here override it."""
+    """A material of a library, such as `bd_materials:pla`. The other keys override its values."""
     density: DensityField | None = None
     """Mass per volume of the solid material."""
     color: ColorField | None = None
-    """A CSS name or `#rrggbb`."""
+    """The colour: a CSS name or `#rrggbb`."""
     friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.4}])
     process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 3, "line_width": "0.45 mm", "infill": "15 %"}])
 

@@ -21,20 +21,20 @@ class SimulationSpec(Model):
     """The time step and the solver settings of simulators."""
 
     timestep: TimeField | None = None
-    """Time step."""
+    """The time step of the simulation."""
     integrator: Literal["euler", "rk4", "implicit", "implicitfast"] | None = None
     """The integrator of MuJoCo."""
     cone: Literal["pyramidal", "elliptic"] | None = None
     """The shape of the friction cone of contacts."""
     impratio: NumberField | None = None
-    """Ratio of friction to normal impedance; above 1, contacts slip less."""
+    """Ratio of friction to normal impedance, as in MuJoCo. With a ratio above 1, contacts slip less."""
 
 
 class WorldAtSpec(PoseSpec):
     """The pose of a mode's root in the world."""
 
     on: Literal["floor"] | None = None
-    """`floor`: the height at which the lowest point of the robot, in the start pose of the mode, touches the plane z = 0."""
+    """With `floor`, the lowest point of the robot touches the plane z = 0 in the start pose of the mode."""
 
 
 class ContactsSpec(Model):
@@ -45,16 +45,16 @@ class ContactsSpec(Model):
     )
     """Pairs of components whose contacts are ignored; patterns are allowed."""
     adhesion: dict[ShownMountField, ForceField] = Field(default={}, examples=[{"front_foot.sole": "300 N"}])
-    """Pull-off force of adhesion, by mount."""
+    """Largest adhesion force of a mount on a surface, by mount."""
 
 
 class HoldSpec(PoseSpec):
-    """The place in the world at which an additional mount is held, and the loads that the hold can carry."""
+    """The pose in the world at which an additional mount is held, and the loads that the hold supports."""
 
     at: Literal["here"] | None = None
-    """`here`: the place that results from the mode's own pose; otherwise use `xyz` and `rpy`."""
+    """With `here`, the mount is held at its pose in the start pose of the mode. Otherwise, use `xyz` and `rpy`."""
     carries: Literal["force", "force and torque"] = "force and torque"
-    """`force`: a fixed point about which the link can rotate; `force and torque`: a clamp."""
+    """With `force`, the link can rotate about the held point. With `force and torque`, the link is clamped."""
 
     @model_validator(mode="after")
     def _one_place(self) -> HoldSpec:
@@ -82,28 +82,28 @@ class ModeSpec(Model):
     """A mode: a simulation model of the robot."""
 
     root: RootField | None = None
-    """A mount (mated to the world) or a component (placed at the world frame)."""
+    """The root: a mount, which is mated to the world, or a component, which is placed at the world frame."""
     base: BaseType | None = None
-    """`fixed` (default), `held`, `free`, `planar` (in the x-y plane of `at`) or `ball` (about the root's origin)."""
+    """The type of base: `fixed` (default), `held`, `free`, `planar` (in the x-y plane of `at`) or `ball` (about the origin of the root)."""
     at: WorldAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}, {"on": "floor"}])
     """Pose of the root in the world; default: the origin."""
     at_in: dict[OwnPoseKey, PoseSpec] | None = Field(default=None, examples=[{"sit": {"xyz": "0 0 100 mm"}}])
-    """The pose of the root of a `free` or `held` base in some poses; `at` applies to the others."""
+    """Poses of the root of a `free` or `held` base, by the name of a pose. For all other poses, `at` applies."""
     gravity: StandsOn | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])
-    """`floor` or `ceiling`, or a vector in the world frame; default: `floor`."""
+    """Gravity: the surface that supports the robot (`floor`, `wall` or `ceiling`), or a vector in the world frame; default: `floor`."""
     pose: PoseField | None = None
     """The pose in which the mode starts."""
     poses: list[PoseField] | None = Field(default=None, examples=[["home", "folded"]])
     """The poses that are keyframes of the mode; default: all poses."""
     actuators: list[JointPattern] | None = Field(default=None, examples=[["yaw", "leg_*"]])
-    """The driven joints; patterns are allowed; default: all."""
+    """The joints whose drives are used in the mode; patterns are allowed; default: all."""
     contacts: ContactsSpec | None = Field(default=None, examples=[{"exclude": [["plate", "hand"]]}])
     hold: dict[RootField, HoldSpec | Literal["here"]] | None = Field(
         default=None, examples=[
             {"rear_foot.sole": "here"}, {"rear_foot.sole": {"at": "here", "carries": "force"}}, {"rear_foot.sole": {"xyz": "200 0 0 mm"}},
         ],
     )
-    """Additional mounts that are fixed to the world, each at a pose or `here`, the place that results from the mode's own pose."""
+    """Additional mounts that are fixed to the world, each at a pose or at `here`, its pose in the start pose of the mode."""
     standing_on: StandingSpec | list[ShownMountField] | None = Field(
         default=None, examples=[["leg_0.sole", "leg_2.sole", "leg_4.sole"], {"mounts": ["leg_*.sole"], "friction": 0.6}],
     )
@@ -113,6 +113,6 @@ class ModeSpec(Model):
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "1 ms"}])
     """Simulation settings of this mode, which override the settings of the document."""
     extends: ModeField | None = None
-    """The mode on which this mode is based."""
+    """Another mode whose settings this mode inherits."""
     allow: Allow = allow()
     """Suppressed warnings of this mode and of modes that extend it, by code, each with a reason."""

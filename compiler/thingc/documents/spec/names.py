@@ -35,7 +35,7 @@ FileName = Annotated[str, FieldValidator(_file_name, "a name in files", _FILE_NA
 class NamesSpec(Model):
     """The names of elements in output files, if they differ from the names in the document.
 
-    An example is the names of an imported robot.
+    For example, an imported robot keeps its original names.
     """
 
     components: dict[OwnComponentKey, FileName] = Field(default={}, examples=[{"left_arm": "left-arm"}])
@@ -45,12 +45,12 @@ class NamesSpec(Model):
     joints: dict[OwnJointKey, FileName] = Field(default={}, examples=[{"joint_1": "1"}])
     """Names of joints. For a joint with several coordinates, the index is appended to the name."""
     tendons: dict[OwnTendonKey, FileName] = Field(default={}, examples=[{"cable": "cable.0"}])
-    """Tendons."""
+    """Names of tendons."""
     actuators: dict[DrivenKey, FileName] = Field(default={}, examples=[{"knee": "knee_motor"}])
-    """Drives in MuJoCo models, by joint or tendon; default: the name of the joint or tendon."""
+    """Names of drives in MuJoCo models, by joint or tendon; default: the name of the joint or tendon."""
     equalities: dict[OwnJointKey, FileName] = Field(default={}, examples=[{"finger": "coupling"}])
-    """Equalities in MuJoCo models, by the joint that mimics another joint or closes a loop."""
+    """Names of equalities in MuJoCo models, by the joint that mimics another joint or closes a loop."""
     sensors: dict[SensorKey, FileName] = Field(default={}, examples=[{"imu": "torso-imu", "imu:gyro": "torso_gyro"}])
     """Names of sensors, or of single readings of a sensor in MuJoCo: `imu:gyro`."""
     poses: dict[OwnPoseKey, FileName] = Field(default={}, examples=[{"home": "home pose"}])
-    """Poses."""
+    """Names of poses."""

@@ -28,7 +28,7 @@ _EXAMPLES: dict[SensorKey, str] = {
 
 
 class VolumeSpec(Model):
-    """A volume about a mount: exactly one of `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`."""
+    """A volume around a mount, with exactly one of the keys `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [kind]} for kind in VOLUMES]})
 
@@ -79,31 +79,31 @@ class SensorSpec(Model):
     model_config = ConfigDict(json_schema_extra=_rules)
 
     type: SensorType
-    """The type, such as an `imu`, a `force`, a `joint`, a `camera`, a `touch` or a `rangefinder`."""
+    """The type of the sensor, such as `imu`, `force`, `joint`, `camera`, `touch` or `rangefinder`."""
     at: ShownMountField | None = None
-    """The mount of the sensor; a camera and a rangefinder look along its z, and y is up for a camera."""
+    """The mount of the sensor. Cameras and rangefinders look along its z axis. The y axis is the upward direction of a camera."""
     in_: ShownMountField | None = Field(
         default=None, alias="in", description="For a `pose` or a `twist`, the mount relative to which it is measured; default: the world.",
     )
     joint: JointField | None = None
-    """For a `joint` sensor, the joint (default: the joint with the name of the sensor); for a `drive`, the driven joint."""
+    """The measured joint of a `joint` sensor (default: the joint with the name of the sensor), or the driven joint of a `drive` sensor."""
     tendon: TendonField | None = None
-    """The tendon of this document that is measured, or whose drive is measured."""
+    """The measured tendon of this document, or the tendon whose drive is measured."""
     of: ComponentField | None = None
-    """For a `contact`, the component whose link is touched."""
+    """For a `contact` sensor, the component whose link is touched."""
     with_: ComponentField | None = Field(
         default=None, alias="with", description="For a `contact`, the component whose link is the other side; default: any.",
     )
     volume: VolumeSpec | None = Field(default=None, examples=[{"sphere": {"radius": "10 mm"}}])
-    """For a `touch` sensor, the volume about the mount in which contacts of its link count."""
+    """For a `touch` sensor, the volume around the mount in which contacts of the link are measured."""
     range: LengthField | None = Field(default=None, examples=["4 m"])
-    """For a `rangefinder`, the largest distance; unlimited by default."""
+    """For a `rangefinder` sensor, the largest measured distance; default: unlimited."""
     fovy: AngleField | None = None
-    """For a camera, the vertical field of view; 45 deg by default."""
+    """For a `camera` sensor, the vertical field of view; default: 45 deg."""
     noise: ReadingField | dict[ReadingName, ReadingField] | None = Field(default=None, examples=["0.02 m/s^2", {"gyro": "0.001 rad/s"}])
-    """The standard deviation of the reading; a mapping by name for several readings."""
+    """The standard deviation of the noise; for several readings, a mapping by name of the reading."""
     cutoff: ReadingField | dict[ReadingName, ReadingField] | None = Field(default=None, examples=["160 m/s^2", {"gyro": "35 rad/s"}])
-    """The largest absolute value of the reading; a mapping by name for several readings."""
+    """The largest absolute value of the reading; for several readings, a mapping by name of the reading."""
 
     def said(self, key: SensorKey) -> Any:
         """Return the value of a key of the sensor. Return None if the document does not contain the key."""

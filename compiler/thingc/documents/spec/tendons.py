@@ -16,9 +16,9 @@ class TendonLimitSpec(Model):
     """The smallest and the largest length of a tendon."""
 
     lower: JointValueField | None = None
-    """The smallest length."""
+    """The smallest length of the tendon."""
     upper: JointValueField | None = None
-    """The largest length."""
+    """The largest length of the tendon."""
 
 
 class AroundSpec(Model):
@@ -27,13 +27,13 @@ class AroundSpec(Model):
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["sphere"]}, {"required": ["cylinder"]}]})
 
     around: ShownMountField
-    """The mount at the centre of the obstacle; z of the mount is the axis of a cylinder."""
+    """The mount at the centre of the sphere or cylinder. The z axis of the mount is the axis of the cylinder."""
     sphere: LengthField | None = None
     """The radius of a sphere."""
     cylinder: LengthField | None = None
     """The radius of an infinite cylinder."""
     side: ShownMountField | None = None
-    """A mount outside the obstacle, on the same link. The tendon passes on the side of this mount; default: the shorter side."""
+    """A mount outside the sphere or cylinder, on the same link. The tendon passes on the side of this mount; default: the shorter side."""
 
     @model_validator(mode="after")
     def _one_shape(self) -> AroundSpec:
@@ -58,20 +58,23 @@ def _rules(schema: dict[str, Any]) -> None:
 
 
 class TendonSpec(Model):
-    """A tendon: a sum of coordinates or a path through mounts, with a length along which springs, dampers, limits and a drive act."""
+    """A tendon, whose length is a sum of joint coordinates or the length of a path.
+
+    Springs, dampers, limits and a drive act on this length.
+    """
 
     model_config = ConfigDict(json_schema_extra=_rules)
 
     joints: Annotated[dict[CoordinateKey, MultiplierField], Field(min_length=1)] | None = Field(
         default=None, examples=[{"left": "12 mm/rad", "right": "-8 mm/rad"}],
     )
-    """Change of length per unit of each joint of this document. The length is the sum over the joints."""
+    """Change of the tendon's length per unit of each joint coordinate. The length is the sum over all joints."""
     path: Annotated[list[ShownMountField | AroundSpec | PulleySpec], Field(min_length=2)] | None = Field(
         default=None, examples=[["arm.hook", {"around": "drum.axle", "cylinder": "12 mm"}, "hand.hook"]],
     )
-    """The path of the tendon: the mounts through which it passes, obstacles between two mounts, and pulleys."""
+    """The path of the tendon: mounts, spheres and cylinders between two mounts, and pulleys."""
     width: LengthField | None = None
-    """For a tendon along a path, its diameter when drawn."""
+    """The diameter with which a tendon along a path is drawn."""
     limit: TendonLimitSpec | None = Field(default=None, examples=[{"lower": "-10 mm", "upper": "25 mm"}])
     """The smallest and largest length of the tendon."""
     dynamics: DynamicsSpec | None = Field(default=None, examples=[{"stiffness": "200 N/m", "rest": "5 mm"}])

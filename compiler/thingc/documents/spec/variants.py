@@ -72,7 +72,7 @@ class AxisSpec(Model):
 
     from_: AnyQuantityField = Field(alias="from", description="The first value.")
     to: AnyQuantityField
-    """The last value."""
+    """The last value of the parameter."""
     count: CountField
     """Number of values, at least 2."""
 
@@ -85,7 +85,7 @@ class ListedSpec(Model):
     parameters: dict[SettingField, AnyQuantityField] = Field(default={}, examples=[{"leg_length": "100 mm"}])
     """Values of the assembly's parameters by name, and other values by path."""
     choices: dict[ChoicePathField, ChoiceField] = Field(default={}, examples=[{"components.foot.part": "minchw.foot:WideFoot"}])
-    """Parts, assemblies and materials, by their path in the assembly."""
+    """Choices of parts, assemblies and materials, by path in the assembly."""
 
 
 Method = Literal["sobol", "lhs", "uniform"]
@@ -112,7 +112,7 @@ class ReachSpec(Model):
     """The distance between two mounts for the result `reach`."""
 
     of: ShownMountField
-    """The mount that reaches: `tip`, `hand.tip`."""
+    """The first mount, such as `tip` or `hand.tip`."""
     from_: ShownMountField = Field(alias="from", description="The mount from which it is measured.")
 
 
@@ -126,17 +126,17 @@ class VariantsSpec(Model):
     name: Name
     """The name of the batch and of its folder."""
     description: str = Field(default="", examples=["How long its legs should be."])
-    """A description."""
+    """A description of the variants."""
     parameters: dict[SettingField, list[AnyQuantityField] | AxisSpec | AnyQuantityField] = Field(
         default={}, examples=[{"leg_length": ["80 mm", "100 mm"], "body_width": {"from": "60 mm", "to": "90 mm", "count": 4}}],
     )
-    """Values of parameters of the assembly, by name, or of other values by path (`joints.elbow.limit.upper`): a list or a range is an axis
-    of the grid, a single value applies to all variants.
+    """Values of parameters, by name, and other values, by path (`joints.elbow.limit.upper`). A list or range is an axis of the grid. A
+    single value applies to all variants.
     """
     choices: dict[ChoicePathField, list[ChoiceField] | ChoiceField] = Field(
         default={}, examples=[{"components.foot.part": ["minchw.foot:Foot", "minchw.foot:WideFoot"]}],
     )
-    """Parts, assemblies, files and materials by their path in the assembly: a list is an axis of the grid."""
+    """Choices of parts, assemblies, files and materials, by path in the assembly. A list is an axis of the grid."""
     list_: list[ListedSpec] = Field(
         default=[], alias="list", description="Single variants, before those of the grid.",
         examples=[[{"name": "short", "parameters": {"leg_length": "80 mm"}}]],
@@ -144,9 +144,9 @@ class VariantsSpec(Model):
     sample: SampleSpec | None = Field(
         default=None, examples=[{"method": "sobol", "count": 256, "seed": 7, "ranges": {"leg_length": ["70 mm", "140 mm"]}}],
     )
-    """Draws variants instead of using the grid."""
+    """Settings for variants that are drawn at random instead of from a grid."""
     keep: list[RuleField] = Field(default=[], examples=[["mass < 2.5 kg", "reach > 400 mm"]])
-    """Comparisons of parameters and results: a variant that fails one is recorded but not built."""
+    """Comparisons of parameters and results. A variant for which a comparison is false is recorded but not built."""
     modes: list[ModeField] = Field(default=[], examples=[["bench"]])
     """The modes to build; default: all modes of the assembly. Results are for the first mode."""
     pose: PoseField | None = None
@@ -157,8 +157,8 @@ class VariantsSpec(Model):
     """Targets to write for each variant, as for `thingc build --emit`."""
 
     layout: Literal["folders", "packed"] | None = None
-    """`folders`: a folder for each variant; `packed`: 1024 variants in one file.
-    By default packed if there are more than 2000 variants.
+    """With `folders`, each variant has its own folder. With `packed`, up to 1024 variants are in one file. The default is `packed` for more
+    than 2000 variants.
     """
 
     @model_validator(mode="after")

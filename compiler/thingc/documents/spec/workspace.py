@@ -84,21 +84,21 @@ class WorkspaceSpec(Model):
     thingc: Literal["workspace/1"]
     """Kind and version of this document."""
     parts: list[str] = Field(default=["parts"], examples=[["parts"]])
-    """Folders with the modules that `part:` may use."""
+    """Folders with the Python modules that `part:` can name."""
     packages: list[str] = Field(default=["thingc_stock", "bd_warehouse"], examples=[["thingc_stock", "bd_warehouse"]])
-    """Installed packages that `part:` may use."""
+    """Installed packages that `part:` can name."""
     build: str = Field(default="build", examples=["build"])
     """The folder of build outputs."""
     emit: list[str] = Field(default=[], examples=[["mjcf", "step", "urdf"], ["all"]])
-    """Default of `--emit` of `thingc build`. Without this key: all targets except targets that must be named explicitly."""
+    """Default of the option `--emit` of `thingc build`. Without this key, all targets that need not be named explicitly are written."""
     mesh_uri: Literal["relative", "package", "absolute"] = Field(default="relative", examples=["package"])
     """Paths of meshes in URDF files: relative to the file, in the ROS package of the robot, or absolute on this machine."""
     about: AboutSpec | None = Field(default=None, examples=[{"maintainer": "Ada Lovelace <ada@example.org>", "license": "Apache-2.0"}])
     """Metadata of the ROS packages of `--emit ros`."""
     compat: list[Literal["mjx", "warp", "drake", "pymjcf"]] = Field(default=[], examples=[["mjx"]])
-    """Default of `--compat` and `compat=`: other programs that read MuJoCo models."""
+    """Default of `--compat` and `compat=`: programs besides MuJoCo that must be able to read the MuJoCo models."""
     part_timeout: TimeField | None = None
-    """Longest time for one part; default: 120 s."""
+    """Time limit for building one part; default: 120 s."""
     part_memory: MemoryField | None = Field(default=None, examples=["4 GB"])
-    """Memory limit for one part; default: half of the machine's memory."""
+    """Memory limit for building one part; default: half of the machine's memory."""
     mesh: MeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "10 deg"}])
