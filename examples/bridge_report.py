@@ -65,18 +65,18 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
     """Return the generated section of the page `docs/variants_search.md` as Markdown."""
     feasible = [one for one in found if one.feasible]
     document = Path(__file__).resolve().parents[1] / "assemblies" / "minchw" / "bridge_search.yaml"
-    chosen = "sampled by the document" if driver == "random" else "chosen by Optuna"
+    chosen = "sampled from the ranges in the document" if driver == "random" else "chosen by Optuna"
     lines = [
         "## The longest bridge", "",
-        "This search finds the largest distance between the soles of MInchW, by varying the lengths of the legs and the body. The robot",
-        "holds on with its front foot and stretches horizontally over a gap. The sole of the rear foot carries a probe of 400 g. The",
-        "*bridge* is the distance between the two soles. The *torque margin* is the maximum torque of a drive divided by the required",
+        "This search finds the largest distance between the soles of MInchW, by varying the lengths of the legs and the body. The magnet",
+        "of the front foot holds the robot, which stretches horizontally over a gap. The sole of the rear foot carries a probe of 400 g.",
+        "The *bridge* is the distance between the two soles. The *torque margin* is the maximum torque of a drive divided by the required",
         f"torque, and must be at least {MARGIN} for every drive.",
         "`make bridge-search` runs the search in a few minutes and writes this section.", "",
         "![The bridges of all robots, and the longest bridge so far](pictures/bridge_search.png)", "",
         "The document of variants is `assemblies/minchw/bridge_search.yaml`, for the assembly `probe.yaml` in the same folder:", "",
         "```text", *document.read_text().strip().split("\n"), "```", "",
-        f"The search evaluated {len(found)} robots ({chosen}). {len(feasible)} robots satisfy the rule. The five longest bridges are:", "",
+        f"The search evaluated {len(found)} robots, {chosen}. {len(feasible)} robots satisfy the rule. The five longest bridges are:", "",
         "| | leg | body | bridge | torque margin | mass |", "|---|---|---|---|---|---|",
     ]
     for one in sorted(feasible, key=lambda one: -one.bridge)[:5]:
@@ -93,15 +93,15 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
     first = next(k for k, value in enumerate(so_far) if value == best.bridge) + 1
     verdict = "\n  A bridge of this length therefore requires a wider magnet." if seen.pull > PULL else ""
     lines += [
-        f"- The longest bridge is robot {first} of {len(found)}. In MuJoCo, the model has a bridge of {1e3 * seen.bridge:.1f} mm, and",
-        f"  inverse dynamics gives a margin of {seen.margins[weakest]:.3f}, at the drive of `{weakest}`.",
-        "- The torque margin does not include the magnet. To prevent tipping about the rim of the magnet, at",
-        f"  {1e3 * RADIUS:.0f} mm, it must pull with {seen.pull:.1f} N (the moment minus the weight). The magnet can hold {PULL:.0f} N, "
-        f"which is {'too little' if seen.pull > PULL else 'enough'}.{verdict}", "",
+        f"- Robot {first} of {len(found)} has the longest bridge. In its MuJoCo model, the bridge is {1e3 * seen.bridge:.1f} mm long.",
+        f"  Inverse dynamics gives the smallest torque margin, {seen.margins[weakest]:.3f}, at the drive of `{weakest}`.",
+        "- The torque margin does not include the magnet. The robot can tip about the rim of the magnet, which has a radius of",
+        f"  {1e3 * RADIUS:.0f} mm. To prevent this, the magnet must pull with {seen.pull:.1f} N, {'but' if seen.pull > PULL else 'and'} it "
+        f"pulls with at most {PULL:.0f} N.{verdict}", "",
         "To build the longest bridge, run:", "", "```text", best.command, "```", "",
         "With `python examples/longest_bridge.py --driver optuna`, [Optuna](https://optuna.org) chooses eight robots per round",
-        "(`pip install 'thingc[search]'`), and each round is a document of variants with a list. `--count N` stops after N robots.",
-        "Both drivers use fixed seeds, so the same command finds the same robot.", "",
+        "(`pip install 'thingc[search]'`), and thingc builds each round as a batch. `--count N` stops after N robots.",
+        "Both search methods use fixed seeds, so the same command finds the same robot.", "",
     ]
     return "\n".join(lines)
 
