@@ -82,8 +82,8 @@ READERS = (
     ),
     Reader(
         "pinocchio", ("URDF",), ("pin==4.1.0",),
-        "The study loads URDF without mimics and sets joints that mimic others to their values. It adds up the masses of all "
-        "links, because the total mass in pinocchio excludes links that are fixed to the world.",
+        "The study loads URDF without mimics and sets joints that mimic others to their values. The study adds up the masses of "
+        "all links, because the total mass in pinocchio excludes links that are fixed to the world.",
     ),
     Reader(
         "yourdfpy", ("URDF",), ("yourdfpy==0.0.60", "trimesh==5.2.0", "lxml==6.1.3", "six==1.17.0", "numpy==2.4.6"),
@@ -95,7 +95,7 @@ READERS = (
     ),
     Reader(
         "urdf_parser_py", ("URDF", "ROS"), ("urdf-parser-py==0.0.4", "lxml==6.1.3", "PyYAML==6.0.4"),
-        "urdf_parser_py only parses. Every message counts as an error, except messages that the tags `<mujoco>` (in URDF) and "
+        "urdf_parser_py only parses files. Every message counts as an error, except messages that the tags `<mujoco>` (in URDF) and "
         "`<ros2_control>` (in packages) are unknown.",
     ),
     Reader(
@@ -115,19 +115,19 @@ READERS = (
     ),
     Reader(
         "libsdformat", ("SDF",), note=(
-            "libsdformat reads and checks models and worlds for Gazebo; warnings count as errors. It does not compute kinematics."
+            "libsdformat reads and checks models and worlds for Gazebo; warnings count as errors. libsdformat does not compute kinematics."
         ),
         needs=("g++ --version", "pkg-config --exists sdformat12"), refuses="is newer than",
     ),
     Reader(
-        "check_urdf", ("URDF",), note="check_urdf is the URDF parser of ROS. It must accept the file and find every link.",
+        "check_urdf", ("URDF",), note="check_urdf is the URDF parser of ROS. check_urdf must accept the file and find every link.",
         needs=("sh -c 'command -v check_urdf'",),
     ),
     Reader("catkin_pkg", ("ROS",), ("catkin_pkg==1.1.1",), "colcon reads manifests with catkin_pkg, which must not report warnings."),
     Reader(
         "pinocchio_srdf", ("ROS",), ("pin==4.1.0",),
         "The study loads URDF and SRDF with pinocchio, and compares frames in every pose, with mimics and continuous joints set to "
-        "their values. At 200 configurations, it also checks whether links with disabled collisions collide.",
+        "their values. At 200 configurations, the study also checks whether links with disabled collisions collide.",
     ),
     Reader(
         "pymjcf", (COMPAT,), ("dm_control==1.0.50", "mujoco==3.17.0"),
@@ -136,8 +136,8 @@ READERS = (
     Reader(
         "mjx", (COMPAT,), ("mujoco-mjx==3.17.0", "mujoco==3.17.0"),
         "MJX loads models and scenes that are written with `--compat mjx`, and computes in double precision. Simulation steps are "
-        "compared without contacts, because MJX compiles a function for every pair of meshes. They use pyramidal cones, because "
-        "MJX supports elliptic cones only with contacts.",
+        "compared without contacts, because MJX compiles a function for every pair of meshes. The models use pyramidal "
+        "friction cones, because MJX supports elliptic cones only with contacts.",
         refuses="mjTRN_BODY",
     ),
     Reader(
@@ -150,15 +150,15 @@ READERS = (
             "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
         ),
         "Newton computes in single precision on a CPU. The study sets joints that mimic others to their values, and places a "
-        "floating base at the origin. The tree in Newton does not contain holds and joints that close loops. Frames of USD are "
-        "read from the file, on the links of Newton. Efforts and meshes are compared for USD only.",
+        "floating base at the origin. The tree in Newton does not contain holds and joints that close loops. The study "
+        "reads frames of USD from the file, relative to the links in Newton. Efforts and meshes are compared for USD only.",
         floats=True,
     ),
     Reader(
         "mujoco-usd", ("USD",), ("mujoco-usd==4.0.0", "mujoco==4.0.0"),
         "mujoco-usd is the USD reader of MuJoCo; USD stores values in single precision. The reader supports revolute and prismatic "
-        "joints, replaces all other joints by welds, and drops drives and mimics. Frames are read from the file, on the links of "
-        "the reader.",
+        "joints, replaces all other joints by welds, and drops drives and mimics. The study reads frames from the file, "
+        "relative to the links in the reader.",
         refuses="are read as welds", floats=True,
     ),
     Reader(

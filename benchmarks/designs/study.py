@@ -114,8 +114,9 @@ def timing(verdicts: list[Verdict], wall: float) -> str:
     modelled, reused = sum(len(v.modelled) for v in built), sum(len(v.reused) for v in built)
     mean = sum(v.seconds for v in built) / len(built) if built else 0.0
     return (
-        f"{sum(v.modes for v in built)} models of {len(built)} robots; {modelled} parts modelled and {reused} reused, starting "
-        f"with an empty store. The study took {wall:.0f} s on {os.cpu_count()} cores, and {mean:.1f} s for each design that builds."
+        f"thingc built {sum(v.modes for v in built)} models of {len(built)} robots. Starting with an empty store, it built {modelled} "
+        f"parts and reused {reused} parts. The study took {wall:.0f} s on {os.cpu_count()} cores, "
+        f"and {mean:.1f} s for each design that builds."
     )
 
 
@@ -155,23 +156,24 @@ def table(heads: list[str], rows: list[list[object]]) -> list[str]:
 
 
 MEASURED = """
-This study generates {count} designs of the robot MInchW at random. Each design must either build into a consistent robot, or be
-refused for the right reason. Every design has random values of `leg_length`, `body_length` and `wall`. In half of the designs,
-each leg has its own length. Values cover the ranges in the documents, including both ends; one value in twenty is outside its
-range, by up to a tenth. In addition, up to {edits} edits are made to the documents. These edits change dimensions of the legs,
-materials, print settings, masses and inertias, limits of the knees, the position of the rear foot, collision shapes, simulation
-settings and magnets. Some edits break a rule on purpose.
+This study generates {count} designs of the robot MInchW at random. thingc must either build a consistent robot from each design,
+or refuse the design for the right reason. Every design has random values of `leg_length`, `body_length` and `wall`. In half of
+the designs, each leg has its own length. Values cover the ranges in the documents, including both ends; one value in twenty is
+outside its range, by up to a tenth of the range. In addition, up to {edits} edits are made to the documents. These edits change
+dimensions of the legs, materials, print settings, masses and inertias, limits of the knees, the position of the rear foot,
+collision shapes, simulation settings and magnets. Some edits break a rule on purpose.
 
-Each design is compiled by `thingc.compile` in one long-running process. If the design builds, MuJoCo loads all of its modes, and
-the study compares the modes at random joint angles and random poses of the bases. The relative poses of all parts and sites must
-be equal within 1e-9 m. Mass, centre of mass and inertia of the whole robot must be equal within 1e-12, and links and excluded
-pairs exactly. The mass matrix and gravity torques of each mode must be equal within 1e-9 to those computed from the bodies of
-every other mode with the same link fixed (`tests/conformance/roots.py`). Each part must be built only once.
+Each design is compiled by `thingc.compile` in one long-running process. If the design builds, MuJoCo loads the models of all
+modes, and the study compares the modes at random joint angles and random poses of the bases. The relative poses of all parts and
+sites must be equal within 1e-9 m. Mass, centre of mass and inertia of the whole robot must be equal within 1e-12. Links and
+excluded pairs must be identical. The study also computes the mass matrix and gravity torques of each mode from the bodies of
+every other mode, with the same link fixed (`tests/conformance/roots.py`). The results must be equal within 1e-9. Each part must
+be built only once.
 
-A design that breaks a rule must be refused with the code of this rule, and the message must contain the value that breaks it. A
-design whose values are all within their ranges must not be refused because of a range. If a part rejects its parameters, the
-message must be the one from the code of the part. Every error must have a location. An exception, a part that crashes or is not a
-valid solid, a model that MuJoCo rejects, and `TC899` count as faults of thingc.
+If a design breaks a rule, thingc must report the code of this rule and the value that breaks it. A design whose values are all
+within their ranges must not be refused because of a range. If a part rejects its parameters, the error message must come from the
+code of the part. Every error must have a location. An exception, a part that crashes or is not a valid solid, a model that MuJoCo
+rejects, and `TC899` count as faults of thingc.
 """
 
 

@@ -258,8 +258,8 @@ def tables(found: Sequence[Case], unsliced: Sequence[str]) -> str:
     refused = {(name.partition(",")[0], words) for name, _, words in (line.partition(": ") for line in unsliced)}
     lines = [f"- {name}: {words}" for name, words in sorted(refused)]
     return "\n".join([
-        f"{len(found)} prints, sliced by {version()}"
-        + (f". PrusaSlicer rejects {len(unsliced)} other prints, which are not included in the results:" if unsliced else "."),
+        f"{version()} sliced {len(found)} prints"
+        + (f". It rejected {len(unsliced)} other prints, which are not included in the results:" if unsliced else "."),
         *lines, "", *summary(found), "", *by_part(found), "", *by_setting(found),
     ])
 
