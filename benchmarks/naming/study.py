@@ -174,8 +174,8 @@ its position as a formula of the parameters. The table was written by hand from 
 right if its frame has the position and direction in the table within 1e-6 mm, and the finished solid has the feature there. For a mount,
 the feature is a planar face that contains the origin of the frame and has its normal. For a hole, the feature is a cylindrical face around
 the same axis with the standard diameter and with material outside. The study searches for features in the faces of the finished solid, not
-in the code of the part. The study does not find a mistake that is in both the part and the table, and does not check attributes other than
-mounts and screw holes (sketches, numbers, whole solids).
+in the code of the part. The study does not find a mistake that is in both the part and the table. It checks only mounts and screw holes,
+not sketches, numbers or whole solids.
 
 **Plain selectors.** For the default parameters, each selector is set up to select the feature that the name identifies (for the seat of a
 screw: its hole). Then the study applies the same selector to the other members. The study uses the best axis for each selector: the axis X,
