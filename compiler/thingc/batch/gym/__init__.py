@@ -1,1 +1,1 @@
-"""Gymnasium environments whose robots are the variants of a batch or the robots of a family."""
+"""Gymnasium environments that simulate the variants of a batch or the robots of a family."""

@@ -23,42 +23,42 @@ Draw = Callable[[np.random.Generator], Settings]
 MaySwitch = Callable[["mujoco.MjData", str, str], bool]
 
 CACHED = 1024
-"""Default number of cached morphologies, in addition to the morphologies that are being simulated."""
+"""Default number of cached morphologies, in addition to the morphologies that environments are simulating."""
 
 
 class EnvOptions(TypedDict, total=False):
     """The options of the functions `make_vec_env` and `make_env`.
 
     Attributes:
-        settings: The settings of the robots, one of which is drawn with equal probability for each episode. Alternatively, a function that
-            draws settings with a `numpy.random.Generator`. By default, the valid variants of the document that satisfy its rules, or the
+        settings: Settings of robots. For each episode, one of them is drawn with equal probability. The option can also be a function that
+            draws settings with a `numpy.random.Generator`. The default is all valid variants of the document that satisfy its rules, or the
             robot of an assembly.
         mode: The mode of the models (default: the mode of the family).
-        modes: The modes between which actions can switch. Episodes start in the first of these modes. An action is then a mapping with
-            `mode` and `joints`.
-        on_motion: What happens if the new mode holds a link that moves: `"impact"` (default) or `"drop"` stops the link, and `"raise"`
+        modes: The modes between which actions can switch. Episodes start in the first of these modes. With several modes, an action is a
+            mapping with `mode` and `joints`.
+        on_motion: The behaviour if the new mode holds a link that moves: `"impact"` (default) or `"drop"` stops the link, and `"raise"`
             refuses the switch.
-        may_switch: A function of an `MjData` and the names of the old and the new mode. It refuses a switch by returning false.
+        may_switch: A function of an `MjData` and the names of the old and the new mode. If the function returns False, the switch is
+            refused.
         floor: Whether models include the floor of the scene (default: true).
         visual: Whether models include visual geometry (default: only with `render_mode`).
         reward: A function of a `StepInfo`, or a name in `TASKS` (default: `"hold"`).
-        terminated: A function of a `StepInfo` that returns true to end an episode.
+        terminated: A function of a `StepInfo` that returns True to end an episode.
         frame_skip: Number of simulation steps per action (default: 5).
         max_steps: Number of actions per episode (default: 1000).
         observation: The terms of an observation: `qpos`, `qvel`, `joints` (joint positions and velocities in the same order in every mode),
             `sensors`, `gravity` (the direction of gravity in the root link of the first mode), `action` (the last action) and `mode`
-            (one-hot encoding of the mode). The default is `qpos` and `qvel`, or with `modes` `joints`, `gravity` and `mode`.
-        observation_noise: The largest random change of the numbers in an observation, or a mapping from terms to such changes. `action` and
-            `mode` have no noise.
-        descriptor: Names in `family.space` whose values are appended to the observation. The values are scaled from their bounds to [-1,
-            1].
+            (one-hot encoding of the mode). By default, the terms are `qpos` and `qvel`, or, with `modes`, `joints`, `gravity` and `mode`.
+        observation_noise: The largest random change of the numbers in an observation, or a mapping from terms to such changes. The terms
+            `action` and `mode` do not have noise.
+        descriptor: Names in `family.space` whose values are appended to the observation. Each value is scaled from its bounds to [-1, 1].
         action_scale: The change of a control for an action of 1. By default, the interval [-1, 1] is mapped to the range of each control.
         action_offset: The controls for an action of 0, if there is an `action_scale` (default: the controls of the first keyframe of the
             mode).
-        action_delay: The number of actions by which controls are delayed. For a tuple of the smallest and the largest number, it is drawn
-            for each episode.
-        push: A tuple of a number of actions, after which a random body is pushed in a random horizontal direction, and the impulse of the
-            push [N s].
+        action_delay: The number of actions by which controls are delayed. If the option is a tuple of the smallest and the largest number,
+            the delay is drawn for each episode.
+        push: A tuple of a number of actions and an impulse [N s]. Once in this number of actions, a random body is pushed in a random
+            horizontal direction.
         pose: The keyframe in which episodes start (default: the first keyframe).
         noise: Maximum random change of each degree of freedom at the start [rad or m].
         cache: Number of robots whose models are cached.
@@ -92,9 +92,9 @@ class EnvOptions(TypedDict, total=False):
 
 
 class EnvRules(FrozenStruct):
-    """The options of an environment, with default values for options that are not given. See `EnvOptions` for their meaning.
+    """The checked options of an environment, including default values for all other options. The class `EnvOptions` documents the options.
 
-    Raises `UnknownVariant` for an unknown task, and `FamilyError` for invalid values.
+    Raises `UnknownVariant` for an unknown task, and `FamilyError` for an invalid value of an option.
     """
 
     settings: Iterable[Settings] | Draw | None = None
@@ -142,12 +142,12 @@ class EnvRules(FrozenStruct):
 
     @property
     def reward_function(self) -> Reward:
-        """The function that computes the reward. The option `reward` may be this function, or the name of a task."""
+        """The function that computes the reward of an action. The option `reward` can be this function, or the name of a task."""
         return TASKS[self.reward] if isinstance(self.reward, str) else self.reward
 
     @property
     def shows_visual(self) -> bool:
-        """Whether the models of the robots include visual geometry."""
+        """True if the models of the robots include visual geometry."""
         return self.render_mode is not None if self.visual is None else self.visual
 
     @property
@@ -159,7 +159,7 @@ class EnvRules(FrozenStruct):
 def env_rules(options: EnvOptions) -> EnvRules:
     """Check the options of an environment and add default values.
 
-    Raises `TypeError` for an unknown option, as Python does for arguments.
+    Raises `TypeError` for an unknown option, as Python does for unknown keyword arguments.
     """
     for name in options:
         if name not in EnvRules.__struct_fields__:

@@ -1,4 +1,4 @@
-"""Simulate an episode of a robot: set its initial state, apply actions, switch between modes, and compute rewards."""
+"""Simulate an episode of a robot: set the initial state of the robot, apply actions, switch between modes, and compute rewards."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from thingc.modes import Modes
 
 def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
-    """Return the options that were passed to `reset`. Raises `FamilyError` for an unknown option."""
+    """Check the options that were passed to `reset`, and return them as a dict. Raises `FamilyError` for an unknown option."""
     if options is not None and not isinstance(options, Mapping):
         raise FamilyError(f"expected `options` to be a mapping from names to values, found `{options}`")
     options = dict(options or {})
@@ -31,7 +31,7 @@ def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> di
 
 
 def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
-    """Convert actions to a numpy array. Raises `FamilyError` if they are not numbers or do not have the given shape."""
+    """Convert actions to a numpy array of floats. Raises `FamilyError` if the actions are not numbers or do not have the given shape."""
     try:
         numbers = np.asarray(actions, np.float64)
     except (TypeError, ValueError):
@@ -44,7 +44,8 @@ def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
 class ModeSimulation:
     """The MuJoCo model and data of a robot in the mode `name`.
 
-    `spans` contains the lower and the upper bounds of the controls. `controls` contains the index of each control in an action.
+    `spans` contains the lower and the upper bounds of the controls. `controls` contains the index in an action for each control of the
+    model.
     """
 
     def __init__(self, name: str, model: mujoco.MjModel, data: mujoco.MjData, spans: tuple[Array, Array], controls: Any = None) -> None:
@@ -56,10 +57,10 @@ class ModeSimulation:
 
 
 class Episode:
-    """An episode of one robot. `simulations` contains a simulation for each mode, and `robot` switches between these modes.
+    """An episode of one robot. `simulations` contains one simulation for each mode, and `robot` switches between the modes.
 
-    Call `begin` first. Then, for each action, call `ask`, `run` and `judge`. `run` executes the simulation, and can run for several
-    episodes in parallel threads. `variant` is the variant of the robot.
+    To start an episode, call `begin`. For each action, then call `ask`, `run` and `judge`. The method `run` executes the simulation.
+    Several episodes can run in parallel threads. `variant` is the variant that the robot represents.
     """
 
     def __init__(self, simulations: Sequence[ModeSimulation], variant: Any, rules: EnvRules, robot: Modes | None = None) -> None:
@@ -91,8 +92,8 @@ class Episode:
     def begin(self, source: np.random.Generator, name: str, size: int = 0) -> None:
         """Start the episode in the first mode: set the initial state, and add random noise to it.
 
-        `source` is the random generator. `name` is the name of the variant in error messages. `size` is the number of elements of an
-        action. Raises `UnknownVariant` if the initial pose does not exist.
+        `source` is the random generator for the noise. `name` is the name of the variant, which is used in error messages. `size` is the
+        number of elements of an action. Raises `UnknownVariant` if the initial pose does not exist.
         """
         import mujoco
 
@@ -109,11 +110,12 @@ class Episode:
         self._delayed = deque(maxlen=1 + (first if first == last else int(source.integers(first, last + 1))))
 
     def ask(self, action: Array, mode: int = 0) -> None:
-        """Set the action for the next call of `run`. If `mode` is not the current mode, switch to it first. `mode` is the index of a mode.
+        """Set the action for the next call of `run`.
 
-        The shape of the action is (nu,) or longer. The interval [-1, 1] is mapped to the range of each control, or to `action_offset` plus
-        or minus `action_scale`. If the switch is refused, `refused` contains the reason. Raises `FamilyError` for NaN, which MuJoCo would
-        replace by 0.
+        If `mode` is not the current mode, switch to the mode `mode` first. `mode` is the index of a mode. The shape of `action` is (nu,),
+        or longer. The interval [-1, 1] of an action is mapped to the range of each control, or to `action_offset` plus or minus
+        `action_scale`. If the switch is refused, the attribute `refused` contains the reason. Raises `FamilyError` for NaN, because MuJoCo
+        would replace NaN by 0.
         """
         if np.isnan(action).any():
             raise FamilyError(f"expected an action of numbers, found {action}")
@@ -126,7 +128,7 @@ class Episode:
         self._before, self._started = np.array(self.data.subtree_com[0]), self.data.time
 
     def _control(self, action: Array) -> None:
-        """Compute the controls of the current mode from an action, and set them."""
+        """Compute the controls of the current mode from an action, and write the controls to the MuJoCo data."""
         own, rules = self.simulations[self.mode], self._rules
         low, high = own.spans
         if rules.action_scale is None:
@@ -139,7 +141,7 @@ class Episode:
         own.data.ctrl[:] = np.clip(offset + scaled[own.controls], low, high)
 
     def _switch(self, mode: int) -> str | None:
-        """Switch the robot to the mode with this index. If the switch is refused, return the reason, otherwise None."""
+        """Switch the robot to the mode with this index. Return None after a switch, or the reason if the switch is refused."""
         import mujoco
 
         from thingc.modes import ModesError
@@ -158,7 +160,7 @@ class Episode:
         return None
 
     def _push(self) -> None:
-        """Apply a random horizontal force to a random body during this action, if the option `push` requires it for this action."""
+        """If the option `push` requires a push for this action, apply a random horizontal force to a random body during the action."""
         if self._rules.push is None:
             return
         every, impulse = self._rules.push
@@ -182,10 +184,10 @@ class Episode:
             mujoco.mj_forward(model, data)
 
     def judge(self) -> tuple[float, bool, bool, Mapping[str, Any]]:
-        """Return the reward of the last action, whether the episode is terminated, whether it is truncated, and further information.
+        """Return the reward of the last action, a flag for termination, a flag for truncation, and further information.
 
-        The episode is terminated if `terminated` returns true or if the simulation is unstable (reward 0). Raises `FamilyError` for an
-        invalid reward.
+        An episode is terminated if the option `terminated` returns True, or if the simulation is unstable (reward 0). Raises `FamilyError`
+        if the reward is invalid.
         """
         infos: dict[str, Any] = {} if self.refused is None else {"refused": self.refused}
         if self.robot is not None:
@@ -205,7 +207,7 @@ class Episode:
 def _number(reward: Any) -> float:
     """Convert the return value of a reward function to a float. Raises `FamilyError` for NaN and other invalid values.
 
-    Otherwise, training would continue with these values.
+    These exceptions prevent that training continues with invalid rewards.
     """
     try:
         number = float(reward)
@@ -234,7 +236,7 @@ def _keyframe(model: mujoco.MjModel, pose: str, name: str) -> int:
 
 
 def _unstable(data: mujoco.MjData) -> bool:
-    """Return whether the simulation is unstable, so that MuJoCo has reset it because of NaN or very large numbers."""
+    """Return whether the simulation has become unstable, so that MuJoCo has reset it because of NaN or very large numbers."""
     import mujoco
 
     faults = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
@@ -242,9 +244,9 @@ def _unstable(data: mujoco.MjData) -> bool:
 
 
 def spans_of(model: mujoco.MjModel) -> tuple[Array, Array]:
-    """Return the lower and the upper bounds of all controls of a model, each with shape (nu,).
+    """Return two arrays with shape (nu,) that contain the lower and the upper bounds of all controls of a model.
 
-    A control without limits has the bounds -1 and 1.
+    For a control without limits, the bounds are -1 and 1.
     """
     limited = model.actuator_ctrllimited.astype(bool)
     return np.where(limited, model.actuator_ctrlrange[:, 0], -1.0), np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)

@@ -53,19 +53,19 @@ __all__ = [
 
 ENVIRONMENT = "thingc/Family-v0"
 DRAWS = 100
-"""Maximum number of successive refused settings when an episode starts."""
+"""Maximum number of refused settings in succession when an episode starts."""
 
 RENDERERS = 8
-"""Maximum number of open renderers, one per model."""
+"""Maximum number of open renderers. Each renderer belongs to one model."""
 
 
 class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
-    """A Gymnasium vector environment whose worlds simulate robots of a family in threads. Create it with `make_vec_env`.
+    """A Gymnasium vector environment whose worlds simulate robots of a family in threads.
 
-    Each world behaves like a single environment of `thingc.batch.gym.variants_env` with the same robot. It has the same observations,
-    rewards and infos, and the same episodes for the same seed. When an episode has ended, the world starts a new one as specified by
-    `metadata["autoreset_mode"]`. If the drawn settings of a robot are refused, other settings are drawn. `refused` counts the refused
-    settings by message.
+    To create an environment of this class, call `make_vec_env`. Each world behaves like a single environment of
+    `thingc.batch.gym.variants_env` with the same robot. Observations, rewards and infos have the same form, and the same seed results in
+    the same episodes. When an episode has ended, the world starts a new episode as specified by `metadata["autoreset_mode"]`. If drawn
+    settings of a robot are refused, other settings are drawn. `refused` counts refused settings by error message.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}
@@ -114,9 +114,9 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
     ) -> tuple[Array, dict[str, Any]]:
         """Start an episode in every world, or in the worlds selected by `options["reset_mask"]`.
 
-        Each world simulates a random variant. With `options["variant"]`, all worlds simulate this variant, which is given by its index, or
-        for a variants document also by its id or name. World k uses the seed `seed + k`. Raises gymnasium's `ClosedEnvironmentError` after
-        `close`.
+        Each world simulates a random variant. With `options["variant"]`, all worlds simulate this variant, given by its index, or, for a
+        variants document, also by its id or name. World k uses the seed `seed + k`. After `close`, this method raises gymnasium's
+        `ClosedEnvironmentError`.
         """
         self._open()
         options = known_options(options, ("variant", "reset_mask"))
@@ -136,11 +136,11 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         return self._observations.copy(), infos
 
     def step(self, actions: Any) -> tuple[Array, Array, np.ndarray[Any, Any], np.ndarray[Any, Any], dict[str, Any]]:
-        """Apply an action in every world. `actions` is an array (num_envs, nu), or, with several modes, a mapping.
+        """Apply an action in every world. `actions` is an array (num_envs, nu). With several modes, `actions` is a mapping.
 
-        The mapping contains `mode` (num_envs,) and `joints` (num_envs, nu). A robot first switches to the mode, and then the action is
-        applied. If a switch is refused, `infos["refused"]` contains the reason. With the autoreset mode `NextStep`, worlds whose episode
-        has ended start a new episode instead. Raises `ClosedEnvironmentError` after `close`.
+        The mapping of actions contains `mode` (num_envs,) and `joints` (num_envs, nu). Each robot first switches to the mode, and then the
+        action is applied. If a switch is refused, `infos["refused"]` contains the reason. With the autoreset mode `NextStep`, a world whose
+        episode has ended ignores the action and starts a new episode. After `close`, this method raises `ClosedEnvironmentError`.
         """
         self._open()
         modes, actions = self._split(actions)
@@ -172,19 +172,19 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
 
     @property
     def settings(self) -> tuple[Settings, ...]:
-        """The settings of the robot in each world. They change with every episode."""
+        """The settings of the robot in each world. The settings of a world change with every episode."""
         return tuple(self._world(k)[1].settings for k in range(self.num_envs))
 
     @property
     def models(self) -> tuple[mujoco.MjModel, ...]:
-        """The MuJoCo model of each world. Worlds whose robots have equal settings share a model, so do not modify it."""
+        """The MuJoCo model of each world. Worlds whose robots have equal settings share a model. Do not modify these models."""
         return tuple(self._world(k)[2].model for k in range(self.num_envs))
 
     @property
     def data(self) -> tuple[mujoco.MjData, ...]:
         """The MuJoCo data of each world, for reading or rendering with the model of this world.
 
-        The attribute `model` of the data can be another model.
+        The attribute `model` of an `MjData` can be a different model.
         """
         return tuple(self._world(k)[2].data for k in range(self.num_envs))
 
@@ -198,7 +198,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         return None if self.render_mode is None else tuple(self._image(k) for k in range(self.num_envs))
 
     def close_extras(self, **named: Any) -> None:
-        """End all threads. If this environment opened the family, also end the worker process that builds parts."""
+        """End all threads of the environment. If this environment opened the family, also end the worker process that builds parts."""
         for renderer, _ in self._renderers.values():
             renderer.close()
         if self._pool is not None:
@@ -209,12 +209,12 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
     # --- implementation -------------------------------------------------------------------------------------------------
 
     def _open(self) -> None:
-        """Raise `ClosedEnvironmentError` if `close` has been called. The message is the same as in Gymnasium."""
+        """Raise `ClosedEnvironmentError` if `close` has been called. The error message is the same as in Gymnasium."""
         if self.closed:
             raise ClosedEnvironmentError(f"Trying to operate on `{type(self).__name__}`, after a call to `close()`.")
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """Return a seed for each world. The seed None means that the random generator of this world is not seeded again."""
+        """Return a list with a seed for each world. For a seed of None, the random generator of the world is not seeded again."""
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, Integral):
@@ -225,7 +225,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         return [None if one is None else int(one) for one in seeds]
 
     def _split(self, actions: Any) -> tuple[Sequence[int], Array]:
-        """Split actions into the index of the mode and the action array of each world. Raises `FamilyError` for invalid actions."""
+        """Split the actions of all worlds into mode indices and action arrays. Raises `FamilyError` for invalid actions."""
         shape = (self.num_envs, self._controls)
         if not self._modes:
             return [0] * self.num_envs, as_actions(actions, shape)
@@ -250,9 +250,9 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         return renderer.render()
 
     def _simulate(self, episodes: Sequence[Episode]) -> None:
-        """Simulate the given episodes.
+        """Simulate one action in each of the given episodes.
 
-        If there are many, they run in several threads, because MuJoCo releases the GIL during a simulation step.
+        Many episodes run in several threads, because MuJoCo releases the GIL during a simulation step.
         """
         if self._pool is None or len(episodes) < 2 * self._threads:
             _run(episodes)
@@ -260,7 +260,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
             list(self._pool.map(_run, [episodes[k:: self._threads] for k in range(self._threads)]))
 
     def _begin(self, worlds: Sequence[int], infos: dict[str, Any], wanted: Any) -> None:
-        """Start a new episode in the given worlds. If the drawn settings of a robot are refused, draw other settings.
+        """Start a new episode in the given worlds. If drawn settings of a robot are refused, draw other settings.
 
         Raises `FamilyError` if the settings of the variant `wanted` are refused, or if too many drawn settings are refused.
         """
@@ -322,9 +322,9 @@ def make_vec_env(
         autoreset_mode: When a world starts a new episode after the end of an episode (`NextStep`, `SameStep` or `Disabled`).
         options: Further options, see `EnvOptions`.
 
-    If the drawn settings of a robot are refused, other settings are drawn. Raises `FamilyError` if no settings are given, or if too many
-    successive settings are refused. Also raises `UnknownVariant` for an unknown task or descriptor, `UnknownChoice` for an unknown mode,
-    and `CompileError` for a document with errors.
+    If drawn settings of a robot are refused, other settings are drawn. Raises `FamilyError` if `settings` is empty, or if too many settings
+    are refused in succession. Also raises `UnknownVariant` for an unknown task or descriptor, `UnknownChoice` for an unknown mode, and
+    `CompileError` for a document with errors.
     """
     given = env_rules(options)
     rules = replace(given, modes=as_names(modes=given.modes), descriptor=as_names(descriptor=given.descriptor))
@@ -349,7 +349,7 @@ def make_vec_env(
 
 
 class FamilyEnv(gymnasium.Env[Array, Any]):
-    """A Gymnasium environment that simulates one robot of a family at a time. Create it with `make_env`."""
+    """A Gymnasium environment that simulates one robot of a family at a time. To create an environment of this class, call `make_env`."""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}
 
@@ -361,13 +361,16 @@ class FamilyEnv(gymnasium.Env[Array, Any]):
         self.action_space = world.single_action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start an episode with a random variant. With `options["variant"]`, start it with this variant (see `FamilyVectorEnv.reset`)."""
+        """Start an episode with a random variant.
+
+        With `options["variant"]`, start an episode with this variant (see `FamilyVectorEnv.reset`).
+        """
         observations, infos = self._world.reset(seed=seed, options=known_options(options, ("variant",)))
         self.np_random = self._world.sources[0]
         return observations[0], _first(infos)
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Apply an action, which is an array (nu,), or, with several modes, a mapping that contains `mode` and `joints` (nu,).
+        """Apply an action, which is an array (nu,). With several modes, an action is a mapping that contains `mode` and `joints` (nu,).
 
         If a switch to another mode is refused, `info["refused"]` contains the reason. After an episode has ended, call `reset`.
         """
@@ -391,7 +394,7 @@ class FamilyEnv(gymnasium.Env[Array, Any]):
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The MuJoCo model of the robot in the current episode. Do not modify it. It changes with each `reset`."""
+        """The MuJoCo model of the robot in the current episode. Do not modify this model. The model changes with each call of `reset`."""
         return self._world.models[0]
 
     @property
@@ -400,19 +403,19 @@ class FamilyEnv(gymnasium.Env[Array, Any]):
         return self._world.data[0]
 
     def close(self) -> None:
-        """Close the environment. If it opened the family, also end the worker process that builds parts."""
+        """Close the environment. If the environment opened the family, also end the worker process that builds parts."""
         self._world.close()
 
 
 def _first(infos: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the `infos` of the only world, as a Gymnasium environment returns them that is not vectorized."""
+    """Convert the `infos` of a vector environment with one world to the form of an environment that is not vectorized."""
     return {name: values[0] for name, values in infos.items() if not name.startswith("_")}
 
 
 def make_env(family: RobotFamily | str | os.PathLike[str], **options: Unpack[EnvOptions]) -> FamilyEnv:
-    """Create a Gymnasium environment for one robot at a time. Its episodes equal the episodes of the first world of `make_vec_env`.
+    """Create a Gymnasium environment for one robot at a time.
 
-    `EnvOptions` describes the options.
+    The episodes of this environment equal the episodes of the first world of `make_vec_env`. The class `EnvOptions` documents the options.
     """
     return FamilyEnv(make_vec_env(family, 1, threads=1, autoreset_mode=AutoresetMode.DISABLED, **options))
 

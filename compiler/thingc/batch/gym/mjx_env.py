@@ -40,21 +40,21 @@ if TYPE_CHECKING:
     from thingc.modes import Mode
 
 MOVING = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "site_quat", "qpos0")
-"""Fields that move links, joints and mounts, which are constants of mode switches."""
+"""Names of model fields that move links, joints and mounts. Mode switches treat these fields as constants."""
 
 
 class MjxState(NamedTuple):
     """The state of one robot in an `MjxEnv`.
 
     Attributes:
-        data: The MJX data of each mode. Only the data of the current mode are up to date.
+        data: The MJX data of each mode. Only the data of the current mode are valid.
         mode: The index of the current mode.
         steps: Number of actions since the start of the episode.
         observation: The observation after the last action.
         reward: The reward of the last action.
-        terminated: Whether `terminated` returned true or the simulation is unstable (reward 0).
-        truncated: Whether the episode has reached `max_steps` actions.
-        refused: Whether the mode switch that the last action requested was refused.
+        terminated: True if the function `terminated` returned True or the simulation is unstable (reward 0).
+        truncated: True if the episode has reached `max_steps` actions.
+        refused: True if the mode switch that the last action requested was refused.
     """
 
     data: tuple[mjx.Data, ...]
@@ -68,12 +68,12 @@ class MjxState(NamedTuple):
 
 
 class MjxStep(NamedTuple):
-    """The argument of the functions that compute rewards, observations and the end of an episode.
+    """The argument of the functions that compute rewards, observations, and whether an episode ends.
 
     Attributes:
         data: The MJX data after the action.
-        robot: The state after the action, in arrays whose shapes are the same in every mode.
-        mode: The index of the mode, which is a constant.
+        robot: The state of the robot after the action. Its arrays have the same shapes in every mode.
+        mode: The index of the mode, which is a Python constant.
         action: The action in [-1, 1].
         velocity: The mean velocity (3,) of the centre of mass during the action [m/s].
         gravity: The direction (3,) of gravity in the axes of the root link of the first mode.
@@ -88,27 +88,27 @@ class MjxStep(NamedTuple):
 
 
 class MjxEnv:
-    """An environment in MJX for robots of a family. The robots differ in the values of the numbers `names`.
+    """An environment in MJX that simulates robots of a family. The simulated robots differ in the values of the numbers `names`.
 
-    `reset` and `step` are pure functions for a single robot, which can be used with `jit`, `vmap` and `grad`. `batch` returns the models of
-    many robots.
+    The methods `reset` and `step` are pure functions for a single robot, which can be used with `jit`, `vmap` and `grad`. The method
+    `batch` returns the models of many robots.
 
     Args:
         family: The family of robots.
         names: The numbers in the document in which robots differ. With several modes, these numbers cannot move links, joints or mounts.
         modes: The modes between which actions can switch. Episodes start in the first mode, in its first keyframe.
         reward: A function of an `MjxStep`.
-        terminated: A function of an `MjxStep` that returns true to end an episode.
+        terminated: A function of an `MjxStep` that returns True to end an episode.
         observation: A function of an `MjxStep` (default: `default_observation`).
         frame_skip: Number of simulation steps per action.
         max_steps: Number of actions per episode.
         noise: Maximum random change of each degree of freedom at the start [rad or m].
-        on_motion: What happens if the new mode holds a link that moves, see `thingc.modes.jax.switch`.
+        on_motion: The behaviour if the new mode holds a link that moves, see `thingc.modes.jax.switch`.
         at: Further settings of the robots.
         floor: Whether models include the floor of the scene.
         dtype: `"float32"` if JAX does not use 64-bit numbers.
 
-    Raises `FamilyError` for features that MJX, or mode switches in JAX, do not support, and `UnknownChoice` for an unknown mode.
+    Raises `FamilyError` for features that MJX or mode switches in JAX do not support, and `UnknownChoice` for an unknown mode.
     """
 
     def __init__(
@@ -136,21 +136,21 @@ class MjxEnv:
 
     @property
     def action_size(self) -> int:
-        """The number of elements of an action. There is one for each actuator of any mode, in the order of `actuators`."""
+        """The number of elements of an action. An action has one element for each actuator of any mode, in the order of `actuators`."""
         return len(self.actuators)
 
     def models(self, p: Any) -> tuple[tuple[mjx.Model, ...], Any]:
-        """Return the MJX models of a robot in all modes for values `p` `(n,)` of the numbers, and whether these values are valid.
+        """Return the MJX models of a robot in all modes, for values `p` `(n,)` of the numbers, and a flag for valid values.
 
-        This is a pure function.
+        This method is a pure function.
         """
         models, ok = zip(*(world.family.model(p) for world in self._worlds), strict=True)
         return models, jnp.all(jnp.stack(ok))
 
     def batch(self, p: npt.ArrayLike) -> tuple[Any, Any, jax.Array]:
-        """Return the batched MJX models of many robots, for rows `(k, n)` of values of the numbers.
+        """Return batched MJX models of many robots, for rows `(k, n)` with values of the numbers.
 
-        Also return the axes of these models for `in_axes` of `jax.vmap`, and flags `(k,)` that are True for valid rows.
+        Also return the axes of these models for `in_axes` of `jax.vmap`, and an array of flags `(k,)` that are True for valid rows.
         """
         models, axes, ok = zip(*(world.family.batch(p) for world in self._worlds), strict=True)
         return models, axes, jnp.all(jnp.stack(ok), axis=0)
@@ -173,9 +173,9 @@ class MjxEnv:
     def step(self, models: Sequence[mjx.Model], state: MjxState, action: jax.Array, mode: Any = 0) -> MjxState:
         """Apply an action to a robot, and return its new state. `mode` is the index of the mode to which the robot switches first.
 
-        The shape of `action` is `(action_size,)`. The interval [-1, 1] is mapped to the range of each control. A switch is refused if the
-        robot is not where the new mode holds it. A new episode does not start automatically: choose between `state` and a new `reset` with
-        `jnp.where(state.terminated, ...)`.
+        The shape of `action` is `(action_size,)`. The interval [-1, 1] of an action is mapped to the range of each control. A switch is
+        refused if the robot is not where the new mode holds it. A new episode does not start automatically. To choose between `state` and
+        the state of a new `reset`, use `jnp.where(state.terminated, ...)`.
         """
         action = jnp.clip(action, -1.0, 1.0)
         before = jnp.stack([data.subtree_com[0] for data in state.data])[state.mode]
@@ -193,9 +193,9 @@ class MjxEnv:
     # --- implementation -------------------------------------------------------------------------------------------------
 
     def _switched(self, models: Sequence[mjx.Model], state: MjxState, wanted: Any) -> tuple[list[mjx.Data], Any, Any]:
-        """Switch to the mode `wanted`.
+        """Switch the robot to the mode with the index `wanted`.
 
-        Return the MJX data of all modes, the index of the current mode, and whether the switch was refused.
+        Return the MJX data of all modes, the index of the current mode, and a flag that is True if the switch was refused.
         """
         if len(self.modes) == 1:
             return list(state.data), state.mode, jnp.zeros((), dtype=bool)
@@ -219,9 +219,9 @@ class MjxEnv:
     def _stepped(
         self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, before: jax.Array,
     ) -> tuple[mjx.Data, tuple[jax.Array, jax.Array, jax.Array]]:
-        """Simulate one action in one mode.
+        """Simulate one action of a robot in a single mode.
 
-        Return the MJX data, and a tuple of the observation, the reward and whether the episode is terminated.
+        Return the MJX data, and a tuple of the observation, the reward and a flag that is True if the episode is terminated.
         """
         world = self._worlds[number]
         low, high = world.spans
@@ -251,7 +251,7 @@ def default_observation(modes: int) -> Callable[[MjxStep], jax.Array]:
 
 
 class _World:
-    """A mode of the robot, with the family of its MJX models."""
+    """A mode of the robot, together with the MJX models for this mode."""
 
     def __init__(self, mode: Mode, family: FamilyMjx) -> None:
         self.mode = mode
@@ -276,7 +276,7 @@ class _World:
             raise FamilyError(f"mode `{mode.name}` has {lacks}, which switches in MJX do not support", "use `make_vec_env`")
 
     def read(self, model: mjx.Model, data: mjx.Data) -> State:
-        """Return the state of the robot in MJX data of this mode, in arrays with the same shapes in every mode."""
+        """Return the state of the robot in MJX data of this mode. The arrays of the state have the same shapes in every mode."""
         twist: Any = jnp.zeros(6)
         if self.mode.base == "free":
             at, moving = self.map.base
@@ -290,7 +290,7 @@ class _World:
         return State(pose(rotation_of(quaternion, jnp), position, jnp), twist, q, v)  # type: ignore[arg-type]
 
     def write(self, robot: State, data: mjx.Data) -> mjx.Data:
-        """Return MJX data of this mode with the positions and velocities of the robot set to the state `robot`."""
+        """Return a copy of MJX data of this mode in which the robot has the state `robot`."""
         addresses = self.map.addresses
         rows, positions, speeds = addresses.to_write
         qpos, qvel = data.qpos.at[positions].set(addresses.ratio * robot.q[rows]), data.qvel.at[speeds].set(addresses.ratio * robot.v[rows])
@@ -309,9 +309,9 @@ class _World:
         return inertias_in(model, self._inertias, jnp)
 
     def accelerations(self, values: jax.Array, new: _World) -> jax.Array:
-        """Convert the joint accelerations with which MuJoCo's solver starts from this mode to another mode.
+        """Convert the joint accelerations with which MuJoCo's solver starts from this mode to the mode `new`.
 
-        The accelerations of the base are 0.
+        The accelerations of the base are set to 0.
         """
         pairs = [(own[1], new.map.joints[name][1]) for name, own in self.map.joints.items() if name in new.map.joints]
         here, there = np.array(pairs, dtype=int).reshape(-1, 2).T
@@ -319,6 +319,6 @@ class _World:
 
 
 def _chosen(condition: Any, one: Any, other: Any) -> Any:
-    """Return the state `one` if the condition is true, otherwise the state `other`. The condition can be traced by JAX."""
+    """Return the state `one` if the condition is true, otherwise return the state `other`. JAX can trace the condition."""
     return jax.tree_util.tree_map(lambda a, b: jnp.where(condition, a, b), one, other)
 

@@ -1,4 +1,4 @@
-"""The robots that the environments of a family simulate: how they are drawn for each episode, and the cache of their models."""
+"""The robots that the environments of a family simulate: drawing settings for each episode, and caching the models."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 
 class MorphologyDistribution(FrozenStruct):
-    """The probability distribution of the settings of robots: uniform over `many` settings, or the function `draw`.
+    """The probability distribution of the settings of robots, which is uniform over `many` settings or defined by the function `draw`.
 
-    The argument of `draw` is a random generator. `ids` contains the values of `infos["variant"]`, which are indices if `ids` is empty.
-    `names` contains the names of the settings.
+    The function `draw` is called with a random generator. `ids` contains the values of `infos["variant"]`. If `ids` is empty, these values
+    are indices. `names` contains the names of all settings.
     """
 
     many: Sequence[Settings] = ()
@@ -38,10 +38,10 @@ class MorphologyDistribution(FrozenStruct):
 
 
 class Morphology:
-    """A robot with given settings: its MuJoCo model in each mode, its descriptor, and the bounds `spans` of its controls.
+    """A robot with given settings: a MuJoCo model in each mode, a descriptor, and the bounds `spans` of its controls.
 
-    If there are several modes, `robot` switches between them. Robots with an equal `layout`, which contains sizes and names of the models,
-    can share an `MjData`.
+    If there are several modes, the object `robot` switches between the modes. `layout` contains sizes and names of the models. Robots with
+    an equal `layout` can share an `MjData`.
     """
 
     def __init__(self, models: Sequence[mujoco.MjModel], robot: Modes | None, settings: Settings, described: Array) -> None:
@@ -56,14 +56,14 @@ class Morphology:
 
     @property
     def sizes(self) -> list[tuple[int, int, int]]:
-        """The sizes nq, nv and nu of the MuJoCo model in each mode."""
+        """The sizes nq, nv and nu of the MuJoCo model of the robot in each mode."""
         return [(model.nq, model.nv, model.nu) for model in self.models]
 
 
 class Morphologies:
     """Draws robots from the distribution `choices`, and caches their MuJoCo models in all `modes`.
 
-    `refused` counts the refused settings by error message.
+    `refused` counts refused settings by error message.
     """
 
     def __init__(self, family: RobotFamily, choices: MorphologyDistribution, rules: EnvRules) -> None:
@@ -92,7 +92,7 @@ class Morphologies:
     def drawn(self, source: np.random.Generator, wanted: Any) -> tuple[Any, Settings]:
         """Draw the settings of a robot, or return the settings of the variant `wanted`.
 
-        The first value is the key of the settings in the cache.
+        The first returned value is the key of the settings in the cache.
         """
         if self.choices.draw is not None:
             if wanted is not None:
@@ -116,10 +116,10 @@ class Morphologies:
         return int(wanted) % count
 
     def made(self, keys: Sequence[Any], many: Sequence[Settings]) -> list[Morphology | NoModel]:
-        """Return the robot for each set of settings, from the cache if possible. For refused settings, return a `NoModel`.
+        """Return the robot for each set of settings. Robots in the cache are reused. For refused settings, the list contains a `NoModel`.
 
-        `keys` contains the keys of the settings in the cache. Raises `FamilyError` if the model of a robot has other sizes than the model
-        of the first robot.
+        `keys` contains the cache keys of the settings. Raises `FamilyError` if the model of a robot has different sizes than the model of
+        the first robot.
         """
         new = {key: settings for key, settings in zip(keys, many) if key not in self._kept}
         rules = self._rules
@@ -149,7 +149,7 @@ class Morphologies:
     def episode(self, morphology: Morphology, before: tuple[Any, Morphology, Episode] | None) -> Episode:
         """Create an episode of a robot.
 
-        The `MjData` of the episode `before` are reused if the models of both robots have the same layout.
+        If the models of both robots have the same layout, the `MjData` of the episode `before` are reused.
         """
         import mujoco
 
@@ -164,14 +164,14 @@ class Morphologies:
         return Episode(simulations, morphology.settings, self._rules, morphology.robot)
 
     def _controls(self, model: mujoco.MjModel) -> Any:
-        """Return the index of each control of a model in an action. An action has one element for each actuator of any mode."""
+        """For each control of a model, return its index in an action. An action has one element for each actuator of any mode."""
         return np.array([self.actuators.index(model.actuator(number).name) for number in range(model.nu)], dtype=int)
 
 
 def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None) -> MorphologyDistribution:
     """Return the probability distribution from which the settings of the robots are drawn.
 
-    By default, these are the valid variants of the document that satisfy its rules, or the settings of an assembly itself.
+    By default, the settings are all valid variants of the document that satisfy its rules, or the settings of an assembly itself.
     """
     if callable(settings):
         return MorphologyDistribution(draw=settings)
@@ -193,7 +193,7 @@ def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None
 
 
 def settings_key(settings: Settings) -> tuple[tuple[str, Any], ...]:
-    """Return the key of settings in the cache of robots.
+    """Return the cache key of settings.
 
     Raises `FamilyError` if the settings are not a mapping from names to numbers or strings.
     """
@@ -206,5 +206,5 @@ def settings_key(settings: Settings) -> tuple[tuple[str, Any], ...]:
 
 
 def refusal(refused: NoModel) -> FamilyError:
-    """Return the exception for settings that are refused, with the errors as the message."""
+    """Return an exception for refused settings, whose message contains the errors."""
     return FamilyError(f"the settings {dict(refused.settings)} are rejected: {refused.reason}")

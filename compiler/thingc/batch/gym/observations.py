@@ -1,4 +1,7 @@
-"""Compute the observations of episodes. An observation is an array that consists of named terms, such as `qpos` or `gravity`."""
+"""Compute the observations of an environment in each episode.
+
+An observation is an array that consists of the values of named terms, such as `qpos` or `gravity`.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +18,18 @@ from thingc.batch.run_options import as_names, is_number
 
 Term = Callable[[Episode], Array]
 ALONE = ("qpos", "qvel")
-"""Default terms in one mode."""
+"""Default terms of an observation for robots in a single mode."""
 SWITCHED = ("joints", "gravity", "mode")
-"""Default terms in several modes, whose `qpos` and `qvel` differ."""
+"""Default terms of an observation for robots with several modes, in which `qpos` and `qvel` have different meanings."""
 EXACT = ("action", "mode")
-"""The observation terms that have no noise."""
+"""Names of the observation terms that do not have noise."""
 
 
 def _joints(episode: Episode) -> Array:
-    """Return the positions and velocities of all joints, in the same order in every mode. Joints that the mode cuts are 0."""
+    """Return the positions and velocities of all joints.
+
+    The order of the joints is the same in every mode. The values of joints that the mode cuts are 0.
+    """
     from thingc.modes.mjdata import map_model
 
     if episode.robot is None:
@@ -50,14 +56,14 @@ TERMS: Mapping[str, Term] = {
     "action": lambda episode: episode.action,
     "mode": lambda episode: np.eye(len(episode.simulations))[episode.mode],
 }
-"""The functions that compute observation terms, by name."""
+"""The functions that compute the observation terms, by the name of the term."""
 
 
 class Observer:
-    """Computes observations with the given terms and adds random noise.
+    """Computes observations with the given terms, and adds random noise to the observations.
 
-    `noise` is the maximum change, or a mapping from terms to such changes. `example` is an episode whose sizes are the same as in all other
-    episodes. Raises `UnknownVariant` for an unknown term, and `FamilyError` for invalid noise.
+    `noise` is the maximum random change of a number, or a mapping from terms to such changes. `example` is an episode with the same sizes
+    as all other episodes. Raises `UnknownVariant` for an unknown term, and `FamilyError` for invalid noise.
     """
 
     def __init__(self, terms: Sequence[str] | str | None, noise: float | Mapping[str, float], example: Episode) -> None:
@@ -77,7 +83,7 @@ class Observer:
     def __call__(self, episode: Episode, source: np.random.Generator, row: Array) -> None:
         """Write the observation of an episode into the array `row`.
 
-        Raises `FamilyError` if its size differs from the size of other observations.
+        Raises `FamilyError` if the size of this observation differs from the size of other observations.
         """
         seen = np.concatenate([TERMS[name](episode) for name in self._names])
         if len(seen) != self.length:

@@ -1,4 +1,4 @@
-"""Functions that compute the reward of an action, and the descriptor of a robot, which is appended to its observations."""
+"""Functions that compute the reward of an action, and a class that computes the descriptor of a robot for its observations."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 class StepInfo(FrozenStruct):
     """The argument of a function that computes the reward of an action.
 
-    `action` (nu,) is in [-1, 1]. `before` and `after` contain the centre of mass of the robot before and after the action [m]. `seconds` is
-    the duration of the action [s]. `variant` is the variant of the robot, or its settings for a family in memory.
+    `action` (nu,) contains numbers in [-1, 1]. `before` and `after` contain the centre of mass [m] of the robot before and after the
+    action. `seconds` is the duration of the action [s]. `variant` is the variant of the robot, or, for a family in memory, the settings of
+    the robot.
     """
 
     model: mujoco.MjModel
@@ -33,9 +34,9 @@ class StepInfo(FrozenStruct):
     after: Array
     seconds: float
     start: Array
-    """The coordinates (nq,) at the start of the episode, or in the first keyframe of the mode after a switch."""
+    """The coordinates (nq,) at the start of the episode, or, after a switch, in the first keyframe of the new mode."""
     mode: str = ""
-    """The name of the mode."""
+    """The name of the current mode."""
     refused: str | None = None
     """The reason why a mode switch in this action was refused, or None."""
 
@@ -47,7 +48,7 @@ Terminated = Callable[[StepInfo], bool]
 def forward(step: StepInfo) -> float:
     """Return a reward for moving forward: the velocity of the centre of mass along the x axis of the world [m/s].
 
-    The reward is reduced by 0.001 times the squared norm of the action.
+    The squared norm of the action, multiplied by 0.001, is subtracted from the reward.
     """
     return float((step.after[0] - step.before[0]) / step.seconds - 1e-3 * step.action @ step.action)
 
@@ -55,7 +56,7 @@ def forward(step: StepInfo) -> float:
 def hold(step: StepInfo) -> float:
     """Return a reward for holding the initial pose: exp(-|q - q0|^2), which is 1 if the joints are at their initial positions.
 
-    The reward is reduced by 0.001 times the squared norm of the action.
+    The squared norm of the action, multiplied by 0.001, is subtracted from the reward.
     """
     import mujoco
 
@@ -65,14 +66,14 @@ def hold(step: StepInfo) -> float:
 
 
 TASKS: Mapping[str, Reward] = {"forward": forward, "hold": hold}
-"""The reward functions of tasks, by name."""
+"""The reward functions, by the name of the task."""
 
 
 class Descriptor:
-    """Computes numbers that describe a robot, from its settings. They are appended to observations.
+    """Computes numbers that describe a robot from its settings. These numbers are appended to observations.
 
-    Each number is scaled from its bounds to [-1, 1]. Raises `UnknownVariant` for an unknown name, and `FamilyError` for a name without
-    bounds.
+    Each of these numbers is scaled from its bounds to [-1, 1]. Raises `UnknownVariant` for an unknown name, and `FamilyError` for a setting
+    without bounds.
     """
 
     def __init__(self, family: RobotFamily, names: Sequence[str]) -> None:
@@ -92,7 +93,7 @@ class Descriptor:
         self._span = np.array([high - low for low, high in spans])
 
     def __call__(self, settings: Mapping[str, Any]) -> Array:
-        """Return the scaled numbers for the settings of a robot as an array with one element per name."""
+        """Return an array that contains the scaled number for each name."""
         if not self._names:
             return np.zeros(0)
         numbers = self._family.numbers(settings)

@@ -1,4 +1,6 @@
-"""A Gymnasium environment for the variants of a batch. Each episode simulates another variant (`pip install thingc[learning]`).
+"""A Gymnasium environment for the variants of a batch.
+
+Each episode simulates another variant of the batch (`pip install thingc[learning]`).
 
     from thingc.batch.gym.variants_env import make_env
 
@@ -37,15 +39,15 @@ __all__ = ["CACHED", "ENVIRONMENT", "TASKS", "Reward", "StepInfo", "Terminated",
 
 ENVIRONMENT = "thingc/Variants-v0"
 CACHED = 16
-"""Default number of cached compiled models."""
+"""Default number of compiled models that are cached."""
 
 
 class VariantsEnv(gymnasium.Env[Array, Array]):
-    """A Gymnasium environment that simulates one variant of a batch at a time. `reset` selects the variant. Create it with `make_env`.
+    """A Gymnasium environment that simulates one variant of a batch at a time.
 
-    Each element of an action in [-1, 1] is mapped to the range of a control. The observation contains qpos, qvel and the descriptor. With
-    `pad`, qpos and qvel are padded with 0 to the sizes of the largest variant, and smaller variants ignore additional elements of an
-    action.
+    The method `reset` selects the variant. To create an environment of this class, call `make_env`. The interval [-1, 1] of each element of
+    an action is mapped to the range of a control. An observation contains qpos, qvel and the descriptor of the variant. With `pad`, qpos
+    and qvel are padded with 0 to the sizes of the largest variant. Smaller variants ignore additional elements of an action.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
@@ -68,7 +70,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Start an episode with a random variant.
 
-        With `options["variant"]`, start it with this variant, which is given by its id, name or index.
+        With `options["variant"]`, start an episode with this variant, given by its id, name or index.
         """
         if seed is None:
             seed, self._seed = self._seed, None
@@ -81,9 +83,9 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         return self._observation(episode), {"variant": self.variant.id}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Apply an action with shape (nu,), and simulate `frame_skip` steps.
+        """Apply an action with shape (nu,), and run `frame_skip` simulation steps.
 
-        The episode is terminated if `terminated` returns true, or if the simulation is unstable (reward 0).
+        The episode is terminated if the option `terminated` returns True, or if the simulation is unstable (reward 0).
         """
         episode = self._now()
         episode.ask(as_actions(action, self.action_space.shape))
@@ -93,7 +95,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The MuJoCo model of the variant in the current episode. It changes with each `reset`."""
+        """The MuJoCo model of the variant in the current episode. The model changes with each call of `reset`."""
         return self._now().model
 
     @property
@@ -115,7 +117,10 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         return seen
 
     def _of(self, variant: BuiltVariant) -> Episode:
-        """Create an episode of a variant. Its compiled model is cached, and the least recently used models are removed from the cache."""
+        """Create an episode that simulates a variant.
+
+        The compiled model of the variant is cached, and the least recently used models are removed from the cache.
+        """
         import mujoco
 
         episode = self._episodes.get(variant.id)
@@ -135,27 +140,28 @@ def make_env(
     descriptor: Sequence[str] | str = (), weights: str | Callable[[BuiltVariant], float] | None = None, pose: str | None = None,
     noise: float = 0.0, pad: bool = False, cache: int = CACHED, seed: int | None = None,
 ) -> VariantsEnv:
-    """Create a Gymnasium environment for the variants of a batch, which is given by its folder or by the result of `load`.
+    """Create a Gymnasium environment for the variants of a batch, given by its folder or by the result of `load`.
 
     Args:
         mode: The mode of the models (default: the mode that was passed to `load`, or the only mode).
         scene: Whether models include the floor of the scene.
-        visual: Whether models include visual geometry. Without it, models move in the same way and compile in less than half the time.
+        visual: Whether models include visual geometry. Models without visual geometry move in the same way, and compile in less than half
+            the time.
         reward: A function of a `StepInfo`, or a name in `TASKS`.
-        terminated: A function of a `StepInfo` that returns true to end an episode.
+        terminated: A function of a `StepInfo` that returns True to end an episode.
         frame_skip: Number of simulation steps per action.
         max_steps: Number of actions per episode.
-        descriptor: Columns of the table whose cells are appended to the observation. They are scaled to [-1, 1] over all variants (0 if all
-            cells are equal).
+        descriptor: Columns of the table whose cells are appended to the observation. The cells of a column are scaled to [-1, 1] over all
+            variants (0 if all cells are equal).
         weights: Relative probabilities of variants: the name of a column, or a function of a variant (default: uniform).
         pose: The keyframe in which episodes start (default: the first keyframe).
         noise: Maximum random change of each degree of freedom at the start [rad or m].
-        pad: Whether variants can have different sizes.
+        pad: Whether variants can have different sizes nq, nv and nu.
         cache: Number of compiled models to cache.
         seed: The seed of the first `reset` that is called without a seed.
 
-    Raises `FamilyError` for a batch without variants, and if variants differ in nq, nv or nu without `pad`; `UnknownVariant` for an unknown
-    mode, column or task.
+    Raises `FamilyError` for a batch without variants, or if variants differ in nq, nv or nu without `pad`. Raises `UnknownVariant` for an
+    unknown mode, column or task.
     """
     family = folder if isinstance(folder, BatchResults) else load(folder)
     if not len(family):
@@ -168,7 +174,10 @@ def make_env(
 
 
 def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
-    """Return the largest sizes nq, nv and nu of all variants. Raises `FamilyError` if the sizes differ and `pad` is not set."""
+    """Return the largest sizes nq, nv and nu among all variants.
+
+    Raises `FamilyError` if sizes differ between variants and `pad` is not set.
+    """
     sizes = [variant.sizes(mode) for variant in family]
     for name in ("nq", "nv", "nu") if not pad else ():
         values = [getattr(one, name) for one in sizes]
@@ -182,9 +191,9 @@ def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
 
 
 def _descriptors(family: BatchResults, columns: Sequence[str]) -> dict[str, Array]:
-    """Return the cells of the given columns for each variant, by the id of the variant. Cells are scaled to [-1, 1] over all variants.
+    """Return a mapping from the id of each variant to its cells in the given columns.
 
-    Raises `FamilyError` for a cell that is not a number.
+    The cells of each column are scaled to [-1, 1] over all variants. Raises `FamilyError` if a cell is not a number.
     """
     table = np.zeros((len(family), len(columns)))
     for k, name in enumerate(columns):
@@ -196,7 +205,7 @@ def _descriptors(family: BatchResults, columns: Sequence[str]) -> dict[str, Arra
 
 
 def _weights(family: BatchResults, weights: str | Callable[[BuiltVariant], float] | None) -> Array:
-    """Return the probability of each variant as an array. Raises `FamilyError` for invalid weights."""
+    """Return an array with the probability of each variant. Raises `FamilyError` if the weights are invalid."""
     if weights is None:
         return np.full(len(family), 1.0 / len(family))
     if not isinstance(weights, str) and not callable(weights):

@@ -1,4 +1,4 @@
 """Create MuJoCo models without compiling them, by writing numbers into the arrays of a compiled model.
 
-`Arrays` creates models for other numbers in one XML text. `TextModels` creates models for many XML texts.
+The class `Arrays` creates models for other numbers in a single XML text. The class `TextModels` creates models for many XML texts.
 """

@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     Places = list[Array]
 
 _LEAST = 1e-5
-"""Size [m] of a body or model without extent."""
+"""Size [m] that the statistics assume for a body or model without extent."""
 _PLANE = 0.1
-"""Default size [m] of an infinite plane. Statistics use a tenth of it."""
+"""Default size [m] of an infinite plane. The statistics use a tenth of this size."""
 
 
 class Statistics:
     """Computes the field `stat` of a MuJoCo model for many variants that differ only in numbers.
 
-    `stated` contains the values that the XML specifies.
+    `stated` contains the statistics that the XML specifies.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, stated: Collection[str] = ()) -> None:
@@ -58,7 +58,7 @@ class Statistics:
         self._inertia = model.dof_M0
 
     def room(self, variants: int) -> Places:
-        """Create the arrays that `note` fills: the positions of joint anchors, centres of mass, geoms, bodies and sites.
+        """Create arrays for the positions of joint anchors, centres of mass, geoms, bodies and sites, which the method `note` fills.
 
         Each array has the shape (number of elements, variants, 3) [m].
         """
@@ -67,12 +67,12 @@ class Statistics:
         return [np.empty((len(place), variants, 3)) for place in self._places]
 
     def note(self, places: Places, variant: int) -> None:
-        """Copy the positions of the elements of one variant from its `MjData`, which must be at `qpos0`, into the arrays `places`."""
+        """Copy the positions of the elements of one variant into the arrays `places`. The `MjData` of the variant must be at `qpos0`."""
         for kind, place in zip(places, self._places):
             kind[:, variant] = place
 
     def of(self, places: Places, masses: Array) -> dict[str, list[Any]]:
-        """Compute the statistics of many variants, except `meaninertia`. `masses` (variants, bodies) are in kg.
+        """Compute the statistics of many variants, except `meaninertia`. `masses` (variants, bodies) contains the masses of bodies in kg.
 
         If all variants have the same positions, `places` can contain only one variant.
         """
@@ -98,9 +98,9 @@ class Statistics:
         return {name: values * (len(masses) // len(values)) for name, values in columns.items() if name not in self._stated}
 
     def write(self, values: Mapping[str, list[Any]], index: int) -> None:
-        """Write the statistics of the variant with this index to the model.
+        """Write the statistics of the variant with this index to the `stat` field of the model.
 
-        They include `meaninertia`, which depends on constants that MuJoCo has computed for this variant.
+        The written statistics include `meaninertia`, which depends on constants that MuJoCo has computed for this variant.
         """
         for name, column in values.items():
             setattr(self._stat, name, column[index])
@@ -112,15 +112,15 @@ class Statistics:
 
 
 BOXES = ("bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid")
-"""The fields of the bounding volume tree of a body."""
+"""Names of the fields that contain the bounding volume tree of a body."""
 
 TOGETHER = 128
-"""Number of variants that are computed in one step."""
+"""Number of variants for which arrays are computed in one step."""
 
 INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
-"""The fields of the mass properties of a body."""
+"""Names of the fields that contain the mass properties of a body."""
 PLACING = frozenset(("body_ipos", "body_pos", "body_quat", "jnt_pos", "site_pos"))
-"""The fields that move elements on which the statistics depend."""
+"""Names of the fields that move elements on which the statistics depend."""
 
 Compile = Callable[[str], "mujoco.MjModel"]
 
@@ -128,9 +128,9 @@ Compile = Callable[[str], "mujoco.MjModel"]
 class Arrays:
     """A compiled MuJoCo model, and the elements of its arrays that depend on varying numbers.
 
-    `text` is the XML in which a token replaces each varying number, and `tokens` maps tokens to indices of numbers. `plain` is the XML with
-    numbers, `assets` contains the meshes by file name, and `compile` compiles XML. `lines` contains the indices of the numbers that
-    `prepare` expects, in order. Raises `NotAnArrayEntry` if a number does not appear unchanged in an array.
+    `text` is an XML text in which a token replaces each varying number, and `tokens` maps each token to the index of its number. `plain` is
+    the XML text with numbers, `assets` maps file names to meshes, and `compile` compiles an XML text. `lines` contains the indices of the
+    numbers that the method `prepare` expects, in order. Raises `NotAnArrayEntry` if a number does not appear unchanged in an array.
     """
 
     def __init__(self, text: str, tokens: Mapping[str, int], plain: str, assets: Mapping[str, bytes], compile: Compile) -> None:
@@ -179,20 +179,23 @@ class Arrays:
         self._geoms = [self._colliding(body) for body in self._bodies]
 
     def lend(self) -> mujoco.MjModel:
-        """Return the model itself, not a copy. The caller can modify it; `take_back` undoes these modifications."""
+        """Return the compiled model itself instead of a copy.
+
+        The caller can modify the model, and `take_back` undoes these modifications.
+        """
         self._is_lent = True
         return self.model
 
     def take_back(self) -> None:
-        """Undo the modifications of callers, so that `put` gives the exact model of a variant."""
+        """Undo the modifications of callers, so that `put` creates the exact model of a variant."""
         if self._is_lent:
             restore(self.model, self._first)
         self._is_lent = False
 
     def _take(self, field: str, entries: list[tuple[int, Entry]]) -> None:
-        """Record which elements of a field depend on numbers. The field is an array or an option.
+        """Record the elements of a field that depend on numbers. `field` is the name of an array or an option.
 
-        Each number is identified by its column.
+        Each number is identified by its column in the values.
         """
         import numpy as np
 
@@ -216,7 +219,7 @@ class Arrays:
         return np.array([*colliding, -1] if colliding else [], dtype=int)
 
     def prepare(self, values: Sequence[tuple[float, ...]]) -> Prepared:
-        """Compute the array elements of many variants. `values` contains the numbers of each variant.
+        """Compute the array elements of many variants. `values` contains a tuple with the numbers of each variant.
 
         Raises `ValueError` if MuJoCo rejects a variant.
         """
@@ -248,9 +251,9 @@ class Arrays:
         return Prepared(plain, options, self._statistics.of(places, masses))
 
     def _inertial_writes(self, inertials: Array) -> list[tuple[str, Array, Array, Array]]:
-        """Compute the array elements that depend on the mass properties of bodies (variants, bodies, 10).
+        """Compute the array elements that depend on the mass properties `inertials` (variants, bodies, 10) of bodies.
 
-        They include the bounding boxes of colliding geoms, which are aligned with the principal axes.
+        These elements include the bounding boxes of colliding geoms, which are aligned with the principal axes.
         """
         import numpy as np
 
@@ -295,9 +298,9 @@ class Arrays:
 
 @dataclass(slots=True)
 class Prepared:
-    """The array elements of several variants, to be written into a model.
+    """The array elements of several variants, which can be written into a model.
 
-    There is a row of array elements for each variant, a value for each option, and statistics if MuJoCo recomputes constants.
+    For each variant, the object contains a row of array elements, a value for each option, and, if MuJoCo recomputes constants, statistics.
     """
 
     writes: list[tuple[Array, Array, Array]]
@@ -309,7 +312,7 @@ class Bodies:
     """A small MuJoCo model that contains many copies of some bodies of a larger model.
 
     With this model, MuJoCo's compiler computes the principal axes and the aligned bounding boxes of many variants in one call. `text` is
-    the XML of the larger model, and `assets` contains its meshes by file name.
+    the XML of the larger model, and `assets` maps file names to its meshes.
     """
 
     def __init__(self, text: str, assets: Mapping[str, bytes], names: Sequence[str], copies: int) -> None:
@@ -343,10 +346,10 @@ class Bodies:
         self._bodies = [self._spec.body(f"{name}#{index}") for name in names for index in range(copies)]
 
     def work_out(self, inertials: Array) -> BodyArrays:
-        """Compute the principal axes and the bounding boxes of several variants. There can be at most as many variants as copies.
+        """Compute the principal axes and the aligned bounding boxes of the bodies of several variants.
 
-        `inertials` (variants, bodies, 10) contains the mass, the centre of mass and the inertia of each body, in the order of
-        `fullinertia`. Raises `ValueError` if MuJoCo rejects a variant.
+        The number of variants must not exceed the number of copies. `inertials` (variants, bodies, 10) contains the mass, the centre of
+        mass and the inertia of each body, in the order of `fullinertia`. Raises `ValueError` if MuJoCo rejects a variant.
         """
         count = len(inertials)
         for b in range(len(self.names)):
@@ -359,8 +362,8 @@ class Bodies:
 class BodyArrays:
     """The fields of a MuJoCo model for several copies of some bodies.
 
-    `inertia` (copies, bodies, 3) contains principal moments, and `axes` (copies, bodies, 4) the quaternions of the principal axes. `boxes`
-    contains the fields of the bounding volume tree of each body.
+    `inertia` (copies, bodies, 3) contains principal moments, and `axes` (copies, bodies, 4) contains the quaternions of the principal axes.
+    `boxes` contains the fields of the bounding volume tree of each body.
     """
 
     def __init__(self, model: mujoco.MjModel, copies: int, bodies: int) -> None:

@@ -1,4 +1,4 @@
-"""Find the elements of a MuJoCo model's arrays that contain the numbers of an MJCF file unchanged."""
+"""Find those elements of a MuJoCo model's arrays that contain the numbers of an MJCF file unchanged."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 class NotAnArrayEntry(Exception):
-    """Raised if MuJoCo's compiler changes a number, so that no array contains it unchanged.
+    """Raised if MuJoCo's compiler changes a number, so that none of the model's arrays contains this number unchanged.
 
-    `attribute` is the attribute with the number, such as `geom.pos`.
+    `attribute` is the attribute that contains the number, such as `geom.pos`.
     """
 
     def __init__(self, attribute: str) -> None:
@@ -24,9 +24,9 @@ class NotAnArrayEntry(Exception):
 
 
 class Entry(FrozenStruct):
-    """An element of a field of `MjModel`: its flat index, and the sign (1 or -1) by which the number is multiplied.
+    """An element of a field of `MjModel`, given by its flat index and the sign (1 or -1) by which the number is multiplied.
 
-    An option has a field name such as `opt.timestep`, and a statistic has a field name such as `stat.extent`.
+    The field name of an option is, for example, `opt.timestep`, and the field name of a statistic is, for example, `stat.extent`.
     """
 
     field: str
@@ -40,9 +40,9 @@ INERT = frozenset((
     "tendon_lengthspring", "key_qpos", "key_qvel", "key_ctrl", "key_mpos", "key_mquat", "numeric_data", "opt.timestep",
     "opt.gravity", "stat.center", "stat.extent", "eq_data", "geom_friction", "site_pos", "site_quat", "qpos_spring",
 ))
-"""Fields that do not affect the constants that MuJoCo computes."""
+"""Names of fields that do not affect the constants that MuJoCo computes."""
 TENSED = frozenset(("qpos_spring", "site_pos"))
-"""Fields in `INERT` that affect the computed constants of models with tendons, because tendon lengths depend on these fields."""
+"""Names of fields in `INERT` that affect the computed constants of models with tendons, because tendon lengths depend on these fields."""
 
 _JOINT = {
     "damping": "dof_damping", "frictionloss": "dof_frictionloss", "armature": "dof_armature", "stiffness": "jnt_stiffness",
@@ -57,7 +57,7 @@ _GEOMETRY = {
     ("geom", "pos"): "geom_pos", ("geom", "quat"): "geom_quat", ("geom", "size"): "geom_size", ("camera", "pos"): "cam_pos",
     ("camera", "quat"): "cam_quat",
 }
-"""Fields of numbers from which MuJoCo's compiler also computes other fields."""
+"""Fields with numbers from which MuJoCo's compiler also computes other fields, by element and attribute."""
 _TENDON = {
     "range": "tendon_range", "stiffness": "tendon_stiffness", "damping": "tendon_damping", "frictionloss": "tendon_frictionloss",
     "armature": "tendon_armature", "springlength": "tendon_lengthspring",
@@ -72,17 +72,18 @@ _GROUPS = {"option": "opt", "statistic": "stat"}
 _DRIVES = ("position", "velocity", "motor", "adhesion")
 _TENDONS = ("fixed", "spatial")
 _KINDS = {**dict.fromkeys(_DRIVES, "actuator"), **dict.fromkeys(_TENDONS, "tendon")}
-"""Names of the accessors of the model for tags with another name."""
+"""For MJCF tags whose accessor in `MjModel` has a different name, the name of this accessor."""
 
 
 def places(
     root: Element, tokens: Mapping[str, int], model: mujoco.MjModel, *, geometry: bool = False,
 ) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
-    """Find the array elements of all numbers that are tokens in an MJCF file. Return them by the index of the token.
+    """Find the array elements that contain the numbers for which an MJCF file has tokens.
 
-    Also return the words of the mass properties of each body by the name of the body: mass, centre of mass and inertia of an `inertial`
-    that contains tokens. `model` is the compiled model. `geometry` includes numbers of geoms, cameras and free bodies from which MuJoCo
-    computes other fields. Raises `NotAnArrayEntry`.
+    Return the array elements together with the index of the token. Also return a mapping from body names to mass properties: the words for
+    mass, centre of mass and inertia of an `inertial` that contains tokens. `model` is the compiled model of the file. With `geometry`, the
+    result includes numbers of geoms, cameras and free bodies from which MuJoCo computes other fields. Raises `NotAnArrayEntry` if no array
+    contains a number unchanged.
     """
     entries: list[tuple[int, Entry]] = []
     inertials: dict[str, list[list[str]]] = {}

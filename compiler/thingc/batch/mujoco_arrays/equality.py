@@ -9,19 +9,20 @@ if TYPE_CHECKING:
     import mujoco
 
 GROUPS = ("opt", "stat", "vis", "vis.global_", "vis.quality", "vis.headlight", "vis.map", "vis.scale", "vis.rgba")
-"""The structures of a model that contain further numbers."""
+"""The names of the structures of a model that contain further numbers."""
 
 
 def different_fields(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]:
     """Compare two MuJoCo models, and return the names of all fields that differ.
 
-    Arrays, sizes, names, options, statistics and visual settings are compared. `signature` is not compared, because it depends on the file.
+    The function compares arrays, sizes, names, options, statistics and visual settings. The field `signature` is not compared, because it
+    depends on the file.
     """
     return [name for name in names(first) if content(first, name) != content(second, name)]
 
 
 def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
-    """Reset `model`, a modified copy of `first`: copy all values of `first` to it."""
+    """Reset `model`, a modified copy of `first`, by copying all values of `first` to `model`."""
     import numpy as np
 
     for name in different_fields(model, first):
@@ -34,7 +35,7 @@ def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
 
 
 def names(model: mujoco.MjModel) -> Iterator[str]:
-    """Yield the names of all fields of a model that are compared, such as `body_mass`, `opt.gravity` or `vis.map.znear`."""
+    """Yield the names of all compared fields of a model, such as `body_mass`, `opt.gravity` or `vis.map.znear`."""
     import numpy as np
 
     for prefix in ("", *(f"{group}." for group in GROUPS)):
@@ -45,9 +46,9 @@ def names(model: mujoco.MjModel) -> Iterator[str]:
 
 
 def owner_of(model: Any, name: str) -> tuple[Any, str]:
-    """Return the object that has a field as its attribute, and the name of the attribute.
+    """Return the object that has the field as an attribute, and the name of this attribute.
 
-    For the field `vis.map.znear`, these are `model.vis.map` and `znear`.
+    For example, the field `vis.map.znear` has the object `model.vis.map` and the attribute name `znear`.
     """
     if "." not in name:  # the most common case
         return model, name
@@ -58,7 +59,7 @@ def owner_of(model: Any, name: str) -> tuple[Any, str]:
 
 
 def content(model: Any, name: str) -> bytes:
-    """Return the shape and the value of a field as bytes, for comparisons."""
+    """Return the shape and the value of a field as bytes that can be compared."""
     import numpy as np
 
     value = np.asarray(getattr(*owner_of(model, name), None))

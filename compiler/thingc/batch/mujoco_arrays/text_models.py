@@ -1,6 +1,7 @@
 """Create MuJoCo models from many XML texts.
 
-If the texts differ only in numbers, only one model is compiled. For the other models, numbers are written into its arrays.
+For texts that differ only in numbers, only one model is compiled. All other models are created by writing numbers into the arrays of the
+compiled model.
 """
 
 from __future__ import annotations
@@ -21,18 +22,21 @@ if TYPE_CHECKING:
     import mujoco
 
 ENOUGH = 3
-"""Number of models of a kind that are compiled before arrays are overwritten. Preparing the arrays takes as long as some compilations."""
+"""Number of models of a kind that are compiled before arrays are prepared for this kind.
+
+Preparing the arrays takes as long as several compilations.
+"""
 KINDS, SHAPES = 32, 100_000
-"""Maximum number of cached kinds of models, and of cached results of the check whether attribute values are numbers."""
+"""Maximum number of cached kinds of models, and maximum number of cached results of the check whether attribute values are numbers."""
 
 _NUMBERS = re.compile(r"[-+0-9.e ]*[0-9][-+0-9.e ]*")
 
 
 class ModelText(FrozenStruct, eq=False):
-    """The XML text of a MuJoCo model, without includes, and the functions that read its meshes and compile it.
+    """The XML text of a MuJoCo model without includes, with functions that read its meshes and compile its text.
 
-    `meshes` identifies the mesh files; equal values mean equal files. `assets` returns the contents of these files by name. `compiled`
-    compiles the XML.
+    `meshes` identifies the mesh files. Equal values of `meshes` mean equal files. The function `assets` returns the contents of the mesh
+    files by name. The function `compiled` compiles the XML text.
     """
 
     text: str
@@ -44,8 +48,8 @@ class ModelText(FrozenStruct, eq=False):
 class TextModels:
     """Creates MuJoCo models from many XML texts.
 
-    Some of the models that are created without compilation are compared with the compiled model: the first, second, fourth, eighth ... of
-    each kind. If a model differs, all later models of this kind are compiled. This class is not thread-safe.
+    Some of the models that are created without compilation are compared with a compiled model: the first, second, fourth, eighth ... of
+    each kind. If a model differs from its compiled model, all later models of this kind are compiled. This class is not thread-safe.
     """
 
     def __init__(self) -> None:
@@ -55,7 +59,7 @@ class TextModels:
     def each(self, many: Iterable[ModelText], *, share: bool) -> Iterator[mujoco.MjModel]:
         """Yield the MuJoCo model of each XML text, in order. At most 128 texts are read ahead.
 
-        With `share`, the yielded models can be the same object. A model is then valid until the next model is requested.
+        With `share`, several yielded models can be the same object. With `share`, a model is valid only until the next model is requested.
         """
         texts = iter(many)
         while some := list(islice(texts, TOGETHER)):
@@ -72,7 +76,7 @@ class TextModels:
                 yield one.compiled() if made is None else made if share else copy.copy(made)
 
     def _kind(self, one: ModelText, pieces: Sequence[str]) -> _Kind:
-        """Return the kind of a model. Models of the same kind differ only in numbers."""
+        """Return the kind to which a model belongs. Two models of the same kind differ only in numbers."""
         if len(self._shapes) > SHAPES:
             self._shapes.clear()
         shapes = self._shapes
@@ -90,9 +94,9 @@ class TextModels:
 
 
 class _Kind:
-    """The models that differ from the model `first` only in numbers.
+    """A kind of models, which differ from the model `first` only in numbers.
 
-    `pieces` contains the parts of the XML text between quotation marks.
+    `pieces` contains the parts of the first XML text between quotation marks.
     """
 
     def __init__(self, first: ModelText, pieces: Sequence[str]) -> None:
@@ -104,7 +108,7 @@ class _Kind:
         self._seen = self._made = 0
 
     def prepared(self, texts: Sequence[Sequence[str]]) -> Prepared | None:
-        """Compute the array elements of several models of this kind. Return None if the models must be compiled."""
+        """Compute the array elements of several models of this kind. Return None if these models must be compiled."""
         self._seen += len(texts)
         if self._slow or self._seen <= ENOUGH:
             return None
@@ -121,9 +125,9 @@ class _Kind:
         return None
 
     def put(self, one: ModelText, prepared: Prepared, index: int, *, share: bool) -> mujoco.MjModel | None:
-        """Return the model with the given index in `prepared`, or None if it must be compiled.
+        """Return the model with the given index in `prepared`, or None if this model must be compiled.
 
-        With `share`, the returned model is shared; otherwise, the caller must copy it.
+        With `share`, the returned model is shared. Otherwise, the caller must copy the model.
         """
         if self._slow or self._arrays is None:
             return None
@@ -138,7 +142,7 @@ class _Kind:
         return self._arrays.lend() if share else self._arrays.model
 
     def _with(self, others: Iterable[int]) -> Arrays:
-        """Return `Arrays` in which further attributes of the XML can have different numbers."""
+        """Return an `Arrays` object for which further attributes of the XML can have different numbers."""
         self._gaps = sorted((*self._gaps, *others))
         tokens: dict[str, int] = {}
         tokened = self._pieces.copy()
@@ -150,6 +154,6 @@ class _Kind:
         return Arrays('"'.join(tokened), tokens, first.text, first.assets(), lambda text: first.compiled())
 
     def _numbers(self, arrays: Arrays, pieces: Sequence[str]) -> tuple[float, ...]:
-        """Return the numbers in the XML text of a model, in the order that `arrays.prepare` requires."""
+        """Return the numbers in the XML text of a model, in the order that the method `prepare` of `arrays` requires."""
         words = [float(word) for k in self._gaps for word in pieces[k].split()]
         return tuple(words[line] for line in arrays.lines)

@@ -1,2 +1,4 @@
-"""Plans: recordings of a compilation that repeat its computations with other numbers. The class `Builds` creates whole builds with plans.
+"""Plans are recordings of a compilation, which repeat its computations with other numbers.
+
+The class `Builds` uses plans to create whole builds.
 """

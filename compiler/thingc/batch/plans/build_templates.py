@@ -1,4 +1,7 @@
-"""Create whole builds for many settings. The files are generated once with slots, into which the numbers of other settings are inserted."""
+"""Create complete builds for many settings of a document.
+
+The build files are generated once with slots. The numbers of other settings are then inserted into these slots.
+"""
 
 from __future__ import annotations
 
@@ -35,23 +38,27 @@ from thingc.targets.registry import TARGETS, emitted
 from thingc.targets.request import EmitRequest
 
 SETTING, DIGEST = "setting:", "digest:"
-"""Prefixes of the names of slots in a manifest for texts of settings, and for digests of files."""
+"""Prefixes of slot names in a manifest: for the texts of settings, and for the digests of files."""
 
 PATIENCE = 16
-"""Number of settings with the same names to compile before a plan is made, which takes about as long as this many compilations."""
+"""Number of settings with the same names that are compiled before a plan is created.
+
+Creating a plan takes about as long as this many compilations.
+"""
 
 Emit = Callable[["EmitRequest", Sequence[str]], "dict[str, Artifacts]"]
-"""A function that returns the artifacts of targets: `emitted`, or one that returns fewer."""
+"""A function that returns the artifacts of targets, such as the function `emitted`."""
 
 Measured = Callable[[Compilation], "dict[str, Any] | None"]
-"""A function that returns the results of a compilation, or None if no results are available and no build is requested."""
+"""A function that returns the results of a compilation, or None if results are not available and no build is requested."""
 
 
 class Build(FrozenStruct):
     """The files of a build for valid settings, and the results of the robot.
 
-    `results` contains the results that `measured` returns, and `problems` all diagnostics. `losses` contains the number of export losses of
-    each kind. `parts` is the number of part definitions. `files` returns the contents of all files by path, including the manifest.
+    `results` contains the results that the function `measured` returns, and `problems` contains all diagnostics. `losses` maps each kind of
+    export loss to a count. `parts` is the number of part definitions of the robot. The method `files` returns a mapping from paths to the
+    contents of all files, including the manifest.
     """
 
     results: dict[str, Any]
@@ -62,12 +69,12 @@ class Build(FrozenStruct):
 
 
 class Builds:
-    """Creates builds of one document for many settings, for the same modes (none: all) and targets.
+    """Creates builds of a document for many settings, with the same modes (none: all modes) and targets.
 
-    `measured` computes the results of a compilation, and `emit` creates the files of the targets. A plan is created for the `patience`-th
-    settings with the same names (a power of two, default: `PATIENCE`). For each plan, the first build, and then one in `verify`, is
-    compared with a compilation. MuJoCo also compiles the models of this compilation. (None: the first, second, fourth, eighth ...; 0: no
-    builds.)
+    The function `measured` computes the results of a compilation, and the function `emit` creates the files of the targets. A plan is
+    created when `patience` settings with the same names have been compiled (a power of two, default: `PATIENCE`). For each plan, the first
+    build is compared with a compilation, and then one in `verify` builds. For None, the first, second, fourth, eighth build and so on are
+    compared; for 0, no builds. MuJoCo compiles the models of a compared build.
     """
 
     def __init__(
@@ -86,9 +93,9 @@ class Builds:
         self._forms: PlanCaches[_Template] = PlanCaches(patience or PATIENCE, self._refusals.applies)
 
     def planned(self, settings: Settings) -> Build | None:
-        """Create the build for the given settings with a plan.
+        """Create a build for the given settings with a plan.
 
-        Return None if no plan applies to the settings, which can be valid or invalid.
+        Return None if no plan applies to the settings. The settings can then be valid or invalid.
         """
         read = self._reader.read({**settings.parameters, **settings.choices})
         given = {*settings.parameters, *settings.choices}
@@ -109,22 +116,22 @@ class Builds:
     def refused(self, settings: Settings) -> tuple[tuple[Diagnostic, ...], int] | None:
         """Return the diagnostics and the number of part definitions if a plan shows that the settings are refused.
 
-        Otherwise, return None.
+        If no plan shows that the settings are refused, return None.
         """
         read = self._refusable(settings)
         problems = None if read is None else self._refusals.problems(read)
         return None if problems is None else (problems, self._refusals.parts)
 
     def learn(self, settings: Settings, problems: tuple[Diagnostic, ...]) -> None:
-        """Record that a compilation of these settings has failed, so that `refused` can recognize similar settings."""
+        """Record that a compilation of these settings has failed, so that the method `refused` recognizes similar settings."""
         read = self._refusable(settings)
         if read is not None:
             self._refusals.learn(read, problems)
 
     def _refusable(self, settings: Settings) -> ParsedSettings | None:
-        """Parse settings for `refused`.
+        """Parse the settings for the method `refused`.
 
-        Return None if the diagnostics of a plan could differ from those of a compilation in text or order.
+        Return None if a plan could report other diagnostics than a compilation, or the same diagnostics in another order.
         """
         read = self._reader.read({**settings.parameters, **settings.choices})
         own = self._reader.settings(read)
@@ -132,9 +139,9 @@ class Builds:
         return read if alike else None
 
     def made(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
-        """Create the files of a build for the given settings, with a plan or by a compilation. Also return all diagnostics.
+        """Create the build files for the given settings, with a plan or by a compilation. Also return the diagnostics of the build.
 
-        There are no files for refused settings.
+        For refused settings, do not create any files.
         """
         planned = self.planned(settings)
         if planned is not None:
@@ -148,9 +155,9 @@ class Builds:
         return files, problems
 
     def passed(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
-        """Compile the given settings, check all models with MuJoCo, and return the files of the build and all diagnostics.
+        """Compile the given settings, check all models with MuJoCo, and return the build files and all diagnostics.
 
-        There are no files for refused settings.
+        For refused settings, do not create any files.
         """
         build, problems = self._passed(settings)
         return build.files() if build is not None else {}, problems
@@ -173,7 +180,10 @@ class Builds:
         ), problems
 
     def _plan(self, read: ParsedSettings, form: PlanCache[_Template]) -> NumericPlan[_Template] | None:
-        """Create a plan that gives the same builds as compilations. If this is impossible, store the reason in `form` and return None."""
+        """Create a plan that gives the same builds as a compilation.
+
+        If no plan can be created, store the reason in `form` and return None.
+        """
         first, _ = self._passed(self._reader.settings(read))
         if first is None:
             return None
@@ -192,9 +202,9 @@ class Builds:
         return tracing.checked(tracing.plan(read, finish, form), read, form, differs, "files")
 
     def _written(self, read: ParsedSettings, compilation: Compilation, tape: Tape) -> tuple[Mapping[str, Content], Mapping[str, Any]]:
-        """Create the files of a traced compilation with slots for numbers and texts of settings, and its results with traced numbers.
+        """Create the files of a traced compilation with slots for numbers and settings, and its results with traced numbers.
 
-        This function is used by `trace_compilation`.
+        The function `trace_compilation` calls this method.
         """
         results = self._measured(compilation) or {}
         environment = copy.copy(self._session.environment)
@@ -214,9 +224,9 @@ class Builds:
 
 
 class _Kernel:
-    """The geometry service during a traced compilation.
+    """The geometry service that is used during a traced compilation.
 
-    If the STEP file of the robot depends on a traced number, the plan is restricted to its value.
+    If the STEP file of the robot depends on a traced number, the plan applies only to the current value of this number.
     """
 
     def __init__(self, service: Any) -> None:
@@ -226,9 +236,10 @@ class _Kernel:
         return getattr(self._service, name)
 
     def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
-        """Write the STEP file of the robot as `GeometryService` does. If poses contain traced numbers, return an empty file instead.
+        """Write the STEP file of the robot in the same way as `GeometryService`.
 
-        The plan then applies only to the current values of these numbers.
+        If the poses of parts contain traced numbers, return an empty file instead. In this case, the plan applies only to the current
+        values of these numbers.
         """
         rows: list[tuple[Any, ...]] = [row for one in instances for row in (*one.pose.rotation, one.pose.translation)]
         traced = [number for row in rows for number in row if isinstance(number, Traced)]
@@ -239,9 +250,9 @@ class _Kernel:
 
 
 class _Template:
-    """The files of a build with slots for numbers. `outputs` contains the numbers for the slots, and for the results.
+    """The build files with slots for numbers. `outputs` contains the numbers for the slots and for the results.
 
-    `like` is a build without slots, whose diagnostics and export losses are the same.
+    `like` is a build without slots that has the same diagnostics and export losses.
     """
 
     def __init__(self, rehearsal: TraceResult, like: Build) -> None:
@@ -264,7 +275,10 @@ class _Template:
         self.outputs = [*self._numbers.outputs, *self._shape.outputs]
 
     def build(self, outputs: Sequence[float], settings: Settings) -> Build | None:
-        """Create the build for the given values of `outputs`. Return None if a number in a file is infinite or NaN."""
+        """Create a build in which the numbers have the values `outputs`.
+
+        Return None if a number in one of the files would be infinite or NaN.
+        """
         count, like = len(self._numbers.outputs), self._like
         if not all(map(math.isfinite, outputs[:count])):
             return None
@@ -274,7 +288,7 @@ class _Template:
         )
 
     def files(self, numbers: Sequence[float], settings: Settings) -> dict[str, Content]:
-        """Insert numbers and the texts of settings into the slots, and return the contents of all files by path."""
+        """Insert numbers and the texts of settings into the slots, and return a mapping from paths to the contents of all files."""
         files = dict(self._files)
         words, digests = self._numbers.words(numbers), {}
         given = {**settings.parameters, **settings.choices}
@@ -290,6 +304,6 @@ class _Template:
 
 
 def _same(planned: Build, whole: Build | None) -> bool:
-    """Return whether the build that a plan created equals the build of a compilation."""
+    """Return True if a build that was created with a plan equals the build of a compilation."""
     said = ("results", "problems", "losses", "parts")
     return whole is not None and all(getattr(planned, name) == getattr(whole, name) for name in said) and planned.files() == whole.files()

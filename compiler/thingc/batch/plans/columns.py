@@ -1,7 +1,8 @@
-"""Run a program for many settings at once, with one numpy array for each number. All results equal those of `Program.run` bit by bit.
+"""Run a program for many settings at once.
 
-NumPy computes only operations that IEEE 754 defines exactly: sums, products, quotients, square roots and comparisons. The results of other
-functions may differ from Python in the last bit. These functions are therefore called in Python for each value.
+Each number of the program is a numpy array with one value per setting. All results equal the results of `Program.run` bit by bit. NumPy is
+used only for operations that IEEE 754 defines exactly: sums, products, quotients, square roots and comparisons. For other functions, the
+last bit of NumPy's results may differ from Python. For this reason, Python computes these functions for one value at a time.
 """
 
 from __future__ import annotations
@@ -23,21 +24,25 @@ from thingc.batch.plans.tape import OPERATORS, Ref
 Floats = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]
 ColumnFunction = Callable[[Floats], "tuple[Floats, Booleans]"]
-"""A function that maps values `(k, n)` of the variables to outputs `(k, m)` and to flags `(k,)` that show whether the program applies to a
-row.
+"""A function that maps values `(k, n)` of the variables to outputs `(k, m)` and flags `(k,)`.
+
+The flag of a row is True if the program applies.
 """
 
 _LAST = 1e-9
-"""Distance from the middle of two floats, in units of their distance, below which a result is computed again by Python."""
+"""If a result is closer than this to the middle of two floats, Python computes the result again.
+
+The unit is the distance of the two floats.
+"""
 
 _DECIDED = 1e-11
-"""Relative difference of two inexact values above which their comparison is reliable."""
+"""Relative difference of two inexact values above which a comparison of the values is reliable."""
 
 MOMENTS = "_principal_moments"
 
 
 def column_function(program: Program) -> ColumnFunction:
-    """Convert a program to a function of arrays, each of which contains one value per setting."""
+    """Convert a program to a function of arrays that contain one value per setting."""
     last: dict[int, int] = {int(one): len(program.statements) for one in program.outputs if isinstance(one, Ref)}
     for place in range(len(program.statements) - 1, -1, -1):
         for one in program.statements[place].arguments:
@@ -66,7 +71,10 @@ def column_function(program: Program) -> ColumnFunction:
 
 
 def _guards_only(program: Program) -> set[int]:
-    """Return the indices of values that depend on principal moments and that only guards use. These values need not be exact."""
+    """Return the indices of values that depend on principal moments and that are used only in guards.
+
+    Such values need not be computed exactly.
+    """
     near: set[int] = set()
     for one in program.statements:
         depends = any(int(argument) in near for argument in one.arguments if isinstance(argument, Ref))
@@ -78,11 +86,11 @@ def _guards_only(program: Program) -> set[int]:
 def _execute(
     statement: Operation | Guard, columns: dict[int, Any], ok: Booleans, near: set[int], functions: Mapping[str, Callable[..., Any]],
 ) -> None:
-    """Execute one statement of a program for all settings.
+    """Execute one statement of a program for all settings at once.
 
-    `ok` contains a flag for each setting, which is cleared if the program does not apply. The program does not apply if a guard has another
-    outcome or if an operation fails. It also does not apply if a guard compares values in `near`, which are not exact, and the comparison
-    is too close to decide.
+    `ok` contains a flag for each setting. This function sets the flag to False if the program does not apply to the setting. The program
+    does not apply if a guard has a different outcome, or if an operation fails. The program also does not apply if the outcome of a guard
+    is uncertain because it compares inexact values, which are listed in `near`.
     """
     arguments = [value_in(one, columns) for one in statement.arguments]
     if isinstance(statement, Operation):
@@ -116,7 +124,10 @@ def _operation(name: str, arguments: Sequence[Any], ok: Booleans, functions: Map
 
 
 def _each(function: Callable[..., Any], arguments: Sequence[Any], ok: Booleans) -> Any:
-    """Call a function once per setting, and return the results as an array or a list of tuples. Clear the flag in `ok` if a call fails."""
+    """Call a function once per setting, and return the results as an array or a list of tuples.
+
+    If a call fails, set the flag of this setting in `ok` to False.
+    """
     rows = zip(*(one.tolist() if isinstance(one, np.ndarray) else repeat(one, len(ok)) for one in arguments))
     try:
         results = [function(*row) for row in rows]
@@ -139,10 +150,10 @@ def _attempt(function: Callable[..., Any], row: Iterable[Any]) -> Any:
 
 
 def _hypot(arguments: Sequence[Any], ok: Booleans) -> Any:
-    """Compute `numeric.hypot` for arrays. The exact result is rounded once.
+    """Compute `numeric.hypot` for arrays. Each result is the exact value, rounded once.
 
-    The sum of squares is computed with twice the digits of a float (Dekker 1971), and its root with one correction. Python computes results
-    that are near the middle of two floats, and results for values whose squares are too large or too small for this method.
+    The sum of squares is computed with twice the digits of a float (Dekker 1971), and the square root with one correction step. Python
+    computes results that are close to the middle of two floats, and results for values whose squares overflow or underflow.
     """
     components = [np.broadcast_to(np.asarray(one, dtype=np.float64), ok.shape) for one in arguments]
     sizes = [np.abs(one) for one in components]
@@ -167,10 +178,10 @@ def _hypot(arguments: Sequence[Any], ok: Booleans) -> Any:
 
 
 def _moments(arguments: Sequence[Any], ok: Booleans) -> Floats:
-    """Compute principal moments `(3, k)` of k inertia matrices in ascending order, with a relative error of about 1e-12.
+    """Compute the principal moments `(3, k)` of k inertia matrices in ascending order, with a relative error of about 1e-12.
 
-    The method is the same as in `principal_axes`. For moments of very different size, for which the relative error would be greater, Python
-    computes the result.
+    The algorithm is the same as in the function `principal_axes`. If moments have very different sizes, the relative error of this method
+    would be greater, so Python computes the result.
     """
     entries = [np.broadcast_to(np.asarray(one, dtype=np.float64), ok.shape) for one in arguments]
     m = [[(entries[3 * row + column] + entries[3 * column + row]) / 2.0 for column in range(3)] for row in range(3)]
@@ -196,10 +207,10 @@ def _moments(arguments: Sequence[Any], ok: Booleans) -> Floats:
 
 
 def _fsum(arguments: Sequence[Any], ok: Booleans) -> Any:
-    """Compute `math.fsum` for arrays. The exact sum is rounded once.
+    """Compute `math.fsum` for arrays. Each result is the exact sum, rounded once.
 
-    The result is the sum of the floats and of their rounding errors (Ogita, Rump and Oishi 2005). Python computes sums that are near the
-    middle of two floats, or that are much smaller than the values.
+    The result is the sum of all floats, plus the sum of all rounding errors (Ogita, Rump and Oishi 2005). Python computes sums that are
+    close to the middle of two floats, or that are much smaller than the summands.
     """
     arrays = [one for one in arguments if isinstance(one, np.ndarray)]
     constants = _few([one for one in arguments if not isinstance(one, np.ndarray)])
@@ -222,7 +233,7 @@ def _fsum(arguments: Sequence[Any], ok: Booleans) -> Any:
 
 
 def _few(numbers: Sequence[float]) -> Sequence[float]:
-    """Return two numbers that have exactly the same sum as `numbers`. If there are no such numbers, return `numbers`."""
+    """Return two numbers whose exact sum equals the exact sum of `numbers`. If two such numbers do not exist, return `numbers`."""
     try:
         high = math.fsum(numbers)
         low = math.fsum((*numbers, -high))
@@ -232,14 +243,14 @@ def _few(numbers: Sequence[float]) -> Sequence[float]:
 
 
 def _sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """Return the rounded sum of two arrays, and its rounding error (Knuth 1969)."""
+    """Return the rounded sum of two arrays, and the rounding error of the sum (Knuth 1969)."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
 
 
 def _square(value: Floats) -> tuple[Floats, Floats]:
-    """Return the rounded square of an array, and its rounding error."""
+    """Return the rounded square of an array, and the rounding error of the square."""
     square = value * value
     scaled = 134217729.0 * value  # 2**27 + 1
     high = scaled - (scaled - value)
@@ -255,7 +266,10 @@ def _power(base: float, exponent: float) -> float:
 
 
 def _extreme(replaces: Callable[[Any, Any], Any], first: Any, *others: Any) -> Any:
-    """Return the first of the smallest or largest values, as `min` does. The order matters for zeros with different signs and for NaN."""
+    """Return the first of the smallest or largest values, in the same way as Python's `min` or `max`.
+
+    The order of the values matters for NaN, and for zeros with different signs.
+    """
     for one in others:
         first = np.where(replaces(one, first), one, first)
     return first
@@ -266,6 +280,6 @@ EXACT: dict[str, Callable[..., Any]] = {
     "abs": operator.abs, "copysign": np.copysign, "isfinite": np.isfinite, "isinf": np.isinf,
     "min": partial(_extreme, np.less), "max": partial(_extreme, np.greater),
 }
-"""Operations that never fail and have the same results in NumPy."""
+"""Operations that never fail and that have the same results in NumPy as in Python."""
 ONE_BY_ONE: dict[str, Callable[..., Any]] = {"**": _power, "%": operator.mod, "round": round}
-"""Operations of Python that NumPy may round differently."""
+"""Operations that NumPy may round differently than Python."""

@@ -1,10 +1,10 @@
-"""Compute exact derivatives of a program by the chain rule, with a derivative rule for each operation.
+"""Compute exact derivatives of a program by the chain rule. Each operation has a derivative rule.
 
-See Griewank and Walther, Evaluating Derivatives, 2008.
+The methods are described in Griewank and Walther, Evaluating Derivatives, 2008.
 
-The generated function computes values and derivatives in one pass, in forward mode (from the variables) or in reverse mode (from the
-outputs), whichever needs fewer statements. At a kink, such as the minimum of two equal numbers, an output is differentiable only if all
-branches have the same derivatives. This is tested.
+The generated function computes values and derivatives in one pass, either in forward mode (from the variables) or in reverse mode (from the
+outputs). The mode with fewer statements is used. At a kink, such as the minimum of two equal numbers, an output is differentiable only if
+all branches have the same derivatives. The generated function tests this condition.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from thingc.batch.plans.tape import OPERATORS, Const, Ref
 Floats = npt.NDArray[np.float64]
 
 SAME = 1e-9
-"""Relative difference up to which the derivatives of two branches are equal."""
+"""Relative difference up to which the derivatives of two branches are treated as equal."""
 
 
 BESIDE = 1e-6
@@ -33,7 +33,7 @@ BESIDE = 1e-6
 
 
 class NotSmooth(Exception):
-    """Raised if an output of a program does not have a derivative. `output` is the index of the output, and `why` describes the reason."""
+    """Raised if an output of a program does not have a derivative. `output` is the index of the output, and `why` is the reason."""
 
     def __init__(self, output: int, why: str) -> None:
         super().__init__(why)
@@ -43,11 +43,12 @@ class NotSmooth(Exception):
 
 @dataclass(frozen=True)
 class Partials:
-    """The partial derivatives of an operation as Python expressions. The arguments are `{0}`, `{1}` ..., and the result is `{r}`.
+    """The partial derivatives of an operation as Python expressions.
 
-    For an operation with any number of arguments, `each` is the partial derivative by the argument `{i}`. `kink` is a condition under which
-    the operation has no derivative, and `why` describes this condition. If `bounded` is true, the derivative exists even at a kink if all
-    branches have the same derivatives.
+    The placeholders `{0}`, `{1}` ... represent the arguments, and `{r}` represents the result. For an operation with a variable number of
+    arguments, `each` is the partial derivative by the argument `{i}`. `kink` is a condition under which the operation has no derivative,
+    and `why` describes this condition in messages. If `bounded` is true, the derivative also exists at a kink if all branches have the same
+    derivatives.
     """
 
     partials: tuple[str, ...] = ()
@@ -90,8 +91,10 @@ RULES: dict[str, Partials] = {
     "round": _ROUNDED, "rounded": _ROUNDED,
     "negative": Partials(("-1.0",)), "item": Partials(("1.0",)), "cosine of": Partials(("-sin({0})",)), "sine of": Partials(("cos({0})",)),
 }
-"""The derivative rules, by the name of the operation. `negative` is the minus of one number; `cosine of` and `sine of` are the items of
-`quarter_exact`. Rounding to many digits has the derivative of the exact number.
+"""The derivative rule for each operation, by the name of the operation.
+
+The operation `negative` is the unary minus. The operations `cosine of` and `sine of` return the items of `quarter_exact`. An operation that
+rounds to many digits has the same derivative as the exact number.
 """
 EXTREMES = ("min", "max")
 ROTATION = ("cosine of", "sine of")
@@ -101,8 +104,8 @@ ROTATION = ("cosine of", "sine of")
 class Step:
     """An operation of a program together with its partial derivatives.
 
-    `target` is the index of the computed value, `arguments` contains the arguments, and `varying` contains the positions of those arguments
-    that depend on variables.
+    `target` is the index of the computed value. `arguments` contains the arguments, and `varying` contains the positions of arguments that
+    depend on variables.
     """
 
     target: int
@@ -112,18 +115,18 @@ class Step:
 
     @cached_property
     def rule(self) -> Partials:
-        """The derivative rule of the operation. An operation without a rule is treated as not differentiable."""
+        """The derivative rule of this operation. An operation without a rule is treated as not differentiable."""
         return RULES.get(self.operation, UNKNOWN)
 
     def code(self, template: str) -> str:
-        """Replace the placeholders in a partial derivative, or in the condition of a kink, by names of values and constants."""
+        """Replace the placeholders in the expression of a partial derivative or of a kink by names of values and constants."""
         return template.format(*map(word, self.arguments), r=f"v{self.target}")
 
     @property
     def kink(self) -> str:
-        """The condition, as a Python expression, under which the operation has no derivative.
+        """The condition under which the operation does not have a derivative, as a Python expression.
 
-        It is empty for an operation that always has one.
+        The condition is empty for an operation that always has a derivative.
         """
         if self.operation in EXTREMES:
             words = ", ".join(map(word, self.arguments))
@@ -133,10 +136,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Derivatives:
-    """The values `(m,)` of the outputs of a program, and their derivatives `(m, n)` by n variables.
+    """The values `(m,)` of the outputs of a program, and the derivatives `(m, n)` of these outputs by n variables.
 
     Derivatives that depend on an operation without a rule are NaN. `special` contains the columns of variables on which a comparison of
-    equal numbers depends. For slightly different values of these variables, other operations may compute the outputs.
+    equal numbers depends. For slightly different values of these variables, the compiler may compute the outputs by other operations.
     """
 
     values: Floats
@@ -146,14 +149,18 @@ class Derivatives:
 
 DerivativeFunction = Callable[[Sequence[float]], "Derivatives | None"]
 LONGEST = 50_000
-"""Maximum number of generated statements for derivatives. Longer programs compute with arrays."""
+"""Maximum number of statements that are generated for derivatives.
+
+For longer programs, derivatives are computed with arrays instead of generated code.
+"""
 
 
 def derivative_function(program: Program, by: Sequence[int] | None = None) -> DerivativeFunction:
-    """Create a function that computes the outputs of a program and their derivatives by the variables with the indices `by` (None: all).
+    """Create a function that computes the outputs of a program, and their derivatives by the variables with the indices `by` (None: all).
 
-    The argument of the created function contains the values of all variables. It returns None, or raises `ArithmeticError` or `ValueError`,
-    for values to which the program does not apply. It raises `NotSmooth` if a derivative does not exist.
+    The argument of the returned function contains the values of all variables. For values to which the program does not apply, the returned
+    function returns None, or raises `ArithmeticError` or `ValueError`. The returned function raises `NotSmooth` if a derivative does not
+    exist.
     """
     varying = program.variables if by is None else tuple(program.variables[place] for place in by)
     steps = _steps_of(program, varying)
@@ -183,10 +190,10 @@ def derivative_function(program: Program, by: Sequence[int] | None = None) -> De
 
 
 def with_slopes(program: Program, by: int, numbers: Sequence[int]) -> Program:
-    """Return a program in which the variables `numbers` are linear functions of the variable `by`.
+    """Convert a program to a program in which the variables `numbers` are linear functions of the variable `by`.
 
-    The arguments of the new program are the variables of the old program, then the slopes of the linear functions. The last argument is the
-    value of `by` at which the numbers have the given values.
+    The arguments of the new program are the variables of the old program, followed by the slopes of the linear functions. The last argument
+    is the value of the variable `by` at which the numbers have the given values.
     """
     unused = 1 + max(*program.variables, *(one.target for one in program.statements if isinstance(one, Operation)))
     count = len(numbers)
@@ -201,15 +208,15 @@ def with_slopes(program: Program, by: int, numbers: Sequence[int]) -> Program:
 
 
 Code = tuple[list[str], list[str]]
-"""The type of generated code: statements, and the entries of the Jacobian as expressions, row by row."""
+"""The type of generated code: a list of statements, and a list of the entries of the Jacobian as expressions, row by row."""
 
 
 Decision = tuple[str, frozenset[int]]
-"""A test of whether the two numbers of a guard are equal, with the columns of the variables on which the numbers depend."""
+"""A test of whether the two numbers in a guard are equal, and the columns of the variables on which the numbers depend."""
 
 
 def _decisions(program: Program, varying: Sequence[int]) -> list[Decision]:
-    """Return the comparisons in guards that depend on the given variables of a program."""
+    """Return the comparisons in the guards of a program that depend on the given variables."""
     depends: dict[int, frozenset[int]] = {index: frozenset((column,)) for column, index in enumerate(varying)}
     tests: dict[str, frozenset[int]] = {}
     for one in program.statements:
@@ -224,10 +231,10 @@ def _decisions(program: Program, varying: Sequence[int]) -> list[Decision]:
 def _special(
     program: Program, decisions: Sequence[Decision], varying: Sequence[int], values: Sequence[float], known: dict[str, float],
 ) -> tuple[frozenset[int], list[Decision]]:
-    """Find comparisons between equal numbers for which the program would not apply to nearby values of the variables.
+    """Find comparisons between equal numbers whose outcome is different for nearby values of the variables.
 
-    Return the columns of the variables on which these comparisons depend, and the comparisons whose numbers remain equal. Only variables
-    that affect comparisons between currently equal numbers are tested.
+    Return the columns of the variables on which these comparisons depend, and the comparisons whose numbers remain equal. Only those
+    variables are tested that affect a comparison between numbers that are currently equal.
     """
     functions = names()
     equal = [one for one in decisions if eval(one[0], functions, known)]
@@ -251,7 +258,8 @@ def _special(
 def _generated(program: Program, steps: Sequence[Step], decisions: Sequence[Decision], code: Code | None) -> Callable[..., Any]:
     """Generate the function that computes the outputs and the elements of the Jacobian.
 
-    At a kink, for a comparison between equal numbers, and without `code`, the function returns all values by name instead of the Jacobian.
+    At a kink, for a comparison between equal numbers, and without `code`, the generated function returns a mapping of all values by name
+    instead of the Jacobian.
     """
     text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
     text += program.code
@@ -265,7 +273,7 @@ def _generated(program: Program, steps: Sequence[Step], decisions: Sequence[Deci
 
 
 def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
-    """Generate code for forward differentiation: the derivatives of each value by the variables on which the value depends."""
+    """Generate code for forward differentiation: derivatives of each value by the variables on which the value depends."""
     known: dict[int, dict[int, str]] = {index: {place: "1.0"} for place, index in enumerate(varying)}
     statements: list[str] = []
     for step in steps:
@@ -280,7 +288,7 @@ def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) ->
 
 
 def _backward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
-    """Generate code for reverse differentiation: the derivatives of each output by the values on which the output depends."""
+    """Generate code for reverse differentiation: derivatives of each output by the values on which the output depends."""
     statements: list[str] = []
     partials = [dict(_partials(step, statements)) for step in steps]
     entries: list[str] = []
@@ -301,9 +309,9 @@ def _backward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -
 
 
 def _partials(step: Step, statements: list[str]) -> list[tuple[int, str]]:
-    """Return the partial derivatives of an operation by each argument that varies, as names or constants.
+    """Return the partial derivatives of an operation by each varying argument, as names or constants.
 
-    Statements that compute partial derivatives that are not constant are appended to `statements`.
+    For partial derivatives that are not constant, the function appends statements to `statements`.
     """
     partials = []
     for place in step.varying:
@@ -322,14 +330,14 @@ def _product(partial: str, derivative: str) -> str:
 
 
 def _index(argument: Argument) -> int:
-    """Return the index of the value to which an argument refers, or -1 for a constant."""
+    """Return the index of the value to which an argument refers. For a constant, return -1."""
     return int(argument) if isinstance(argument, Ref) else -1
 
 
 def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], values: dict[str, float]) -> Floats:
-    """Compute the Jacobian of a program from the values of all operations, with an array of derivatives for each value.
+    """Compute the Jacobian of a program from the values of all operations. An array contains the derivatives of each value.
 
-    `values` maps the names of values to numbers. Raises `NotSmooth`.
+    `values` maps the names of values in the program to numbers. Raises `NotSmooth` if a derivative does not exist.
     """
     zero = np.zeros(len(varying))
     known: dict[int, Floats] = dict(zip(varying, np.eye(len(zero)), strict=True))

@@ -1,6 +1,6 @@
 """Compute models or results for other numbers with a plan instead of a compilation.
 
-A new plan is compared with compilations before it is used.
+Before a new plan is used, its results are compared with the results of compilations.
 """
 
 from __future__ import annotations
@@ -30,28 +30,27 @@ from thingc.targets.artifact import StoredArtifact
 Made = TypeVar("Made")
 
 MOST = 32
-"""Maximum number of plans for settings with the same names and texts; the least recently used are dropped."""
+"""Maximum number of plans for settings with the same names and texts. The least recently used plans are dropped."""
 PAYS = 32
-"""Number of uses of plans after which another plan may be created, because creating a plan takes several compilations."""
+"""Number of uses of existing plans after which another plan may be created, because creating a plan takes several compilations."""
 FORMS = 256
-"""Maximum number of caches, and of plans in all caches. If it is exceeded, all plans are dropped."""
+"""Maximum number of caches, and maximum total number of plans in all caches. If this number is exceeded, all plans are dropped."""
 SIDES = (1.0, -1.0)
-"""Directions of the samples near the settings of a plan at which the plan is checked before it is used.
+"""Directions in which settings are changed to get sample settings. A plan is checked at the samples before it is used.
 
-If a number is at its bound, one of them is valid.
+If a number is at its bound, the sample in one of the two directions is valid.
 """
 EXCHANGED = (2, 4)
-"""The uses of a plan with exchanged parts that are compared with compilations, in addition to those that `verify` selects.
-"""
+"""The uses of a plan with exchanged parts that are also compared with a compilation, in addition to the uses that `verify` selects."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NumericPlan(Generic[Made]):
     """A plan, which computes the numbers in a model, in files or in results from the values of settings.
 
-    `program` computes these numbers, and `made` inserts them. `free` contains the indices of the settings that are variables of the
-    program. `fixed` contains the indices and values of the settings that must not change. If parts depend on the variables, `exchange`
-    provides numbers from their records, which are further variables of the program.
+    `program` computes the numbers, and `made` inserts the numbers into a model, files or results. `free` contains the indices of the
+    settings that are variables of the program. `fixed` contains the indices of settings that must not change, and their values. If parts
+    depend on the variables, `exchange` returns numbers from the records of these parts, which are further variables of the program.
     """
 
     free: tuple[int, ...]
@@ -62,7 +61,10 @@ class NumericPlan(Generic[Made]):
     _uses: Iterator[int] = field(default_factory=partial(count, 1), init=False, repr=False, compare=False)
 
     def outputs(self, values: Sequence[float]) -> tuple[float, ...] | None:
-        """Compute the numbers for `made` from the values of all settings. Return None if the plan does not apply to these values."""
+        """Compute the numbers for the object `made` from the values of all settings.
+
+        Return None if the plan does not apply to the given values.
+        """
         try:
             given = self.given(values)
             return None if given is None else self.program.run(*given)
@@ -70,15 +72,15 @@ class NumericPlan(Generic[Made]):
             return None
 
     def prepare(self, many: Sequence[Sequence[float]]) -> None:
-        """Build the parts for the values of all names of several settings at the same time."""
+        """Build the parts for several settings at the same time. Each element of `many` contains the values of all settings."""
         if self.exchange is not None and many:
             with suppress(ArithmeticError, ValueError):
                 self.exchange.prepare([values[at] for at in self.free] for values in many)
 
     def given(self, values: Sequence[float]) -> tuple[float, ...] | None:
-        """Return the values of the variables of `program`, given the values of all settings.
+        """Convert the values of all settings to the values of the variables of `program`.
 
-        Return None if the plan does not apply to these values.
+        Return None if the plan does not apply to the given values.
         """
         if any(values[at] != value for at, value in self.fixed):
             return None
@@ -89,9 +91,10 @@ class NumericPlan(Generic[Made]):
         return None if exchanged is None else (*given, *exchanged.numbers)
 
     def columns(self, values: Floats) -> tuple[Floats, Booleans]:
-        """Compute the numbers for `made` for many settings at once. `values` `(k, n)` contains a row with the values of all settings.
+        """Compute the numbers for the object `made` for many settings at once.
 
-        Also return a flag for each row that is True if the plan applies. No parts may depend on the settings.
+        Each row of `values` `(k, n)` contains the values of all settings. Also return an array of flags that are True for the rows to which
+        the plan applies. The method requires that no parts depend on the settings.
         """
         outputs, ok = self._columns(values[:, list(self.free)])
         for at, value in self.fixed:
@@ -103,16 +106,16 @@ class NumericPlan(Generic[Made]):
         return column_function(self.program)
 
     def exchanged(self, values: Sequence[float]) -> Exchanged | None:
-        """Return the numbers and meshes of the parts for these values of settings, or None if no parts depend on them.
+        """Return the numbers and meshes of the parts for these values of settings, or None if no parts depend on the settings.
 
-        The plan must apply to the values.
+        The plan must apply to the given values.
         """
         return None if self.exchange is None else self.exchange.of([values[at] for at in self.free])
 
     def is_due(self, verify: int | None) -> bool:
-        """Count a use of the plan, and return whether its result must be compared with a compilation.
+        """Count a use of the plan, and return True if the result of this use must be compared with a compilation.
 
-        The first use is compared, then one in `verify` uses (None: the first, second, fourth, eighth ...; 0: none).
+        The first use is compared, and then one in `verify` uses (None: the first, second, fourth, eighth ...; 0: none).
         """
         use = next(self._uses)
         if verify is None:
@@ -123,9 +126,9 @@ class NumericPlan(Generic[Made]):
 class PlanCache(Generic[Made]):
     """Caches plans for settings that differ only in numbers.
 
-    All other values of these settings, and the names of the numbers, are the same. `why` contains the reason for each number that cannot be
-    traced. `modelled` contains the part that depends on each traced number. `refused` is the reason why no plan can be created at all. A
-    plan is created for the `patience`-th settings without a plan (a power of two).
+    The names of the numbers, and the values of all other settings, are the same. `why` contains the reason for each number that cannot be
+    traced. For each traced number on which a part depends, `modelled` contains the part. `refused` is the reason why no plan can be created
+    for any of the settings. A plan is created when `patience` settings without a plan have occurred (a power of two).
     """
 
     def __init__(self, patience: int = 2) -> None:
@@ -138,7 +141,10 @@ class PlanCache(Generic[Made]):
         self._seen: dict[tuple[float, ...], int] = {}
 
     def plan_for(self, read: ParsedSettings) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """Return the plan that applies to the given settings, and the numbers that it computes. Return None if no plan applies."""
+        """Return the plan that applies to the given settings, together with the numbers that the plan computes.
+
+        Return None if no plan applies.
+        """
         for number, plan in enumerate(self.plans):
             outputs = plan.outputs(read.values)
             if outputs is not None:
@@ -149,10 +155,10 @@ class PlanCache(Generic[Made]):
         return None
 
     def worth_it(self, read: ParsedSettings) -> bool:
-        """Return whether a plan should be created for settings to which no existing plan applies.
+        """Return whether a plan should be created for these settings, to which no existing plan applies.
 
-        Creating a plan takes as long as several compilations. It is therefore not worth it for settings that may occur only once. Numbers
-        on which parts depend often do not occur again.
+        Creating a plan takes as long as several compilations. For settings that may occur only once, a plan is therefore not created.
+        Settings with numbers on which parts depend often occur only once.
         """
         if self.refused is not None:
             return False
@@ -166,24 +172,24 @@ class PlanCache(Generic[Made]):
         return len(self.why) < len(read.names) and seen >= self.patience and seen & (seen - 1) == 0
 
     def add(self, plan: NumericPlan[Made]) -> None:
-        """Add a plan, and drop the least recently used one if there are too many."""
+        """Add a plan to the cache. If the cache contains too many plans, drop the least recently used plan."""
         self.plans = [plan, *self.plans[: MOST - 1]]
 
     def give_up(self, names: Collection[str], why: str) -> None:
-        """Do not trace these numbers any more, for the reason `why`. If there are no numbers, do not create any plans."""
+        """Stop tracing the numbers with these names, for the reason `why`. If `names` is empty, do not create any further plans."""
         self.why.update((name, f"{self.modelled[name]}, and {why}" if name in self.modelled else why) for name in names)
         if not names:
             self.refused = why
 
     def wrong(self, why: str) -> None:
-        """Delete all plans and do not create new plans, because a plan has given a wrong result."""
+        """Delete all plans and do not create new plans, because one of the plans has given a wrong result."""
         self.plans, self.refused = [], why
 
 
 class PlanCaches(Generic[Made]):
-    """Contains a cache of plans for each combination of names of numbers and values of other settings. See `PlanCache` for `patience`.
+    """Contains a separate cache of plans for each combination of names of numbers and values of other settings.
 
-    No plan is created for settings for which `is_refused` returns True.
+    The class `PlanCache` documents `patience`. If `is_refused` returns True for some settings, no plan is created for these settings.
     """
 
     def __init__(self, patience: int = 2, is_refused: Callable[[ParsedSettings], bool] = lambda read: False) -> None:
@@ -192,7 +198,7 @@ class PlanCaches(Generic[Made]):
         self.kept: dict[Hashable, PlanCache[Made]] = {}
 
     def of(self, read: ParsedSettings) -> PlanCache[Made]:
-        """Return the cache of plans for settings with the same names of numbers, and the same values of other settings."""
+        """Return the cache of plans for settings with the same names of numbers and the same values of all other settings."""
         key = (read.names, read.texts)
         if key not in self.kept:
             if len(self.kept) >= FORMS or sum(len(form.plans) for form in self.kept.values()) >= FORMS:
@@ -203,9 +209,9 @@ class PlanCaches(Generic[Made]):
     def planned(
         self, read: ParsedSettings, make: Callable[[ParsedSettings, PlanCache[Made]], NumericPlan[Made] | None],
     ) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """Return the plan for settings and its outputs; None if the settings contain no numbers, or no plan applies to them.
+        """Return a plan for the settings together with its outputs, or None if the settings do not contain numbers or no plan applies.
 
-        If there is no plan, and the settings are not known to be refused, make one if it is worth it.
+        If no plan applies, and the settings are not known to be refused, create a plan if this is likely to save time.
         """
         if read.report is not None or not read.names:
             return None
@@ -221,7 +227,7 @@ class PlanCaches(Generic[Made]):
 
 
 class TracedResults:
-    """The results of a traced compilation, by name. `outputs` contains those results that are traced numbers."""
+    """The results of a traced compilation, by name. `outputs` contains all results that are traced numbers."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self.outputs = [value for value in values.values() if isinstance(value, Traced)]
@@ -229,28 +235,31 @@ class TracedResults:
         self._all = {name: None if isinstance(value, Traced) else value for name, value in values.items()}
 
     def argument(self, name: str, program: Program) -> Argument:
-        """Return the output of a program that computes the result with this name. Return the constant NaN if the result has no value."""
+        """Return the argument of a program that represents the result with this name.
+
+        If the result has no value, return the constant NaN.
+        """
         if name in self._names:
             return program.outputs[self._names.index(name)]
         value = self._all.get(name)
         return Const(nan if value is None else value)
 
     def of(self, outputs: Sequence[float]) -> dict[str, Any]:
-        """Return the results by name, with the given values for the traced numbers in `outputs`."""
+        """Return a mapping from names to results, in which the traced numbers have the values `outputs`."""
         return {**self._all, **dict(zip(self._names, outputs, strict=True))}
 
 
 Finish = Callable[[TraceResult, Exchange | None], tuple[Sequence[Any], Made]]
-"""Returns the inputs that a plan computes, and the object that uses them."""
+"""A function that returns the inputs that a plan computes, and the object that uses these inputs."""
 Differs = Callable[[NumericPlan[Made], ParsedSettings, tuple[float, ...]], bool]
-"""Returns whether a plan, with these outputs for settings, gives something else than their compilation."""
+"""A function that returns True if the outputs of a plan for some settings differ from a compilation of these settings."""
 
 
 class Tracing(FrozenStruct):
-    """Creates plans from traced compilations of the given modes (none: all).
+    """Creates plans from traced compilations of the given modes (none: all modes).
 
-    `make` computes a model, files or results from each traced compilation. If `refused` is True, the compilation may fail. `assets` returns
-    the meshes of a traced model. If `assets` is None, parts must not depend on traced numbers.
+    The function `make` computes a model, files or results from each traced compilation. If `refused` is True, the compilation may fail. The
+    function `assets` returns the meshes of a traced model. If `assets` is None, parts must not depend on traced numbers.
     """
 
     session: Session
@@ -261,9 +270,10 @@ class Tracing(FrozenStruct):
     assets: Callable[[Any], Mapping[str, StoredArtifact]] | None = None
 
     def plan(self, read: ParsedSettings, finish: Finish[Made], form: PlanCache[Made], *, nearby: bool = True) -> NumericPlan[Made] | None:
-        """Create a plan for settings with these names. If this is impossible, store the reason in `form` and return None.
+        """Create a plan for settings with the same names as these settings.
 
-        With `nearby`, the compilation is traced with numbers near the given numbers, because round numbers can be special cases.
+        If no plan can be created, store the reason in `form` and return None. With `nearby`, the compilation is traced with numbers near
+        the given numbers, because round numbers can be special cases.
         """
         while form.refused is None:
             free = [name for name in read.names if name not in form.why]
@@ -289,9 +299,10 @@ class Tracing(FrozenStruct):
         return None
 
     def plan_for(self, read: ParsedSettings, finish: Finish[Made], form: PlanCache[Made]) -> NumericPlan[Made] | None:
-        """Create a plan that applies to the given settings. It is traced with nearby numbers if possible.
+        """Create a plan that applies to the given settings. The compilation is traced with nearby numbers if possible.
 
-        If such a plan does not apply to the settings, for example to integers, it is traced with the numbers themselves.
+        If the resulting plan does not apply to the settings, for example to integers, the compilation is traced with the numbers
+        themselves.
         """
         plan = self.plan(read, finish, form)
         if plan is not None and plan.outputs(read.values) is None:
@@ -301,9 +312,9 @@ class Tracing(FrozenStruct):
     def checked(
         self, plan: NumericPlan[Made] | None, read: ParsedSettings, form: PlanCache[Made], differs: Differs[Made], what: str,
     ) -> NumericPlan[Made] | None:
-        """Compare a plan with compilations of several sample settings. If a result differs, do not create further plans, and return None.
+        """Compare the results of a plan with compilations of several sample settings.
 
-        `what` describes the compared results, for the stored reason.
+        If a result differs, do not create any further plans, and return None. `what` describes the compared results in the stored reason.
         """
         if plan is None:
             return None
@@ -315,7 +326,7 @@ class Tracing(FrozenStruct):
         return plan
 
     def samples(self, read: ParsedSettings, form: PlanCache[Any]) -> list[ParsedSettings]:
-        """Return the settings for which a plan is compared with a compilation: the given and nearby settings with the same parts."""
+        """Return settings at which a plan is compared with a compilation: the given settings, and nearby settings with the same parts."""
         settings = [read]
         for side in SIDES:
             source = random.Random(0)
@@ -328,9 +339,9 @@ class Tracing(FrozenStruct):
         return list(dict.fromkeys(settings))
 
     def _rehearse(self, read: ParsedSettings, form: PlanCache[Any], *, nearby: bool) -> TraceResult | None:
-        """Trace a compilation with all numbers that can be traced.
+        """Trace a compilation with all settings that are numbers and can be traced.
 
-        Return None if another attempt is necessary, because `form` has changed.
+        If another attempt is necessary because `form` has changed, return None.
         """
         quantities = self.reader.quantities(read)
         free = {name: quantities[name] for name in read.names if name not in form.why}
@@ -357,9 +368,10 @@ class Tracing(FrozenStruct):
     def _attempt(
         self, numbers: Mapping[str, Quantity], texts: Mapping[str, str], exact: Collection[str] = (),
     ) -> tuple[TraceResult | None, NotTraceable | None]:
-        """Trace a compilation with the given numbers. Return the result, or the exception that explains why this is impossible.
+        """Trace a compilation in which the given numbers are variables.
 
-        The settings `texts` are not traced. Parts may depend on the numbers in `exact`.
+        Return the result of the compilation, or the exception with the reason why the compilation cannot be traced. The settings in `texts`
+        have fixed values. Parts may depend on the numbers in `exact`.
         """
         try:
             return trace_compilation(self.session, self.modes, numbers, texts, self.make, exact, refused=self.refused), None
@@ -367,7 +379,7 @@ class Tracing(FrozenStruct):
             return None, fault
 
     def _culprits(self, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> list[str]:
-        """Return the names of the numbers that cannot be traced even if no other number is traced."""
+        """Return the names of all numbers that cannot be traced even if no other number is traced."""
         if len(numbers) == 1:
             return list(numbers)
         alone = {name: {**texts, **{other: text_of(one) for other, one in numbers.items() if other != name}} for name in numbers}
@@ -375,6 +387,9 @@ class Tracing(FrozenStruct):
 
 
 def _near(quantity: Quantity, source: random.Random, side: float = 1.0) -> Quantity:
-    """Return a quantity near the given quantity. Near 0, the result is positive, because many numbers must not be negative."""
+    """Return a quantity that is close to the given quantity.
+
+    For a quantity near 0, return a positive quantity, because many numbers must not be negative.
+    """
     share = side * source.uniform(-1e-3, 1e-3)
     return Quantity(quantity.value * (1.0 + share) if quantity.value else abs(share), quantity.dimension)

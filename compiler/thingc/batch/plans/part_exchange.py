@@ -1,6 +1,6 @@
-"""Support plans in which parts depend on numbers. The plan computes the definition of a part, and requests the record of this part.
+"""Support for plans in which parts depend on numbers. Such a plan computes the definition of a part, and requests the record of this part.
 
-The numbers in the new record then replace the numbers in the record of the traced compilation.
+The numbers in the requested record then replace the numbers in the record of the traced compilation.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from thingc.geometry.record import Mesh, MountExpectation, MountRecord, PartDefi
 from thingc.targets.artifact import StoredArtifact
 
 KEPT = 512
-"""Maximum number of cached records of a plan."""
+"""Maximum number of part records that a plan caches."""
 
 _PLAIN = (0.0, 1.0, -1.0)
-"""Numbers that must be equal in all records of a plan, because they are frequent in rotations and many decisions depend on them."""
+"""Numbers that must be the same in all part records of a plan, because they are frequent in rotations and many decisions depend on them."""
 _MEASURED = frozenset(("volume", "area", "centre", "inertia", "box", "fits", "slices"))
-"""Fields in which these numbers may change, since they occur there by chance."""
+"""Fields of part records in which the numbers 0, 1 and -1 may change, because these fields contain such numbers only by chance."""
 _ASIDE = frozenset(("text", "bom", "brep", "code", "slices"))
-"""Fields of a record that do not affect models and diagnostics, or that are handled later."""
+"""Fields of a part record that do not affect models and diagnostics, or that are handled separately."""
 
 
 class Exchanged(FrozenStruct):
-    """The numbers and meshes of the parts for some values of the numbers on which these parts depend.
+    """The numbers and meshes of the parts for particular values of the numbers on which these parts depend.
 
-    `numbers` contains the numbers in the part records, in order. `names` contains the names of the meshes of these parts in the model.
-    `assets` contains all meshes of the model by file name.
+    `numbers` contains the numbers in the part records, in order. `names` contains the names that the meshes of these parts have in the
+    model. `assets` maps file names to all meshes of the model.
     """
 
     numbers: tuple[float, ...]
@@ -45,9 +45,10 @@ class Exchanged(FrozenStruct):
 class TracedParts:
     """The source of part records during a traced compilation.
 
-    If a part definition contains traced numbers, the record for their current values is returned. In this record, numbers are new variables
-    of the tape, and meshes are tokens. `allowed` returns whether parts may depend on a traced number. If not, `PartDependsOnNumber` is
-    raised. `before` is a copy of the tape before these variables were added, or None if no part definition contains traced numbers.
+    For a part definition with traced numbers, this class returns the record for the current values of these numbers. In such a record, each
+    number is a new variable of the tape, and each mesh hash is a token. The function `allowed` returns whether parts may depend on a traced
+    number. If parts must not depend on the number, `PartDependsOnNumber` is raised. `before` is a copy of the tape before the new variables
+    were added, or None if no part definition contains traced numbers.
     """
 
     def __init__(self, parts: PartSource, allowed: Callable[[Traced], bool]) -> None:
@@ -65,9 +66,9 @@ class TracedParts:
         return getattr(self._parts, name)
 
     def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None, **named: Any) -> Any:
-        """Return the part records for the given definitions, as `PartSource` does. This method can be called only once.
+        """Return the part records for the given definitions, in the same way as `PartSource`. Call this method only once.
 
-        The argument `likely` is not passed on, because it may contain traced numbers.
+        The argument `likely` is ignored, because it may contain traced numbers.
         """
         traced = [one for one in definitions if numbers_of(one)]
         for one in traced:
@@ -95,24 +96,24 @@ class TracedParts:
 
     @property
     def likeness(self) -> tuple[Hashable, ...]:
-        """The values in part records that must not change if a plan is used for other numbers."""
+        """The values in part records that must be the same when a plan is used for other numbers."""
         return tuple(self._walk.rest)
 
     @property
     def parameters(self) -> list[Traced]:
-        """The traced numbers in all part definitions, in order."""
+        """All traced numbers in part definitions, in order."""
         return [number for one in self.definitions for number in numbers_of(one)]
 
     @property
     def words(self) -> list[str]:
-        """The texts in part records that messages may quote. They may contain numbers of other parts."""
+        """The strings in part records that messages may quote. These strings may contain numbers of other parts."""
         records = self._records.values()
         found = [one.interface or "" for record in records for one in record.mounts.values()]
         found += [text for record in records for one in record.expectations for text in (one.label, one.text)]
         return [text for text in found if any(map(str.isdigit, text))]
 
     def slice(self, definitions: Sequence[PartDefinition], records: Any, slicings: Mapping[str, Collection[Slicing]]) -> Any:
-        """Return the part records with slicing results, as `PartSource` does."""
+        """Return the part records with slicing results, in the same way as `PartSource`."""
         for one in definitions:
             for slicing in slicings.get(one.text, ()):
                 for value in (*slicing.up, *astuple(slicing)):
@@ -130,9 +131,9 @@ class TracedParts:
 
 
 class PartDependsOnNumber(Exception):
-    """Raised if a part depends on a traced number and this is not supported.
+    """Raised if a part depends on a traced number although this is not allowed.
 
-    `number` is the traced number (default: the first in the definition).
+    `number` is the traced number (default: the first traced number in the definition).
     """
 
     def __init__(self, definition: PartDefinition, number: Traced | None = None) -> None:
@@ -142,10 +143,10 @@ class PartDependsOnNumber(Exception):
 
 
 class Exchange:
-    """Replaces the part records in a plan by the records of parts for other numbers.
+    """Replaces the part records of a plan by the records of the same parts for other numbers.
 
-    `rehearsed` contains the parts of the traced compilation. `parts` is the source of other part records. `assets` contains the meshes of
-    the traced model, and `names` the names of those meshes that are replaced.
+    `rehearsed` contains the parts of the traced compilation. The object `parts` is the source of further part records. `assets` contains
+    the meshes of the traced model, and `names` contains the names of all meshes that are replaced.
     """
 
     def __init__(self, rehearsed: TracedParts, parts: PartSource, assets: Mapping[str, StoredArtifact]) -> None:
@@ -175,7 +176,7 @@ class Exchange:
     def of(self, values: Sequence[float]) -> Exchanged | None:
         """Return the numbers and meshes of the parts for these values of the variables.
 
-        Return None if the plan does not apply to the values. Parts that are not in the store are built.
+        Return None if the plan does not apply to these values. Parts that the store does not contain are built.
         """
         given = self._run(*values)
         if given is None:
@@ -188,19 +189,19 @@ class Exchange:
         return self._kept[given]
 
     def prepare(self, many: Iterable[Sequence[float]]) -> None:
-        """Build the parts for several values of the variables at the same time."""
+        """Build the parts for several sets of values of the variables at the same time."""
         given = (one for one in map(self._run, *zip(*many, strict=True)) if one is not None and one not in self._kept)
         if definitions := [self._definitions_at(one) for one in given]:
             self._records_of(definitions)
 
     def _traced(self, definitions: Sequence[PartDefinition]) -> dict[str, PartDefinition]:
-        """Return the new definition of each part that depends on traced numbers, by the definition text in the traced compilation."""
+        """Map the texts of all definitions that depend on traced numbers in the traced compilation to the new definitions."""
         return {one.text: one for one, rehearsed in zip(definitions, self._definitions, strict=True) if numbers_of(rehearsed)}
 
     def _pattern_of(self, definitions: Sequence[PartDefinition]) -> list[int]:
-        """Return for each part definition the index of the first definition with the same text.
+        """For each part definition, return the index of the first definition with the same text.
 
-        Definitions that other parts expect are included.
+        The list includes definitions that other parts expect.
         """
         first: dict[str, int] = {}
         return [first.setdefault(text, place) for place, text in enumerate((*(one.text for one in definitions), *self._expected))]
@@ -230,14 +231,14 @@ class Exchange:
         return Exchanged(numbers=tuple(walk.numbers), names=names, assets={**self._others, **own})
 
     def _definitions_at(self, given: Sequence[float]) -> list[PartDefinition]:
-        """Return all part definitions of the traced compilation, with the numbers `given` in place of traced numbers."""
+        """Return all part definitions of the traced compilation, with the numbers `given` in place of the traced numbers."""
         numbers = iter(given)
         return [self._made(one, numbers) if numbers_of(one) else one for one in self._definitions]
 
     def _records_of(self, many: Sequence[Sequence[PartDefinition]]) -> Mapping[str, PartRecord | PartFailure]:
-        """Return the part records of those definitions that depend on traced numbers, by definition text.
+        """Return a mapping from definition texts to part records, for those definitions that depend on traced numbers.
 
-        Parts that could be built also have slicing results.
+        Records of parts that could be built also contain slicing results.
         """
         asked = {text: one for definitions in many for text, one in self._traced(definitions).items()}
         wanted = [
@@ -250,7 +251,7 @@ class Exchange:
         return self._parts.slice(made, records, {text: slicings for text, _, slicings in wanted if text in texts and slicings})
 
     def _made(self, rehearsed: PartDefinition, numbers: Any) -> PartDefinition:
-        """Return the part definition of the traced compilation with other numbers in place of its traced numbers."""
+        """Return a part definition of the traced compilation with other numbers in place of its traced numbers."""
         if rehearsed.plain is not None and rehearsed.mirror is not None:
             return self._made(rehearsed.plain, numbers).mirrored(rehearsed.mirror)
         values = {name: next(numbers) if isinstance(value, Traced) else value for name, value in rehearsed.parameters}
@@ -260,14 +261,14 @@ class Exchange:
 
 
 TOKEN = "mesh "
-"""Prefix of the token that replaces the hash of a varying mesh, before the numbers of the record and of the mesh."""
+"""Prefix of the token that replaces the hash of a varying mesh. The prefix is followed by the numbers of the record and of the mesh."""
 
 
 class _Walk:
-    """Visits all numbers in part records in a fixed order, and replaces each of them by the result of the function `number`.
+    """Visits all numbers in part records in a fixed order, and replaces each number by the result of the function `number`.
 
-    `rest` collects all other values on which models depend. `texts` contains the texts of all part definitions, which are replaced by their
-    indices.
+    The list `rest` collects all other values on which models depend. `texts` contains the texts of all part definitions. In `rest`, each
+    text is replaced by its index.
     """
 
     def __init__(self, texts: Sequence[str], number: Callable[[float], Any]) -> None:
@@ -280,18 +281,18 @@ class _Walk:
         self.rest: list[Hashable] = []
 
     def slices(self, record: PartRecord) -> Any:
-        """Return the slicing results of a part record with replaced numbers."""
+        """Return the slicing results of a part record, with replaced numbers."""
         return self._in("slices", record)
 
     def through(self, record: PartRecord) -> PartRecord:
-        """Return a part record with replaced numbers and meshes. Its slicing results are omitted."""
+        """Return a copy of a part record with replaced numbers and meshes. The copy does not contain slicing results."""
         known = {name: getattr(record, name) for name in record.__struct_fields__ if name in _ASIDE}
         changed = {name: self._in(name, record) for name in record.__struct_fields__ if name not in known}
         self._record, self._mesh = self._record + 1, 0
         return PartRecord(**known, **changed)
 
     def _in(self, name: str, record: PartRecord) -> Any:
-        """Return the value of one field of a part record with replaced numbers."""
+        """Return the value of one field of a part record, with replaced numbers."""
         self._plain = () if name in _MEASURED else _PLAIN
         return self._of(getattr(record, name))
 
@@ -332,6 +333,6 @@ def numbers_of(definition: PartDefinition) -> list[Traced]:
 
 
 def _plain(definition: PartDefinition) -> PartDefinition:
-    """Return a part definition in which each traced number is replaced by its value."""
+    """Return a copy of a part definition in which each traced number is replaced by its value."""
     plain = None if definition.plain is None else _plain(definition.plain)
     return replace(definition, parameters=tuple((name, value_of(one)) for name, one in definition.parameters), plain=plain)

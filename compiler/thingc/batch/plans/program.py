@@ -1,4 +1,7 @@
-"""Programs, which compute numbers from variables. A program consists of those statements of a tape that the requested outputs need."""
+"""Programs that compute numbers from the values of variables.
+
+A program consists of those statements of a tape that are needed for the requested outputs.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +16,11 @@ from thingc.batch.plans.tape import OPERATORS, Const, Ref, Tape, Traced, lines_n
 
 Argument = Ref | Const
 Run = Callable[..., "tuple[float, ...] | None"]
-"""A function that maps values of the variables to values of the outputs. It returns None if a guard fails."""
+"""A function that maps values of the variables to values of the outputs. The function returns None if a guard fails."""
 
 
 def names(operations: Mapping[str, Callable[..., Any]] = {}) -> dict[str, Any]:
-    """Return the names that generated Python code can use: all registered operations, and the given `operations`."""
+    """Return a mapping of the names that generated Python code can use: all registered operations, and the given `operations`."""
     return {"inf": numeric.inf, "nan": numeric.nan, "log": math.log, **numeric.OPERATIONS, **operations}
 
 
@@ -32,7 +35,10 @@ class Operation:
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """A condition in a program. The program applies only to variables for which the operation returns `outcome`."""
+    """A condition in a program that must hold for the variables.
+
+    The program applies only to values of the variables for which the operation returns `outcome`.
+    """
 
     operation: str
     arguments: tuple[Argument, ...]
@@ -43,21 +49,21 @@ class Guard:
 class Program:
     """A program that computes the numbers `outputs` from the variables of a tape.
 
-    The program repeats the operations of the compiler on doubles in the same order. Its results are therefore equal to the results of a
-    compilation bit by bit.
+    The program repeats the operations of the compiler on double-precision floats in the same order. The results of a program are therefore
+    equal to the results of a compilation bit by bit.
     """
 
     variables: tuple[int, ...]
     statements: tuple[Operation | Guard, ...]
     outputs: tuple[Argument, ...]
     operations: Mapping[str, Callable[..., Any]] = field(default_factory=dict, compare=False)
-    """Operations of the tape in addition to those of `base/numeric.py`, by name."""
+    """Operations of the tape in addition to the operations of `base/numeric.py`, by name."""
 
     @cached_property
     def run(self) -> Run:
-        """A Python function of the variables that computes the outputs.
+        """The program as a Python function, which maps values of the variables to the outputs.
 
-        If the compiler would make another decision or fail for the given values, the function returns None, or raises `ArithmeticError` or
+        If the compiler would make another decision or fail for the given values, this function returns None, or raises `ArithmeticError` or
         `ValueError`.
         """
         text = [f"def run({', '.join(f'v{index}' for index in self.variables)}):", *self.code]
@@ -67,7 +73,10 @@ class Program:
 
     @property
     def code(self) -> list[str]:
-        """The source lines of a Python function that executes the statements. The function returns None if a guard has another outcome."""
+        """The source lines of a Python function that executes the statements of the program.
+
+        The function returns None if a guard has a different outcome.
+        """
         return [
             f" v{one.target} = {expression(one.operation, one.arguments)}" if isinstance(one, Operation)
             else f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None"
@@ -76,7 +85,7 @@ class Program:
 
     @cached_property
     def needed(self) -> frozenset[int]:
-        """The indices of all computed values on which the outputs depend. Values that only guards use are not included."""
+        """The indices of all computed values on which the outputs depend. The set does not include values that only guards use."""
         needed = {int(one) for one in self.outputs if isinstance(one, Ref)}
         for one in reversed(self.statements):
             if isinstance(one, Operation) and one.target in needed:
@@ -85,9 +94,9 @@ class Program:
 
 
 def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
-    """Create the program that computes the numbers `outputs`. It contains all guards of the tape.
+    """Create a program that computes the numbers `outputs` from the variables of the tape. The program contains all guards of the tape.
 
-    Numbers that are not traced are constants.
+    Numbers in `outputs` that are not traced become constants.
     """
     guards = list(dict.fromkeys((Guard(operation, arguments, outcome), at) for at, operation, arguments, outcome in tape.guards))
     results = tuple(Ref(one.line) if isinstance(one, Traced) else Const(one) for one in outputs)
@@ -104,9 +113,9 @@ def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
 
 
 def function(name: str, lines: Sequence[str], operations: Mapping[str, Callable[..., Any]] = {}) -> Any:
-    """Compile generated Python source code, and return the function `name` that it defines.
+    """Compile generated Python source code, and return the function with the name `name` that the code defines.
 
-    The code can use the names that `names` returns.
+    The code can use all names that the function `names` returns.
     """
     known = names(operations)
     exec("\n".join(lines), known)
@@ -124,10 +133,10 @@ def expression(operation: str, arguments: Sequence[Argument]) -> str:
 
 
 def value_in(argument: Argument, values: Mapping[int, Any]) -> Any:
-    """Return the value of an argument: an entry of `values`, or a constant."""
+    """Return the value of an argument, which refers to an entry of `values` or is a constant."""
     return values[int(argument)] if isinstance(argument, Ref) else argument.value
 
 
 def word(argument: Argument) -> str:
-    """Format an argument of an operation as a Python expression, which is the name of a value or a constant."""
+    """Format an argument of an operation as a Python expression. The expression is the name of a value, or a constant."""
     return f"v{int(argument)}" if isinstance(argument, Ref) else f"({argument.text})"

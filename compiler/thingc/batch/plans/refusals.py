@@ -1,6 +1,6 @@
-"""Compute the diagnostics of invalid settings with a plan, which is faster than a compilation that fails.
+"""Compute the diagnostics of invalid settings with a plan, which is faster than running a compilation until it fails.
 
-The failed compilation is traced until it reports its diagnostics. Numbers in the texts of diagnostics become slots.
+A failing compilation is traced until it reports its diagnostics. In the texts of these diagnostics, numbers are replaced by slots.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from thingc.driver.session import Session
 from thingc.driver.settings import ParsedSettings, SettingsReader
 
 CAUSES = 32
-"""Maximum number of causes with plans. The least recently used plans are dropped."""
+"""Maximum number of causes of refusals for which plans are stored. If there are more causes, the least recently used plans are dropped."""
 PARTS = frozenset(code for code in Code if code.code.startswith("TC4"))
-"""Codes of diagnostics about a single part."""
+"""Codes of diagnostics that concern a single part."""
 PATIENCE = 4
-"""Number of refused settings with the same cause that are compiled before a plan is created."""
+"""Number of refused settings with the same cause that are compiled before a plan is created for this cause."""
 CUT = " characters) ..."
-"""Part of a text that was shortened, whose length must not depend on slots."""
+"""A string that every shortened text contains. The length of a shortened text must not depend on slots."""
 
 Diagnostics = tuple[Diagnostic, ...]
 Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], Hashable]
-"""A key of the cache: the names and texts of settings, and the cause of their refusal."""
+"""A cache key, which consists of the names of numbers, the texts of other settings, and the cause of the refusal."""
 
 
 class Refusals:
     """Computes the diagnostics of refused settings with plans.
 
-    There are separate plans for each cause of a refusal, which consists of the codes, locations and paths of the diagnostics. `verify` has
-    the same meaning as in `ModelsOfMode`. `parts` is the number of part definitions for the last refused settings.
+    Each cause of a refusal has separate plans. The cause consists of the codes, locations and paths of the diagnostics. `verify` has the
+    same meaning as in the class `ModelsOfMode`. `parts` is the number of part definitions for the most recent refused settings.
     """
 
     def __init__(self, session: Session, reader: SettingsReader, modes: Sequence[str], *, verify: int | None) -> None:
@@ -54,7 +54,7 @@ class Refusals:
     def problems(self, read: ParsedSettings) -> Diagnostics | None:
         """Return the diagnostics of the given settings if a plan shows that they are refused.
 
-        If no plan applies, return None. The settings can then be valid or refused.
+        Return None if no plan applies to the settings. In this case, the settings can be valid or refused.
         """
         if read.report is not None or not all(map(isfinite, read.values)):  # a compilation parses no such number
             return None
@@ -69,7 +69,7 @@ class Refusals:
     def learn(self, read: ParsedSettings, problems: Diagnostics) -> None:
         """Record that a compilation of these settings has failed with the diagnostics `problems`.
 
-        If the same cause occurs again, a plan is created, unless the errors are about a part.
+        If several settings are refused for the same cause, a plan is created, unless the errors concern a single part.
         """
         if not read.names or read.report is not None or any(one.code in PARTS and one.severity is Severity.ERROR for one in problems):
             return
@@ -99,9 +99,9 @@ class Refusals:
     def _plan(
         self, read: ParsedSettings, problems: Diagnostics, form: PlanCache[DiagnosticsTemplate],
     ) -> NumericPlan[DiagnosticsTemplate] | None:
-        """Create a plan that gives the same diagnostics as compilations.
+        """Create a plan that gives the same diagnostics as a compilation.
 
-        If this is impossible, store the reason in `form` and return None.
+        If no plan can be created, store the reason in `form` and return None.
         """
         if self._compiled(read) != problems:  # refused later, by MuJoCo or when it was written
             form.refused = "it is not refused by a compilation"
@@ -127,9 +127,10 @@ class Refusals:
 
 
 class DiagnosticsTemplate:
-    """The diagnostics of a failed compilation, with slots for numbers. `parts` is the number of part definitions of this compilation.
+    """The diagnostics of a failed compilation, in which numbers are replaced by slots.
 
-    Raises `NotTraceable` if a text depends on numbers in other ways than by slots.
+    `parts` is the number of part definitions of the failed compilation. Raises `NotTraceable` if a text depends on a number in a way that
+    slots do not support.
     """
 
     def __init__(self, rehearsal: TraceResult) -> None:
@@ -146,7 +147,10 @@ class DiagnosticsTemplate:
         self.numbers = NumberSlots(rehearsal.tape, [name for one in self._templates.values() for name in one.slots])
 
     def diagnostics(self, outputs: Sequence[float]) -> Diagnostics:
-        """Insert the values of the numbers into the slots, and return the diagnostics. Duplicates are omitted, as in a report."""
+        """Insert the values of the numbers into the slots, and return the diagnostics.
+
+        Duplicate diagnostics are omitted, as in a report.
+        """
         words = self.numbers.words(outputs)
         texts = {text: template.fill(words) for text, template in self._templates.items()}
         return tuple(dict.fromkeys(_filled(one, texts) for one in self._all)) if texts else self._all
@@ -161,7 +165,7 @@ def _texts(one: Diagnostic) -> list[str]:
 
 
 def _filled(one: Diagnostic, texts: Mapping[str, str]) -> Diagnostic:
-    """Return a diagnostic in which words are inserted into the slots of all texts."""
+    """Return a copy of a diagnostic in which words are inserted into the slots of all texts."""
     if not any(text in texts for text in _texts(one)):
         return one
     notes = tuple(replace(note, message=texts.get(note.message, note.message)) for note in one.notes)

@@ -1,6 +1,6 @@
-"""Record an iterative search, such as for a closed loop, as a single operation on a tape.
+"""Record an iterative search, such as the search for the pose of a closed loop, as a single operation on a tape.
 
-The single steps of a search are not recorded, because their number depends on the numbers.
+The steps of a search are not recorded one by one, because the number of steps depends on the values of the inputs.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from thingc.model.resolve.coordinates import Dynamics
 from thingc.model.robot.loop_solver import Loops, SolverState
 
 SEARCHES = ("close_pose", "closest_failure", "balance")
-"""Names of functions that are called through the memo and that the tape repeats as single operations."""
+"""Names of search functions that are called through the memo, and that the tape repeats as single operations."""
 
 KEPT = 32
-"""Number of cached results of a search, because plans are tried several times for the same numbers."""
+"""Number of cached results per search. Results are cached because several plans are tried for the same numbers."""
 
 Numbers = Sequence[float]
 
 
 class SearchMemo(Memo):
-    """The cache of function results during a traced compilation. It records each call of a search function with traced numbers on the tape.
+    """A cache for the results of functions that are called during a traced compilation.
 
-    `SEARCHES` contains the names of search functions. When the operation is repeated, it raises `ValueError` if the structure of the result
-    has changed, because the tape does not apply then.
+    The cache records each call of a search function with traced numbers on the tape. `SEARCHES` contains the names of these search
+    functions. When a recorded search is repeated and its result has a different structure, the operation raises `ValueError`, because the
+    tape does not apply.
     """
 
     __slots__ = ("_tape",)
@@ -41,9 +42,9 @@ class SearchMemo(Memo):
         self._tape = tape
 
     def __call__(self, place: Any, function: Callable[..., Any], *inputs: Any) -> Any:
-        """Return the result of a function, from the cache if possible, as `Memo` does.
+        """Return the result of a function call, from the cache if possible, as `Memo` does.
 
-        A call of a search function is recorded on the tape.
+        If the function is a search, the call is recorded on the tape.
         """
         known = getattr(function, "__name__", "") in SEARCHES
         return super().__call__(place, partial(self._search, function) if known else function, *inputs)
@@ -78,10 +79,10 @@ class SearchMemo(Memo):
 
 
 def _builder(value: Any, numbers: list[Traced]) -> Callable[[Numbers], Any] | None:
-    """Return a function that creates a copy of `value` with other numbers in place of its traced numbers.
+    """Return a function that creates a copy of `value` with other numbers in place of the traced numbers.
 
-    Return None if it has no traced numbers. The traced numbers are appended to `numbers`. The argument of the returned function contains a
-    value for each of them.
+    Return None if `value` does not contain traced numbers. The traced numbers in `value` are appended to `numbers`. The returned function
+    has one argument, which contains a value for each traced number.
     """
     if isinstance(value, Traced):
         place = next((place for place, one in enumerate(numbers) if one.line == value.line), len(numbers))
@@ -110,12 +111,15 @@ def _builder(value: Any, numbers: list[Traced]) -> Callable[[Numbers], Any] | No
 
 
 def _like(value: Any, items: Iterable[Any]) -> Any:
-    """Create a list, tuple or named tuple of the same type as `value` from other items."""
+    """Create a list, tuple or named tuple from other items, with the same type as `value`."""
     return getattr(type(value), "_make", type(value))(items)
 
 
 def _outside(inputs: Sequence[Any]) -> dict[str, Any]:
-    """Return the start values of all joints that do not move any loop, by path. A search usually does not change them."""
+    """Return a mapping from paths to start values for all joints that do not move any loop.
+
+    A search usually does not change these values.
+    """
     loops, start = (*inputs, None)[:2]
     return {path: start.q[path] for path in loops.outside} if isinstance(loops, Loops) and isinstance(start, SolverState) else {}
 
@@ -125,9 +129,9 @@ def _is_kept(path: Any, value: Any, outside: Mapping[str, float]) -> bool:
 
 
 def _structure(value: Any, outside: Mapping[str, float], numbers: list[float]) -> Any:
-    """Return the structure of the result of a search without its floats, for comparisons with other results.
+    """Return the structure of the result of a search without floats, which can be compared with the structure of other results.
 
-    The floats are appended to `numbers`, except those that equal a start value in `outside`.
+    The floats in the result are appended to `numbers`, except floats that equal a start value in `outside`.
     """
     if type(value) is float:
         numbers.append(value)
@@ -140,10 +144,10 @@ def _structure(value: Any, outside: Mapping[str, float], numbers: list[float]) -
 
 
 def _with_numbers(value: Any, outside: Mapping[str, float], traced: Mapping[str, Any], numbers: Iterator[Traced]) -> Any:
-    """Return the result of a search with traced numbers in place of its floats.
+    """Return the result of a search, in which floats are replaced by traced numbers.
 
-    A float that equals a start value in `outside` is replaced by the traced number in `traced`. All other floats are replaced by `numbers`,
-    in order.
+    A float that equals a start value in `outside` is replaced by the traced number with the same path in `traced`. All other floats are
+    replaced by the items of `numbers`, in order.
     """
     change = partial(_with_numbers, outside=outside, traced=traced, numbers=numbers)
     if type(value) is float:

@@ -1,9 +1,10 @@
-"""A tape, which records the computations of compiler passes with some numbers, so that they can be repeated for other numbers.
+"""A tape records the computations of compiler passes with some numbers, so that the computations can be repeated for other numbers.
 
-A `Traced` object replaces a number in the compiler passes. Operators and the functions of `base/numeric.py` return another `Traced`, and
-add a line to the tape, which contains the operation and its arguments. A decision such as `if mass > 0` is recorded as a *guard*: the tape
-does not apply to values for which the decision would be different. Code that needs the value itself, such as a count, converts the number
-by `float` or `int`. The tape then applies only to this value. In a generated file, the number is replaced by a slot.
+In the compiler passes, a `Traced` object takes the place of a number. Operators and the functions of `base/numeric.py` return another
+`Traced` object, and add a line with the operation and its arguments to the tape. A decision such as `if mass > 0` is recorded as a *guard*.
+The tape does not apply to values for which the decision would be different. Code that requires the value of a number, such as a count,
+converts the number by `float` or `int`. After such a conversion, the tape applies only to this value. In a generated file, a slot takes the
+place of the number.
 """
 
 from __future__ import annotations
@@ -16,21 +17,24 @@ from typing import Any
 from thingc.base.numeric import Recorded
 
 Number = Any
-"""A float, an int or a `Traced`."""
+"""A number in a compiler pass, which is a float, an int or a `Traced` object."""
 
 SLOT = re.compile("⟦(.*?)⟧")
-"""Pattern of a slot for a number in a text. Its name is between brackets that no format escapes."""
+"""Pattern of a slot that takes the place of a number in a text. The name of the slot is between brackets that no file format escapes."""
 
 
 def slot(name: str) -> str:
-    """Return the text that represents the slot with this name in a generated file. The pattern `SLOT` matches it."""
+    """Return the slot with this name as a string, which takes the place of a number in a generated file.
+
+    The pattern `SLOT` matches the returned string.
+    """
     return f"⟦{name}⟧"
 
 
 class Tape:
     """A list of recorded operations in the order of computation.
 
-    A line of the tape is a tuple `(operation, arguments)`. Each argument is a constant, or a `Ref` to another line.
+    Each line of the tape is a tuple `(operation, arguments)`. Each argument of a line is a constant, or a `Ref` to another line.
     """
 
     def __init__(self) -> None:
@@ -45,9 +49,9 @@ class Tape:
         self._known: dict[tuple[str, tuple[Any, ...]], int] = {}
 
     def variable(self, value: float, of: Sequence[Traced] = ()) -> Traced:
-        """Add a variable with this value to the tape, and return it as a traced number.
+        """Add a variable with this value to the tape, and return the variable as a traced number.
 
-        `of` contains traced numbers on which the variable depends through computations that are not recorded on the tape.
+        `of` contains traced numbers on which the variable depends through computations that the tape does not contain.
         """
         return self._line("variable", (Const(len(self.lines)), *map(_argument, of)), value)
 
@@ -61,7 +65,7 @@ class Tape:
     def apply(self, operation: str, arguments: Sequence[Number], value: Any) -> Traced:
         """Record an operation with the result `value`, and return the result as a traced number.
 
-        An equal line of the tape is used again.
+        If the tape already contains an equal line, this line is reused.
         """
         return self._line(operation, tuple(map(_argument, arguments)), value)
 
@@ -87,7 +91,7 @@ class Tape:
 
 
 class Ref(int):
-    """A reference to a line of the tape by its index."""
+    """A reference to the line of the tape with this index."""
 
     __slots__ = ()
 
@@ -119,14 +123,14 @@ def _argument(number: Number) -> Ref | Const:
 
 
 def value_of(number: Number) -> Any:
-    """Return the value of a number, which may be traced. The use of the value is not recorded."""
+    """Return the value of a number, which can be a traced number. The tape does not record this use of the value."""
     return number.value if isinstance(number, Traced) else number
 
 
 class Traced(Recorded):
     """A number whose computations are recorded on a tape.
 
-    It is compared and hashed by identity, so that caches distinguish traced numbers.
+    Traced numbers are compared and hashed by identity, so that caches distinguish them.
     """
 
     __slots__ = ("line", "tape", "value")
@@ -202,9 +206,9 @@ class Traced(Recorded):
         return self.slot(f":{form}") if self.tape.writing or self.tape.reporting else format(self.value, form)
 
     def operate(self, name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """Record a function call as a single line of the tape. Operations inside the function are not recorded.
+        """Record a function call as a single line of the tape. The operations inside the function are not recorded.
 
-        A boolean result becomes a guard.
+        If the result is a boolean, it is recorded as a guard.
         """
         result = function(*map(value_of, arguments))
         if isinstance(result, bool):
@@ -212,16 +216,16 @@ class Traced(Recorded):
         return _items(self.tape.apply(name, arguments, result))
 
     def for_text(self) -> Any:
-        """Return this number if texts can contain slots. Otherwise, return its value."""
+        """Return this traced number if texts can contain slots, otherwise return its value."""
         return self if self.tape.writing or self.tape.reporting else self.value
 
     def slot(self, form: str) -> str:
-        """Return the slot that represents this number in a text. `form` is the format of the number."""
+        """Return the slot that represents this number in a text. `form` is the format for inserting the number."""
         return slot(f"{self.line}:{form}")
 
 
 def _items(result: Traced) -> Any:
-    """Return the items of a traced result that is a tuple, as traced numbers in nested tuples with the same structure."""
+    """Return the items of a traced result that is a tuple. The items are traced numbers in nested tuples with the same structure."""
     if not isinstance(result.value, tuple):
         return result
     return tuple(_items(result.tape.apply("item", (result, place), one)) for place, one in enumerate(result.value))
@@ -248,7 +252,7 @@ OPERATORS: dict[str, Callable[..., Any]] = {
     "+": operator.add, "-": _minus, "*": operator.mul, "/": operator.truediv, "**": operator.pow, "%": operator.mod,
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
 }
-"""Operators of two numbers; `-` also of one."""
+"""Functions for the operators of two numbers. The operator `-` also accepts one number."""
 
 
 def variables_of(tape: Tape, number: Traced) -> list[int]:
@@ -259,7 +263,10 @@ def variables_of(tape: Tape, number: Traced) -> list[int]:
 
 
 def lines_needed(tape: Tape, wanted: Sequence[Any]) -> set[int]:
-    """Return the indices of all lines of the tape that are needed to compute the references in `wanted`. Constants are ignored."""
+    """Return the indices of all lines of the tape that are needed to compute the references in `wanted`.
+
+    Constants in `wanted` are ignored.
+    """
     needed: set[int] = set()
     waiting = [int(one) for one in wanted if isinstance(one, Ref)]
     while waiting:

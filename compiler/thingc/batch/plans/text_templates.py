@@ -1,4 +1,4 @@
-"""Texts with slots, into which numbers are inserted."""
+"""Texts with slots into which numbers can be inserted."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from thingc.batch.plans.trace_compilation import NotTraceable
 
 
 class TextTemplate:
-    """A text that contains slots. `slots` contains the distinct names of these slots."""
+    """A text that contains slots for words. `slots` contains the distinct names of the slots in the text."""
 
     def __init__(self, text: str) -> None:
         self._pieces = SLOT.split(text)
         self.slots = list(dict.fromkeys(self._pieces[1::2]))
 
     def fill(self, words: Mapping[str, str]) -> str:
-        """Return the text with a word in place of each slot. `words` maps the names of slots to words."""
+        """Return the text in which each slot is replaced by a word. `words` maps the names of slots to words."""
         pieces = self._pieces.copy()
         pieces[1::2] = [words[name] for name in pieces[1::2]]
         return "".join(pieces)
@@ -26,8 +26,8 @@ class TextTemplate:
 class NumberSlots:
     """The slots for traced numbers in one or more texts.
 
-    `outputs` contains the traced numbers of these slots, in the order of `names`. Raises `NotTraceable` if a name does not belong to a slot
-    for a number.
+    `outputs` contains the traced numbers for the slots, in the order of `names`. Raises `NotTraceable` if a name in a text is not the name
+    of a slot for a number.
     """
 
     def __init__(self, tape: Tape, names: Iterable[str]) -> None:
@@ -42,5 +42,5 @@ class NumberSlots:
             self._formatters.append(FORMATTERS.get(form, f"{{{form}}}".format))
 
     def words(self, values: Sequence[float]) -> dict[str, str]:
-        """Format a value for each number in `outputs`. Return the formatted words by the names of their slots."""
+        """Format the value of each number in `outputs`. Return a mapping from slot names to formatted words."""
         return {name: write(value) for name, write, value in zip(self.names, self._formatters, values, strict=True)}

@@ -1,4 +1,4 @@
-"""Trace a compilation: record on a tape how a model, its files or its results depend on numbers in a document."""
+"""Trace a compilation: record on a tape how a model, files or results depend on numbers in a document."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from thingc.targets.mjcf.emit import sources as model_sources
 class NotTraceable(Exception):
     """Raised if a compilation cannot be traced with the given numbers. `why` is the reason.
 
-    `names` contains the settings that cause the problem, or is empty if they are unknown. `modelled` is true if a part depends on a number.
-    `unused` is true if no compiler pass uses a number.
+    `names` contains the settings that cause the problem. If the cause is unknown, `names` is empty. `modelled` is True if a part depends on
+    a number. `unused` is True if no compiler pass uses a number.
     """
 
     def __init__(self, why: str, names: Sequence[str] = (), *, modelled: bool = False, unused: bool = False) -> None:
@@ -44,8 +44,8 @@ class NotTraceable(Exception):
 class TraceResult(FrozenStruct):
     """The result of a traced compilation.
 
-    `made` is the result of the function `make`, and can contain traced numbers. `names` contains the names of the variables in order;
-    variables for numbers in part records follow them. `parts` is None unless parts depend on traced numbers.
+    `made` is the return value of the function `make`, and can contain traced numbers. `names` contains the names of the variables in order.
+    These variables are followed by variables for numbers in part records. `parts` is None if no part depends on traced numbers.
     """
 
     made: Any
@@ -61,9 +61,9 @@ def trace_compilation(
 ) -> TraceResult:
     """Compile modes (none: all), record on a tape how the compilation depends on `numbers`, and return the result of `make`.
 
-    `numbers` and `texts` map names of parameters, or paths in the document, to values. The values in `texts` are set, but not traced. Parts
-    may depend on the numbers in `exact`. If `refused` is True, the compilation may fail, and its diagnostics contain slots for numbers.
-    Raises `NotTraceable`.
+    `numbers` and `texts` are mappings from names of parameters, or from paths in the document, to values. Settings in `texts` have the
+    given values, but are not traced. Parts may depend on the numbers in `exact`. If `refused` is True, the compilation may fail, and its
+    diagnostics contain slots for numbers. Raises `NotTraceable` if the compilation cannot be traced.
     """
     tape = Tape()
     tape.reporting = refused
@@ -97,11 +97,11 @@ def trace_compilation(
 
 
 WrittenModel = tuple[str, Mapping[str, StoredArtifact]]
-"""The text of a model, with slots for numbers of the tape, and its meshes by file."""
+"""The text of a model with slots for numbers of the tape, and a mapping from file names to meshes."""
 
 
 def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilation, Tape], WrittenModel]:
-    """Return a function for `trace_compilation` that writes the MuJoCo model of a mode, with slots for numbers."""
+    """Return a function for `trace_compilation` that writes the MuJoCo model of a mode, in which slots take the place of numbers."""
 
     def make(compilation: Compilation, tape: Tape) -> WrittenModel:
         request = replace(pipeline.request_of(session.environment, compilation, verify=False), memo=Memo())
@@ -116,7 +116,10 @@ def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilatio
 
 
 def pinned(rehearsal: TraceResult) -> list[str]:
-    """Return the names of the settings whose values a compiler pass used directly. The tape applies only to these values."""
+    """Return the names of all settings whose values a compiler pass has used directly.
+
+    The tape applies only to the current values of these settings.
+    """
     names: dict[str, None] = {}
     for number in rehearsal.tape.pinned:
         names.update(dict.fromkeys(_names(rehearsal.tape, rehearsal.names, number)))
@@ -128,20 +131,23 @@ def _names(tape: Tape, names: Sequence[str], number: Traced) -> list[str]:
 
 
 class _Quantities(dict[str, Quantity]):
-    """The traced numbers by the name of a parameter, or by path. `used` contains the names that a compiler pass has looked up."""
+    """A mapping from names of parameters, or from paths, to traced numbers.
+
+    The set `used` contains the names that a compiler pass has looked up.
+    """
 
     def __init__(self, numbers: Mapping[str, Quantity]) -> None:
         super().__init__(numbers)
         self.used: set[str] = set()
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Return the traced number with this name, and record the name in `used`. Return `default` if there is no such number."""
+        """Return the traced number with this name, and record the name in `used`. Return `default` if no traced number has this name."""
         self.used.add(name)
         return super().get(name, default)
 
 
 def _with_parameters(session: Session, numbers: Mapping[str, Quantity]) -> Sources:
-    """Return the documents with the given numbers as the default values of parameters."""
+    """Return the documents in which the given numbers are the default values of parameters."""
     own = session.sources
     assert own is not None
     relative = own.documents.root.relative
