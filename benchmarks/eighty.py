@@ -64,7 +64,7 @@ def rows(thingc: str, folder: Path, environment: dict[str, str], unit: float) ->
     reading = theirs.wall - empty.wall
     document = "eighty_thingc/eighty.yaml"
     imported = cost([thingc, "import", str(file), "-o", "eighty_thingc"], folder, environment)
-    cost([thingc, "set", document, "modes.source.at={xyz: 0 0 200 mm}"], folder, environment)  # above the floor
+    cost([thingc, "set", document, "modes.source.at={xyz: 0 0 200 mm}"], folder, environment)  # places the robot above the floor
     unverified = cost([thingc, "build", document, "--emit", "urdf", "--store", "eighty_store"], folder, environment)
     built = cost([thingc, "build", document], folder, environment)
     time.sleep(2.5)  # hashes of recently changed files are not cached

@@ -185,7 +185,7 @@ def saves(workspace: Workspace) -> list[Save]:
     yaw = edited(arm, r"(yaw:(?:.|\n)*?lower: -)[\d.]+", lambda n: f"{140 - n / 1000.0:.3f}")
     knee = edited("assemblies/minchw/leg.yaml", r"(knee:(?:.|\n)*?upper: )[\d.]+", lambda n: f"{113 - n / 1000.0:.3f}")
     plate = edited("parts/arm.py", r"(class BasePlate(?:.|\n)*?thickness: Annotated.* = )[\d.]+", lambda n: f"{5.2 + n / 1000.0:.3f}")
-    # documents set its thickness, so another default would change nothing
+    # The documents set the thickness of the bracket, so the default of another parameter is edited.
     bracket = edited("parts/minchw/leg.py", r"(class HipBracket(?:.|\n)*?boss_diameter__add=)[\d.]+", lambda n: f"{6.2 + n / 100.0:.2f}")
     return [
         Save("arm: watch, a limit saved", arm, yaw, 0.065),
@@ -208,7 +208,7 @@ def watched(workspace: Workspace, saved: Save, times: int) -> tuple[list[float],
         assert process.stdout is not None
         if not json.loads(process.stdout.readline())["good"]:
             raise SystemExit(f"{' '.join(command)} does not build")
-        time.sleep(4.0)  # the kernel loads
+        time.sleep(4.0)  # wait until the CAD kernel is loaded
         for turn in range(times + 1):
             before = folder.stat().st_ino
             time.sleep(0.3 + 0.007 * turn)
@@ -245,7 +245,7 @@ def main() -> int:
         units: list[float] = []
         rows: list[tuple[Scenario, float, float, str]] = []
         thingc = str(Path(sys.executable).parent / "thingc")
-        # not measured: thingc's own byte code is written
+        # This first build, which is not measured, also writes the bytecode of thingc.
         cost([thingc, "build", "assemblies/arm.yaml"], workspace.folder, workspace.environment)
         for scenario in scenarios(workspace):
             if arguments.only not in scenario.name:
@@ -271,7 +271,7 @@ def main() -> int:
                 units.append(cost(importing, workspace.folder, workspace.environment).wall)
                 live.append((saved, *watched(workspace, saved, 2 * arguments.n)))
         typed: list[tuple[str, float, str, float | None]] = []
-        if arguments.only in "minchw: lsp":  # one session for all
+        if arguments.only in "minchw: lsp":  # one server process for all measurements
             units.append(cost(importing, workspace.folder, workspace.environment).wall)
             workspace.known(document := "assemblies/minchw/minchw.yaml")
             workspace.known(f"wide/{write_wide(workspace.folder / 'wide')}")

@@ -46,7 +46,7 @@ def answer(asked):
     joints = [(plant.GetJointByName(name), axis) for name, axis in zip(asked["joints"], asked["axes"])]
     dofs = [joint.velocity_start() + axis for joint, axis in joints]
     plant.mutable_gravity_field().set_gravity_vector(asked["gravity"])
-    reflected = np.zeros(plant.num_velocities())  # the armature, which is not part of the bodies
+    reflected = np.zeros(plant.num_velocities())  # inertia of the armature, which does not belong to a body
     for index in plant.GetJointActuatorIndices():
         actuator = plant.get_joint_actuator(index)
         reflected[actuator.joint().velocity_start()] += actuator.calc_reflected_inertia(context)
@@ -69,7 +69,7 @@ def answer(asked):
         "meshes": boxes,
         "range": [None if np.isinf(ends).all() else list(ends) for ends in limits],
     }
-    if file.suffix != ".xml":  # Drake does not read equalities of joints in MJCF
+    if file.suffix != ".xml":  # Drake does not read joint equalities in MJCF
         answers["mimic"] = [leader and [leader, *followed(plant, leader, name)] for name, leader in zip(asked["joints"], asked["leaders"])]
     if asked.get("efforts", True):
         answers["effort"] = efforts(plant, [joint for joint, _ in joints], asked["driven"], called=file.suffix != ".sdf")

@@ -39,5 +39,5 @@ def answer(asked):
 if __name__ == "__main__":
     from asking import serve
 
-    warnings.simplefilter("ignore")  # about joints that do not move
+    warnings.simplefilter("ignore")  # warnings about fixed joints
     serve(answer, version("ikpy"), sys.argv)

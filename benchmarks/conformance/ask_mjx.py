@@ -16,7 +16,7 @@ from mujoco import mjx
 
 
 def answer(asked):
-    warnings.simplefilter("ignore")  # about slow meshes with many vertices
+    warnings.simplefilter("ignore")  # warnings about meshes with many vertices, which are slow
     file = Path(asked["file"])
     name = file.parents[1].name
     mjx.put_model(mujoco.MjModel.from_xml_path(str(file.with_name(file.name.replace(f"{name}_", "scene_", 1)))))

@@ -44,7 +44,7 @@ def answer(asked):
         poses.append([(pose(data, bodies[link]) @ inside).tolist() for link, inside in places.values()])
         full = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)
-        full -= np.diag(model.dof_armature)  # neither side includes it
+        full -= np.diag(model.dof_armature)  # the expected mass matrix does not include the armature
         matrices.append(full[np.ix_(dofs, dofs)].tolist())
         torques.append(data.qfrc_bias[dofs].tolist())
         centres.append(data.subtree_com[0].tolist())

@@ -31,7 +31,7 @@ def answer(asked):
     places = frames_of_usd(asked["file"], asked["frames"]) if usd else {name: (name, np.eye(4)) for name in asked["frames"]}
     types, starts, dofs_at = model.joint_type.numpy(), model.joint_q_start.numpy(), model.joint_qd_start.numpy()
     mass, centres = model.body_mass.numpy().astype(float), model.body_com.numpy().astype(float)
-    gravity = model.gravity.numpy()[0].astype(float) if usd else np.array(asked["gravity"])  # URDF has no gravity
+    gravity = model.gravity.numpy()[0].astype(float) if usd else np.array(asked["gravity"])  # URDF does not specify gravity
     dofs = [int(dofs_at[joints[name]]) + axis for name, axis in zip(asked["joints"], asked["axes"])]
     turns = np.eye(model.joint_dof_count)
     axes = {}
@@ -40,7 +40,7 @@ def answer(asked):
             axes[k] = Rotation.from_quat(model.joint_X_c.numpy()[k][3:]).as_matrix()
             turns[dofs_at[k] : dofs_at[k] + 3, dofs_at[k] : dofs_at[k] + 3] = axes[k].T
     in_tree = [k for k in range(model.joint_count) if model.joint_articulation.numpy()[k] >= 0]
-    inside = sum(int(dofs_at[k + 1] - dofs_at[k]) for k in in_tree)  # coordinates of loop joints follow them
+    inside = sum(int(dofs_at[k + 1] - dofs_at[k]) for k in in_tree)  # coordinates of loop joints come after the tree joints
     moved = turns[:inside, dofs]
     children = model.joint_child.numpy()[: model.joint_count]
     state = model.state()
@@ -64,7 +64,7 @@ def answer(asked):
         points = [(pose @ [*centre, 1])[:3] for pose, centre in zip(at, centres)]
         middles.append((mass @ np.array(points) / mass.sum()).tolist())
         full = newton.eval_mass_matrix(model, state).numpy()[0].astype(float)[:inside, :inside]
-        full -= np.diag(model.joint_armature.numpy()[:inside])  # neither side includes it
+        full -= np.diag(model.joint_armature.numpy()[:inside])  # the expected mass matrix does not include the armature
         matrices.append((moved.T @ full @ moved).tolist())
         jacobian = newton.eval_jacobian(model, state).numpy()[0].astype(float)
         pull = sum(mass[children[k]] * gravity @ jacobian[6 * row : 6 * row + 3, :inside] for row, k in enumerate(in_tree))

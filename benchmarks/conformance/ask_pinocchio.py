@@ -15,12 +15,12 @@ def answer(asked):
     data = model.createData()
     ids = [model.getJointId(name) for name in asked["joints"]]
     dofs = [model.joints[k].idx_v for k in ids]
-    mass = sum(inertia.mass for inertia in model.inertias)  # its own sum omits links that are fixed to the world
+    mass = sum(inertia.mass for inertia in model.inertias)  # the total mass of pinocchio omits links that are fixed to the world
     poses, matrices, torques, centres = [], [], [], []
     for values in asked["q"]:
         q = pinocchio.neutral(model)
         for k, value in zip(ids, values):
-            joint = model.joints[k]  # for a joint without limits, q is a point on a circle
+            joint = model.joints[k]  # pinocchio represents a joint without limits by cosine and sine
             q[joint.idx_q : joint.idx_q + joint.nq] = [value] if joint.nq == 1 else [math.cos(value), math.sin(value)]
         pinocchio.framesForwardKinematics(model, data, q)
         poses.append([data.oMf[model.getFrameId(name)].homogeneous.tolist() for name in asked["frames"]])

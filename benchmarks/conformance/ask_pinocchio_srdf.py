@@ -54,7 +54,7 @@ def followed(model, q, asked):
     q = np.array(q)
     place = {name: model.joints[model.getJointId(name)].idx_q for pair in asked["follows"].items() for name in (pair[0], pair[1][0])}
     for name, (leader, multiplier, offset) in asked["follows"].items():
-        q[place[name]] = multiplier * q[place[leader]] + offset  # both have one number: leaders are not unlimited
+        q[place[name]] = multiplier * q[place[leader]] + offset  # one coordinate each: a leader always has limits
     return q
 
 

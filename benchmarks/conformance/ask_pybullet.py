@@ -14,7 +14,7 @@ def answer(asked):
     pybullet.resetSimulation()
     free = pybullet.loadURDF(asked["file"], flags=flags)
     links = range(-1, pybullet.getNumJoints(free))
-    masses = [pybullet.getDynamicsInfo(free, k)[0] for k in links]  # 0 for a fixed base
+    masses = [pybullet.getDynamicsInfo(free, k)[0] for k in links]  # the mass of a fixed base is 0
     pybullet.resetSimulation()
     pybullet.setGravity(*asked["gravity"])
     robot = pybullet.loadURDF(asked["file"], useFixedBase=True, flags=flags)

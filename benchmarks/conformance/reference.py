@@ -101,9 +101,9 @@ def question(file: Path, mjcf: Path, seed: int = 0, count: int = CONFIGURATIONS)
     answers = {**_answers(model, coordinates, frames, q + zeros), "mimic": mimics}
     if format in ("URDF", "USD"):
         answers["range"] = [_range(names, answers["range"], k, follows) for k, follows in enumerate(mimics)]
-    if format == "SDF":  # followers are moved without an effort of their own
+    if format == "SDF":  # mimic joints have no effort limit of their own
         answers["effort"] = [np.inf if follows and not own else own for own, follows in zip(answers["effort"], mimics, strict=True)]
-    if format == "USD":  # only drives have efforts
+    if format == "USD":  # only drives have effort limits
         answers["effort"] = [own if there else 0.0 for own, there in zip(answers["effort"], request["driven"], strict=True)]
     return Question(mjcf.stem, format, request, answers)
 
@@ -122,7 +122,7 @@ def stepped(one: Question) -> Question:
     data.qvel = np.random.default_rng(0).uniform(-PUSH, PUSH, model.nv)
     coupled = model.eq_type == mujoco.mjtEq.mjEQ_JOINT
     for joint in {*model.eq_obj1id[coupled], *model.eq_obj2id[coupled]}:
-        data.qvel[model.jnt_dofadr[joint]] = 0.0  # they would be pushed apart
+        data.qvel[model.jnt_dofadr[joint]] = 0.0  # different speeds would violate the equality constraint
     request = {**one.request, "steps": STEPS, "qvel": data.qvel.tolist()}
     for _ in range(STEPS):
         mujoco.mj_step(model, data)
@@ -285,7 +285,7 @@ def _answers(model: mujoco.MjModel, coordinates: list[Coordinate], frames: dict[
         poses.append([_pose(data, *frame).tolist() for frame in frames.values()])
         full = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)
-        full -= np.diag(model.dof_armature)  # other formats do not have it
+        full -= np.diag(model.dof_armature)  # other formats do not contain the armature
         matrices.append((moves.T @ full @ moves).tolist())
         torques.append((moves.T @ data.qfrc_bias).tolist())
         centres.append(data.subtree_com[0].tolist())

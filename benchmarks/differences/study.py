@@ -113,7 +113,7 @@ def _designs(folder: Path, snapshots: dict[str, Snapshot | None], count: int) ->
                 made.add(("parameter", "changed", name, "value"))
         document.write_text(text)
         new = drawn(document)
-        if new is not None:  # others are rejected, for example because a pose does not close
+        if new is not None:  # other designs are rejected, for example because a loop does not close in a pose
             taken += 1
             yield f"design {number}", list(faults(old, new, frozenset(made)))
 

@@ -54,7 +54,7 @@ def subjects(folder: Path, store: str) -> list[Subject]:
     twin = folder / "assemblies" / "arm_twin.toml"
     twin.write_text(_as_toml(folder / "assemblies" / "arm.yaml"))
     found: dict[str, Subject] = {}
-    # assemblies that nest most come first, since they are robots
+    # assemblies with the most nested documents come first, because they are whole robots
     paths = [path for path in documents_in(str(folder)) if "thingc: variants/" not in Path(path).read_text()]
     compiled = {path: _compiled(path, store) for path in paths}
     by_size = sorted((path for path in paths if compiled[path] is not None), key=lambda path: (-len(compiled[path] or ()), path))

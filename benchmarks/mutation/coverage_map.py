@@ -99,7 +99,7 @@ def read_map(tree: Path, path: Path, rooms: Iterable[str], keep: bool, minutes: 
     known = json.loads(path.read_text()) if path.exists() else {}
     entries = missing(tree, known, rooms, keep)
     if entries and minutes:
-        # In a separate process, whose modules have marks.
+        # Run in a separate process, in which all modules are compiled with marks.
         process = get_context("fork").Process(target=add_to_map, args=(tree, known, entries, path, minutes, longest))
         process.start()
         process.join()

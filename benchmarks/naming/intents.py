@@ -53,7 +53,7 @@ def screw(name: str, read: Callable[[Any], Any], at: Vector, z: Vector, *feature
 
     The function `read` returns the `Screw`. The centre of its bearing plane must be at `at`, and its head must point towards `z`.
     """
-    # The seat of a screw faces along its shank.
+    # The z axis of the seat of a screw points along the shank.
     into = (-z[0], -z[1], -z[2])
     return Intent(name=name, frame=lambda thing: read(thing).seat.location, at=at, z=into, features=features)
 

@@ -107,7 +107,7 @@ def magnet(diameter: float, height: float, pole: float) -> list[Intent]:
 
 def cap_screw(size: Any, length: float, fit: str) -> list[Intent]:
     thread = float(size[1:])
-    # ISO 4762: the height of the head is the thread diameter, its width at least 1.5 times that.
+    # ISO 4762: the height of the head equals the thread diameter, and its width is at least 1.5 times the thread diameter.
     return [
         mount("seat", (0, 0, 0), DOWN, plane((0.6 * thread, 0, 0), DOWN)),
         mount("tip", (0, 0, -length), DOWN),

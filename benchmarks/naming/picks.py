@@ -97,7 +97,7 @@ def chosen(selector: str, lists: Lists, feature: Feature, right: Callable[[Any],
         kind = SURFACES[feature.kind] if what == "faces" else GeomType.CIRCLE
     hits = [item for item in lists.every(what, None) if right(item)]
     options = list(_options(selector, what, kind, lists, hits))
-    # The first of the best: the earlier axis and the lower index.
+    # If several selectors have the same margin, use the first axis and the lowest index.
     return max(options, key=lambda pick: pick.margin, default=None)
 
 

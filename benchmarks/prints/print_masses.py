@@ -119,7 +119,7 @@ def case(opened: Session, part: str, name: str, settings: prusa.Settings, kept: 
     """Slice a part with thingc and with PrusaSlicer, and compare the results in the frame of the printer."""
     up = UPS[name]
     ours, stl = said(opened, part, up, settings)
-    # a quarter turn about y, which moves x to z
+    # a rotation by 90 degrees about y, which moves x to z
     turn = np.eye(3) if up == (0.0, 0.0, 1.0) else np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
     lying = turned(stl, turn)
     theirs = printed(lying, settings, kept)
@@ -221,7 +221,7 @@ def by_part(found: Sequence[Case]) -> list[str]:
             continue
         usual = {one.up: one for one in own if (one.settings.walls, one.settings.lids, one.settings.infill) == (3, 4, 0.15)}
         masses = [f"{1e3 * mass:.2f} g" for up in UPS for mass in ((usual[up].ours, usual[up].theirs) if up in usual else ())]
-        masses += ["-"] * (2 * len(UPS) - len(masses))  # the slicer rejects it on its side
+        masses += ["-"] * (2 * len(UPS) - len(masses))  # PrusaSlicer rejects the part on its side
         errors, moments = [one.mass for one in own], [moment for one in own for moment in one.moments]
         worst, worst_moment = _percent(max(errors, key=abs)), _percent(max(moments, key=abs))
         lines.append(

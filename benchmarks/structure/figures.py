@@ -113,7 +113,7 @@ def code_lines(text: str, tree: ast.Module) -> int:
         for line in range(one.lineno, one.end_lineno + 1)
     }
     others = [line.strip() for number, line in enumerate(lines, 1) if number not in docstrings]
-    if not any('"""' in line or "'''" in line for line in others):  # without strings of several lines, tokens need not be searched
+    if not any('"""' in line or "'''" in line for line in others):  # no multi-line strings, so the file need not be tokenized
         return sum(bool(line) and not line.startswith("#") for line in others)
     layout = (tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
     code = {

@@ -129,7 +129,7 @@ def report(name: str, family: thingc.RobotFamily, function: FamilyFunction, coun
     family.evaluate(settings[:64])
     values, alone = function.value(rows), [family.evaluate(one) for one in settings]
     expected = np.array([[one.results.get(output, np.nan) for output in function.outputs] for one in alone], dtype=np.float64)
-    if any(output.startswith("site:") for output in function.outputs):  # which `evaluate` does not have
+    if any(output.startswith("site:") for output in function.outputs):  # `evaluate` does not return sites
         for row, own in zip(expected, map(function.value, rows), strict=True):
             row[np.isnan(row)] = np.asarray(own)[np.isnan(row)]
     same = int((values.view(np.ndarray).view(np.uint64) == expected.view(np.uint64)).all(axis=1).sum())

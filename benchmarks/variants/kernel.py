@@ -21,7 +21,7 @@ def main() -> None:
     """Create parts until standard input ends."""
     from thingc.geometry.worker.lazy_build123d import import_cheaply
 
-    import_cheaply("build123d")  # as the processes that model parts
+    import_cheaply("build123d")  # as in the processes that model parts
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.BRepTools import BRepTools
 

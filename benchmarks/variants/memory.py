@@ -87,7 +87,7 @@ def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[in
     names, *others = ([mesh.file for mesh in mujoco.MjSpec.from_string(one, vfs=files).meshes] for one in (text, *(one for one, _ in pens)))
     meshes = [dict(zip(names, other, strict=True)) for other in others]
     exchanging = mujoco.MjSpec.from_string(text, vfs=files)
-    exchanging.compile(files)  # removes visual meshes
+    exchanging.compile(files)  # compiling removes the visual meshes
     exchanged = [(mesh, [other[mesh.file] for other in meshes]) for mesh in exchanging.meshes]
     model = mujoco.MjModel.from_xml_string(text, vfs=files)
     data = mujoco.MjData(model)
@@ -216,7 +216,7 @@ def main() -> None:
                     count = max(int(arguments.count * SLOW.get(label, 1.0)), least)
                     clock = processor if label in ELSEWHERE else time.process_time
                     if label == "seen":
-                        make(arguments.pens)  # they were dropped for `a mesh`
+                        make(arguments.pens)  # the lane `a mesh` discards these models
                     begun = clock()
                     make(count)
                     if turn >= 0:

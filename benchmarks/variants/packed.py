@@ -100,7 +100,7 @@ def arm(folder: Path, count: int) -> None:
     """Build the batch of the arm in both layouts, and print the disk usage."""
     workspace(folder)
     (folder / "numbers.yaml").write_text(textwrap.dedent(ARM.format(count=count)).lstrip())
-    thingc(folder, "build", "assemblies/arm.yaml")  # fills the store
+    thingc(folder, "build", "assemblies/arm.yaml")  # adds the parts to the store
     for layout, inner in (("folders", "variants"), ("packed", "chunks")):
         seconds = thingc(folder, "batch", "numbers.yaml", "--layout", layout, "-o", layout)
         inodes, size = occupied(folder / layout / "numbers", inner)

@@ -24,7 +24,7 @@ def main() -> None:
         model = mjw.put_model(whole)
         for name, values in np.load(fields).items():
             there = getattr(model, name, None)
-            if isinstance(there, wp.array) and there.shape[0] == 1:  # otherwise it is shared by all worlds
+            if isinstance(there, wp.array) and there.shape[0] == 1:  # other fields are shared by all worlds
                 numbers = values.astype(np.int32 if values.dtype.kind == "i" else np.float32)
                 setattr(model, name, wp.array(numbers, dtype=there.dtype))
         data = mjw.put_data(whole, start, nworld=worlds)

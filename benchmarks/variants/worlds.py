@@ -62,7 +62,7 @@ def together(model: mujoco.MjModel, fields: Mapping[str, Any], count: int, steps
         mujoco.mj_saveModel(model, files[0])
         np.savez(files[1], **fields)
         words = [str(python), str(HERE / "step_worlds.py"), *files, str(count), str(steps)]
-        subprocess.run(words, check=True, stdout=subprocess.DEVNULL)  # its output names every kernel
+        subprocess.run(words, check=True, stdout=subprocess.DEVNULL)  # Warp prints a line for every kernel
         return np.load(files[2])
 
 

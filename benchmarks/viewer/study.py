@@ -125,7 +125,7 @@ def redrawn(browser: Any, workspace: Workspace, saved: Save, times: int) -> tupl
         told = (json.loads(line.removeprefix(b"data: ")) for line in news if line.startswith(b"data: "))
         next(told)
         with opened(browser, shown) as page:
-            time.sleep(4.0)  # the kernel loads
+            time.sleep(4.0)  # wait until the CAD kernel is loaded
             for turn in range(times + 1):
                 time.sleep(0.3 + 0.007 * turn)
                 page.evaluate(REDRAWN)

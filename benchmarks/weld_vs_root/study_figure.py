@@ -10,7 +10,7 @@ from formulations import FORMULATIONS, ROOTED, SOFT, STIFF
 from measured import DRIVES, FREE, SWUNG, USUAL, Measured, worst_swing
 
 matplotlib.use("Agg")
-from matplotlib import pyplot  # after its backend, which needs no display
+from matplotlib import pyplot  # after the backend is set, which does not need a display
 
 COLOURS = {SOFT: "#c44e52", STIFF: "#dd8452", ROOTED: "#1f77b4"}
 NOTHING = 1e-17
