@@ -1,1 +1,3 @@
-"""The geometry service, the only package that uses the CAD kernel. Entry points: `service`, and `worker.server` for the worker process."""
+"""The geometry service, the only package that uses the CAD kernel. The entry points are the module `service` and, for worker processes, the
+module `worker.server`.
+"""

@@ -10,7 +10,7 @@ from thingc.geometry.key.result_cache import Results
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord
 
 RECENT = 512
-"""Number of records that a service caches in memory. The oldest record is dropped first."""
+"""Maximum number of part records that a geometry service caches in memory. If the cache is full, the oldest record is removed."""
 
 
 class BuildReason(FrozenStruct):
@@ -37,7 +37,9 @@ def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> st
 
 
 class RecentRecords:
-    """A cache of the latest records of a service. The key is the definition and whether the record has convex pieces."""
+    """An in-memory cache of the latest part records of a geometry service. The cache key consists of the part definition and of whether the
+    record contains convex pieces.
+    """
 
     def __init__(self) -> None:
         self._kept: dict[tuple[PartDefinition, bool], tuple[PartRecord, str]] = {}

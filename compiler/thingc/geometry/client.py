@@ -27,7 +27,7 @@ LOADING = 120.0
 """Time limit [s] for a worker to load the kernel."""
 
 SPANS = 1000
-"""Number of recent answers whose time spans the method `busy` uses."""
+"""Number of recent answers for which the start and end times are stored, so that the method `busy` can use them."""
 
 CAN_FORK = hasattr(os, "fork")
 
@@ -80,7 +80,7 @@ class Workers:
     def busy(self, since: float) -> float:
         """Return the time [s] that workers have spent on building, measuring or slicing parts since `since` (`time.monotonic`).
 
-        Overlapping times count once. The time for loading part modules does not count.
+        Times in which several workers are busy count only once. The time for loading part modules does not count.
         """
         total, until = 0.0, since
         for begun, ended in sorted(self._spans):
@@ -102,14 +102,16 @@ class Workers:
             self.ensure()
 
     def _leave_others(self) -> None:
-        """Forget the workers in a forked child process. The workers belong to the parent process, which continues to use them."""
+        """Discard the references to the workers in a forked child process. The workers belong to the parent process, which continues to use
+        them.
+        """
         if self._owner != os.getpid():
             self._owner = os.getpid()
             self._processes, self._lines = [], queue.SimpleQueue()
             self._begun, self._early = {}, {}
 
     def ensure(self) -> None:
-        """Start worker processes that are not running yet. Raises `WorkerBroken`."""
+        """Start worker processes that are not running yet. Raises `WorkerBroken` if no worker can be started."""
         self._leave_others()
         wanted = 1 if self.forking else self.jobs
         while len(self._processes) < wanted:
@@ -148,8 +150,8 @@ class Workers:
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
         """Yield every request with its answer when the answer arrives: `{"answer": ...}` or `{"failed", "words", "detail"}`.
 
-        A request has `op` and `timeout` [s]. `requests` is read lazily, shortly before each request is sent. Raises `WorkerBroken` if no
-        worker can be started.
+        A request contains the operation `op` and the time limit `timeout` [s]. `requests` is read lazily, shortly before each request is
+        sent. Raises `WorkerBroken` if no worker can be started.
         """
         source = iter(requests)
         waiting: deque[Mapping[str, Any]] = deque()
@@ -192,7 +194,7 @@ class Workers:
     def _taken(self, request: Mapping[str, Any]) -> int | None:
         """Return the number of a request that `begin` has already sent to a worker, or None.
 
-        `run` then waits for the answer to this request. An answer that has already arrived is put back into the queue.
+        The method `run` then waits for the answer to this request. An answer that has already arrived is put back into the queue.
         """
         number = self._begun.pop(_request_text(request), None)
         if number is not None and number in self._early:
@@ -202,8 +204,8 @@ class Workers:
     def _heard(self) -> tuple[_Process, dict[str, Any], bool] | None:
         """Wait for a message from any worker process.
 
-        Return the worker and its answer (True), the worker and its failure if the worker was ended (False), or None for other messages.
-        Raises `WorkerBroken`.
+        The result consists of a worker, its answer and True, or of a worker that was ended, its failure and False. It is None for any other
+        message. Raises `WorkerBroken` if no worker can be started.
         """
         try:
             process, answer = self._lines.get(timeout=max(0.05, min(w.deadline for w in self._processes) - time.monotonic()))
@@ -233,8 +235,9 @@ class Workers:
     def _answered(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any] | None]:
         """Find the request to which a worker's answer belongs.
 
-        Return its number and the request, and remove `id` and `span` from the answer. The request is None if it was cancelled. It is
-        also None if `begin` sent the request and `run` has not requested it yet. In this case, the answer is stored.
+        Return the number of the request and the request itself. Remove `id` and `span` from the answer. The returned request is None if the
+        request was cancelled. The returned request is also None if `begin` sent the request and `run` has not requested it yet. In this
+        case, the answer is stored until `run` requests it.
         """
         number: int = answer["id"]
         if number in self._begun.values():
@@ -292,7 +295,7 @@ class Workers:
 
 
 class NoWorkers(Workers):
-    """A replacement for `Workers` that does not start processes. Each request fails with the kind `ABSENT`."""
+    """A replacement for `Workers` that does not start processes. Each request gets a failure of the kind `ABSENT`."""
 
     there = False
 
@@ -303,18 +306,18 @@ class NoWorkers(Workers):
         """Do nothing, because there are no workers."""
 
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
-        """Yield every request with a failure of the kind `ABSENT`."""
+        """Yield a failure of the kind `ABSENT` for every request."""
         for request in requests:
             yield request, {"failed": ABSENT, "words": "the store does not have it", "detail": ""}
 
 
 class EndingWorkers(Workers):
-    """Workers that cannot be restarted: after `end`, waiting callers get failures."""
+    """Workers that cannot be restarted. After a call of `end`, all waiting callers get failures."""
 
     ended = False
 
     def ensure(self) -> None:
-        """Start worker processes that are not running yet. Raises `WorkerBroken`, also after `end`."""
+        """Start worker processes that are not running yet. Raises `WorkerBroken` if no worker can be started, and after a call of `end`."""
         if self.ended:
             raise WorkerBroken("the workers have been shut down")
         super().ensure()
@@ -378,7 +381,7 @@ def failure_of(subject: str, answer: Mapping[str, Any], timeout: float, workspac
 def _place_of(trace: str, workspace: Workspace) -> tuple[str | None, int | None]:
     """Find the innermost line of part code in a crash trace of `faulthandler`, which lists the most recent call first.
 
-    Return the file and line, or `(None, None)` if the trace has no line in a part folder.
+    Return the file and the line. Return `(None, None)` if the trace contains no line of a file in a part folder.
     """
     folders = tuple(os.path.join(folder, "") for folder in workspace.parts)
     # with several threads, or after an earlier trace, use the last match

@@ -10,16 +10,16 @@ from typing import TypeVar
 from xml.etree import ElementTree
 
 LARGEST = 200_000_000
-"""Largest mesh file [bytes], and largest inflated model in a 3MF file."""
+"""Maximum size of a mesh file, and of the uncompressed model in a 3MF file [bytes]."""
 MOST = 5_000_000
-"""Largest number of triangles of a mesh file."""
+"""Maximum number of triangles in a mesh file."""
 INSTANCES = 10_000
-"""Largest number of objects that a mesh file places, counting each placement."""
+"""Maximum number of placed objects in a mesh file. An object that is placed several times counts several times."""
 LEVELS = 100
-"""Deepest nesting of objects in a mesh file."""
+"""Maximum nesting depth of objects in a mesh file."""
 
 _HEAD, _TRIANGLE = 84, 50
-"""Bytes of a binary STL file before its triangles, and of each triangle."""
+"""Size of the header of a binary STL file, and size of each triangle in the file [bytes]."""
 _FACET, _FACE = re.compile(rb"endfacet", re.IGNORECASE), re.compile(rb"^[ \t]*f[ \t]", re.MULTILINE)
 """Patterns that match once per facet of an STL text file, and once per face of an OBJ file."""
 
@@ -30,7 +30,7 @@ _T = TypeVar("_T")
 
 
 class BadMesh(Exception):
-    """Raised if a file is not a valid mesh. The message is the reason, to be appended to the name of the file."""
+    """Raised if a file is not a valid mesh. The message is the reason, which diagnostics append to the name of the file."""
 
 
 def damaged(suffix: str, fault: Exception) -> BadMesh:
@@ -46,7 +46,7 @@ def damaged(suffix: str, fault: Exception) -> BadMesh:
 def read_bounded(path: str, suffix: str, most: int = MOST) -> bytes:
     """Read the bytes of a mesh file, and check its size and the number of triangles that it declares.
 
-    Raises `OSError` and `BadMesh`.
+    Raises `OSError` if the file cannot be read, and `BadMesh` if the file is not a valid mesh.
     """
     with open(path, "rb") as stream:
         data = stream.read(LARGEST + 1)
@@ -57,8 +57,8 @@ def read_bounded(path: str, suffix: str, most: int = MOST) -> bytes:
 def bounded(suffix: str, data: bytes, most: int = MOST) -> None:
     """Check the content of a mesh file before it is parsed.
 
-    Raises `BadMesh` if the file is empty, too large or cut off. Also raises `BadMesh` if the file declares more than `most` triangles
-    or too many objects.
+    Raises `BadMesh` if the file is empty, too large or truncated. Also raises `BadMesh` if the file declares more than `most` triangles or
+    too many objects.
     """
     told: int | None = None
     if not data:
@@ -100,7 +100,7 @@ def is_text(stl: bytes) -> bool:
 
 
 def unfold(root: _T, parts: Callable[[_T], Iterable[_T]]) -> None:
-    """Raise `BadMesh` if `root` places more than `INSTANCES` objects, or contains itself.
+    """Raise `BadMesh` if the objects below `root` are placed more than `INSTANCES` times, or if an object contains itself.
 
     The function `parts` returns the objects that an object contains.
     """

@@ -19,11 +19,13 @@ from thingc.geometry.record import PartDefinition, PartFailure, PartSchema, Valu
 from thingc.geometry.store.local import Store
 
 Likely = Callable[[], Mapping[str, Collection[LikelySlicing]]] | None
-"""Returns the likely slicings of parts, by definition text. The function is called when a part has to be built."""
+"""A function that returns the likely slicings of parts, by the text of their definitions. It is only called when a part must be built."""
 
 
 class PartRequest(FrozenStruct):
-    """A request to build a part, with the key of the result and the code of the part (None for a file or an installed package)."""
+    """A request to build a part. It contains the cache key of the result and the code of the part (None for a file or an installed
+    package).
+    """
 
     build_key: BuildKey
     code: CodeIngredients | None
@@ -62,12 +64,12 @@ class PartRequests:
             self.slicings[definition.reference].update(wanted.get(definition.text, ()))
 
     def suppose(self, definitions: Sequence[PartDefinition], likely: Likely) -> None:
-        """Set the likely slicings of parts whose class does not have slicings yet."""
+        """Set the likely slicings of parts whose class does not have expected slicings yet."""
         if likely is not None and (fresh := [one for one in definitions if one.reference not in self.slicings]):
             self.expect_slicings(fresh, likely())
 
     def modelling(self, definition: PartDefinition, prepared: PartRequest) -> dict[str, Any]:
-        """Return the complete request to build a part definition now.
+        """Return the complete worker request that builds a part definition.
 
         The request includes the slicings that are expected for the part's class.
         """
@@ -77,7 +79,7 @@ class PartRequests:
     def prepared(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> PartRequest | PartFailure:
         """Prepare the request to build a part definition, or return a failure.
 
-        `given` contains the parameters that the request sets. If it is None, the result of the method `given` is used.
+        `given` contains the parameters that the request sets. If `given` is None, the result of the method `given` is used.
         """
         code: CodeIngredients | None = None
         extra: dict[str, str] = {}

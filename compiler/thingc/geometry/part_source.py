@@ -22,7 +22,7 @@ SHOWN = 8
 class PartSource(Protocol):
     """A source of part schemas and part records.
 
-    `unknown` contains the labels of definitions without a record or with an inexact record. `broken` contains errors in the lock.
+    `unknown` contains the labels of definitions without a record or with an inexact record. `broken` contains the errors in the lock file.
     """
 
     workspace: Workspace
@@ -54,7 +54,8 @@ class PartSource(Protocol):
     ) -> Mapping[str, PartRecord | PartFailure]:
         """Build or load parts, and return the record or failure of each part definition by its text.
 
-        A definition without an available record has no entry. `likely` returns the expected slicings, for parts that are built.
+        Definitions without an available record are omitted. The function `likely` returns the expected slicings of the parts that must be
+        built.
         """
 
     def slice(
@@ -71,8 +72,8 @@ class PartSource(Protocol):
 def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None]], report: Report) -> None:
     """Report a warning for each module of a part that hides another module of the same name.
 
-    The location of the warning is the first reference to a part with this module. If this location is None, the location is the module
-    itself.
+    The location of the warning is the first reference to a part with this module. If no reference has a location, the warning is reported
+    at the module itself.
     """
     said: set[str] = set()
     for reference, where in references:

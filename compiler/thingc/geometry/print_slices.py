@@ -25,9 +25,9 @@ BRIDGE_FLOW = 1.0
 class Slicing(FrozenStruct):
     """Settings for slicing a part into layers and filling the layers.
 
-    `up` is the direction away from the bed, a unit vector in the part's frame. `layer` is the height of a layer and `line_width` the width
-    of a line [m]. `walls` is the number of lines in a wall, `top` and `bottom` the number of solid layers. `overlap` is a fraction of the
-    line width, `bridge_flow` a ratio.
+    `up` is the direction away from the bed, a unit vector in the part's frame. `layer` is the height of a layer [m], and `line_width` is
+    the width of an extruded line [m]. `walls` is the number of lines in a wall. `top` and `bottom` are the numbers of solid layers.
+    `overlap` is a fraction of the line width, and `bridge_flow` is a ratio.
     """
 
     up: Vector
@@ -41,7 +41,9 @@ class Slicing(FrozenStruct):
 
 
 LikelySlicing = tuple[Slicing, bool]
-"""The expected slicing of a part that is not built yet, and whether the part's own `up` takes precedence over the `up` of the slicing."""
+"""The expected slicing of a part that is not built yet. The flag is True if the part's own `up` takes precedence over the `up` of the
+slicing.
+"""
 
 
 class Moments(OneLineRepr, FrozenStruct):
@@ -81,7 +83,7 @@ class Moments(OneLineRepr, FrozenStruct):
     def properties(self) -> MassProperties:
         """Convert the moments to mass properties at density 1.
 
-        The mass is the volume [m^3]. The inertia [m^5] is about the centre of mass.
+        At this density, the mass equals the volume [m^3]. The inertia [m^5] is about the centre of mass.
         """
         if self.volume <= 0.0:
             return MassProperties(mass=0.0)
@@ -96,8 +98,9 @@ class Moments(OneLineRepr, FrozenStruct):
 class SliceResult(OneLineRepr, FrozenStruct, tag=True):
     """The material of a sliced part, as moments of its solid regions and of its infill lines.
 
-    `solid` does not depend on the infill. `joins` contains the pieces along the walls that connect infill lines. These pieces do not
-    depend on the infill either. `sparse` contains the infill lines at an infill of 100 %.
+    `solid` contains the moments of the solid regions, which do not depend on the infill. `joins` contains the pieces along the walls that
+    connect infill lines. The moments of these pieces do not depend on the infill. `sparse` contains the moments of the infill lines at an
+    infill of 100 %.
     """
 
     solid: Moments

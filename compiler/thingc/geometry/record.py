@@ -35,13 +35,15 @@ SchemaKind = Literal["thing", "shape", "function"]
 """How a part is defined: by a Thing, a shape class or a function."""
 
 ParameterKind = Literal["length", "angle", "mass", "ratio", "number", "count", "integer", "flag", "text", "choice"]
-"""Kinds of parameters. Quantities are floats in SI units; `count` and `integer` are whole numbers; `choice` is one of several strings."""
+"""Kinds of part parameters. Quantities are floats in SI units; `count` and `integer` are whole numbers; `choice` is one of several
+strings.
+"""
 
 
 def written(kind: str, value: Value, digits: int = 12) -> str:
     """Format the value of a parameter as in a document, with at most `digits` significant digits.
 
-    For example `100 mm`, `30 deg`, `82 g`, `15 %`, `true`, `M3`. The value is in SI units, and `kind` is the kind of the parameter.
+    Examples are `100 mm`, `30 deg`, `82 g`, `15 %`, `true` and `M3`. The value is in SI units, and `kind` is the kind of the parameter.
     """
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -117,10 +119,10 @@ FILE_UNIT = "mm"
 
 
 class PartDefinition(OneLineRepr, FrozenStruct):
-    """A part class with values for all its parameters. Equal definitions are one node of the HAG.
+    """A part class with values for all its parameters. Equal definitions become one node of the hierarchical assembly graph (HAG).
 
     `reference` is `module:Class`, or the path in the workspace for a part of `kind` `file`. `parameters` contains every parameter, sorted
-    by name. For a file, it contains the `faces`, and the `unit` unless the unit is `FILE_UNIT`. `text` identifies the definition and
+    by name. For a file, `parameters` contains `faces`, and also `unit` if the unit is not `FILE_UNIT`. `text` identifies the definition and
     contains the exact values that differ from their defaults (`arm:RotorBrace(length=0.1)`). `label` is the display form
     (`arm:RotorBrace(length=100 mm)`). Two definitions with almost equal values may have the same label. `words` contains the display values
     of all parameters.
@@ -158,7 +160,7 @@ class PartDefinition(OneLineRepr, FrozenStruct):
 
 
 LABEL_DIGITS = 6
-"""Digits of a number in a label."""
+"""Number of significant digits of a number in a label."""
 
 
 def definition_text(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -> str:
@@ -171,7 +173,7 @@ def definition_text(reference: str, parameters: Mapping[str, Value], defaults: M
 
 def definition_label(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value], words: Mapping[str, str]) -> str:
     """Format a part definition as its label, such as `arm:RotorBrace(length=100 mm)`. `words` contains the values as in documents. Strings
-    are quoted.
+    in the text are quoted.
     """
     return _printed(reference, {
         name: repr(value) if isinstance(value := parameters[name], str) else words[name] for name in _differing(parameters, defaults)
@@ -204,8 +206,8 @@ class MountRecord(OneLineRepr, FrozenStruct):
 
 
 class MountExpectation(OneLineRepr, FrozenStruct, array_like=True):
-    """A part that is expected at a mount. The geometry at `mount` was cut for the part with the definition text `text`, mated at its
-    `child_mount`.
+    """A part that is expected at a mount. The geometry at the mount `mount` was cut for a part with the definition text `text`. That part
+    is mated at its mount `child_mount`.
 
     `label` is the display form of `text`.
     """
@@ -260,9 +262,9 @@ class Mesh(OneLineRepr, FrozenStruct, array_like=True, tag=True):
 
 
 class ImpureInputs(str, Enum):
-    """Inputs of a part that are not in its key. The part is not rebuilt when these inputs change.
+    """Kinds of inputs that a part can use although they are not part of its cache key. A part is not rebuilt when these inputs change.
 
-    `left` means that the part left processes running.
+    `left` means that processes were still running after the part was built.
     """
 
     ENVIRONMENT = "environment"
@@ -276,7 +278,7 @@ class ImpureInputs(str, Enum):
 class PartWarning(OneLineRepr, FrozenStruct, array_like=True):
     """A warning for the author of a part, with the line in the part file if known.
 
-    `asked` is the impure input that the part used, or None for any other warning.
+    `asked` is the kind of the impure input that the part used, or None for any other warning.
     """
 
     message: str
@@ -291,16 +293,18 @@ class PartRecord(OneLineRepr, FrozenStruct):
     `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals over the B-rep. For a
     Thing without geometry, these values are zero, and `box` is None.
 
-    `meshes` is empty without geometry. Otherwise it contains `visual`, `hull` and `mesh` (OBJ, metres) and `print` (binary STL,
-    millimetres). The mesh `slicing` contains the triangles of `print` in 64-bit floats, so that results of slicing are smooth functions
-    of parameters. The mesh `simulation` (OBJ, metres) exists if the definition limits the triangles for simulators. `fits` contains the
-    smallest primitives that enclose the part, by shape. `pieces` contains the solids of the Thing's own `collision()`: a primitive if
-    the solid is exactly a primitive, otherwise an OBJ file. `convex` contains the OBJ files of the convex decomposition, if requested.
+    `meshes` is empty for a part without geometry. Otherwise, `meshes` contains `visual`, `hull` and `mesh` (OBJ, metres) and `print`
+    (binary STL, millimetres). The mesh `slicing` contains the triangles of `print` in 64-bit floats, so that results of slicing are smooth
+    functions of parameters. The mesh `simulation` (OBJ, metres) exists if the definition limits the triangles for simulators. `fits`
+    contains the smallest primitives that enclose the part, by shape. `pieces` contains the solids of the Thing's own `collision()`: a
+    primitive if the solid is exactly a primitive, otherwise an OBJ file. `convex` contains the OBJ files of the convex decomposition, if
+    requested.
 
     `up` is the Thing's preferred direction away from the print bed (a unit vector). `slices` contains the requested results of slicing.
-    `apart` contains the volumes [m^3] of the bodies of a part that should be one solid, the largest volume first. It is empty if the bodies
-    are connected or if several bodies are intended. `own_image` is True for a mirror image that equals its original in the solid and in the
-    place and z axis of each mount. `brep` is the digest of the B-rep in the store. `code` is `(file, line)` of the class.
+    `apart` contains the volumes [m^3] of the bodies of a part that should be one solid, the largest volume first. `apart` is empty if the
+    bodies are connected, or if several bodies are intended. `own_image` is True for a mirror image that equals its original in the solid
+    and in the place and z axis of each mount. `brep` is the digest of the B-rep in the store. `code` is the file and the line of the class,
+    as a tuple.
 
     A record that is not `exact` is a placeholder for a part that must not be built in this run. In such a record, only the names of
     mounts, the material, and whether the part has an actuator are valid.
@@ -338,7 +342,7 @@ class PartRecord(OneLineRepr, FrozenStruct):
 
     @property
     def simulated(self) -> Mesh | None:
-        """The mesh that simulators use for collisions, as a whole or in convex pieces. It is None for a part without geometry."""
+        """The mesh that simulators use for collisions, as a whole or in convex pieces. The value is None for a part without geometry."""
         return self.meshes.get("simulation") or self.meshes.get("mesh")
 
 
@@ -352,8 +356,8 @@ FailureKind = Literal[
 class PartFailure(OneLineRepr, FrozenStruct):
     """The reason why a part could not be described or built.
 
-    `message` is the message of the exception. `file` and `line` are the place in the part file. For a `missing` part, `candidates` contains
-    similar modules, references or files. `detail` is the traceback, which only `--debug` shows.
+    `message` is the message of the exception. `file` and `line` are the location of the error in the part file. For a `missing` part,
+    `candidates` contains similar modules, references or files. `detail` is the traceback, which only `--debug` shows.
     """
 
     subject: str

@@ -1,4 +1,6 @@
-"""Look up part records in the store, by the key of the part, or by its outline and the functions that ran when the part was built."""
+"""Find cached part records in the store. A record is found by the cache key of the part, or by the outline of its code and the functions
+that ran when the part was built.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ from thingc.geometry.store.shared_store import CONVEX
 from thingc.geometry.store.slice_cache import Records, Run
 
 Ran = Mapping[str, Sequence[int] | None]
-"""Numbers of the functions that ran, by label of the module. None means all functions."""
+"""Numbers of the functions that ran, by label of the module. The value None means that all functions count as executed."""
 
 
 def outlined(code: CodeIngredients) -> CodeIngredients:
@@ -42,7 +44,7 @@ def executed_functions(code: CodeIngredients, ran: Mapping[str, Sequence[int] | 
 
 
 def is_unchanged(code: CodeIngredients, kept: Mapping[str, Any]) -> bool:
-    """Return whether this code contains the same functions as those that ran when the cached part was built."""
+    """Return whether the functions that ran when the cached part was built are unchanged in this code."""
     digest: str = kept["digest"]
     return _digest(code, kept["ran"]) == digest
 
@@ -121,7 +123,7 @@ class ConvexAnswers:
     def add(
         self, records: Records, convex: Collection[str], run: Run, timeout: float, broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> None:
-        """Add the convex pieces to the `records` whose texts are in `convex`.
+        """Add convex pieces to the records whose definition texts are in `convex`.
 
         The function `run` sends requests to the workers. The function `broken` converts a failed answer to a `PartFailure`.
         """

@@ -62,8 +62,8 @@ def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]
 def record_to_json(record: PartRecord, root: str) -> Any:
     """Convert a part record to a JSON value. This function is the inverse of `record_from_json`.
 
-    The JSON does not contain `convex` and `slices`, which are cached separately. It also contains `mount_order`, because the store sorts
-    keys.
+    The JSON does not contain `convex` and `slices`, which are cached separately. The JSON also contains `mount_order`, because the store
+    sorts the keys of objects.
     """
     code = None if record.code is None else (shortened(record.code[0], root) or "", record.code[1])
     warnings = tuple(replace(warning, file=shortened(warning.file, root)) for warning in record.warnings)

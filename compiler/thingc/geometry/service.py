@@ -36,7 +36,9 @@ if TYPE_CHECKING:
     from thingc.geometry.client import Workers
 
 PATIENCE = 150.0
-"""Time [s] in addition to a part's timeout to wait for another process to load the kernel and build the part."""
+"""Time [s] to wait for another process that builds the same part, in addition to the timeout of the part. The other process may also have
+to load the CAD kernel.
+"""
 
 Progress = Callable[[str, int, int], None]
 Printed = Callable[[str, Sequence[str]], None]
@@ -57,15 +59,15 @@ class GeometryService:
     At most `jobs` parts are built at the same time. Each part may take at most `timeout` [s]. `on_progress(what, done, total)` is called
     for each part, and `on_printed(part, lines)` with the lines that a part printed.
 
-    After `realize`, `modelled` and `reused` contain the definition texts of parts that were built or reused, `decisions` the reasons, and
-    `wanted` the requested definitions. `inputs` contains the absolute paths of all files and folders that the answers depend on, including
-    paths that do not exist. `reads` contains the states of the files that an answer depends on, by subject and path. Answers from a lock do
-    not have reads.
+    After `realize`, `wanted` contains the requested definitions. `modelled` and `reused` contain the definition texts of parts that were
+    built or reused, and `decisions` contains the reasons. `inputs` contains the absolute paths of all files and folders that the answers
+    depend on, including paths that do not exist. `reads` contains the states of the files that an answer depends on, by subject and path.
+    Answers from a lock file have no entry in `reads`.
 
-    Pass `workers` to share the workers of a long-lived process. The service does not end shared workers. `lock` reads the workspace's lock
-    when it is first needed, for callers that do not use meshes. The lock provides parts that are not in the store, and `broken` contains
-    its errors. `seed` is the Python hash seed of the service's own workers. Use a separate store for each seed, because keys do not contain
-    the seed.
+    Pass `workers` to share the workers of a long-lived process. The service does not end shared workers. The function `lock` reads the lock
+    file of the workspace when it is first needed. Use `lock` for callers that do not use meshes. The lock file provides parts that are not
+    in the store, and `broken` contains the errors in the lock file. `seed` is the Python hash seed of the service's own workers. Use a
+    separate store for each seed, because keys do not contain the seed.
 
     Raises `StoreUnusable` if the service has to write to the store and the store is not writable.
     """
@@ -128,18 +130,18 @@ class GeometryService:
         """Start to load the CAD kernel if there was no previous run in this workspace, or if a file that parts depend on has changed since
         then.
 
-        Return whether the method called `warm`. Call this method before reading documents, because loading the kernel takes longest. With a
-        lock, `warm` is not called.
+        Return whether the method started to load the kernel. Call this method before reading documents, because loading the kernel takes
+        longest. If the workspace has a lock file, the kernel is not loaded.
         """
         if needed := not self._locked.there and self._results.files_changed():
             self.warm()
         return needed
 
     def expect(self, last: GeometryService, saved: Collection[str] = ()) -> None:
-        """Begin to build parts that will probably be requested: the parts of the `last` service whose code has changed.
+        """Begin to build the parts of the service `last` whose code has changed, because these parts will probably be requested.
 
-        `saved` contains the absolute paths of changed files. Workers build these parts while the classes are described. `realize` uses the
-        results if the parameters of the part are the same as in `last`, with the current defaults.
+        `saved` contains the absolute paths of changed files. Workers build these parts while the classes are described. `realize` uses a
+        result if the part still has the same parameters as in `last`, with the current default values.
         """
         begun = 0
         self._worker_pool().prepare([path for path in saved if path.endswith(".py")])
@@ -275,8 +277,8 @@ class GeometryService:
     ) -> dict[str, PartRecord | PartFailure]:
         """Build or load parts, and return the record or failure of each part definition by its text.
 
-        The records contain meshes unless `locked` is True. The records of definitions whose texts are in `convex` also contain convex
-        pieces.
+        The records contain meshes unless `locked` is True. If the definition text of a record is in `convex`, the record also contains
+        convex pieces.
         """
         self.decisions = {}
         self.wanted = tuple(definitions)
@@ -350,7 +352,7 @@ class GeometryService:
         elsewhere: list[_Task] = []
 
         def reuse(task: _Task) -> bool:
-            """Return whether another process has built the part in the meantime."""
+            """Return whether another process has built the part since the request was created."""
             kept = self._kept.under(task.build_key.key)
             if kept is not None:
                 self._decide(task.subject, True, unchanged(kept.reason))
@@ -421,7 +423,7 @@ class GeometryService:
     ) -> dict[str, PartRecord | PartFailure]:
         """Slice parts for printing, and return their records with the resulting slices, by definition text.
 
-        `wanted` contains the slicings to compute for each definition text. `records` contains the records without slices.
+        `wanted` contains the slicings to compute for each definition text. `records` contains the part records before slicing.
         """
         modelled = [definition for definition in definitions if definition.text in lacking(records, wanted)]  # records from the lock
         if modelled:
@@ -507,7 +509,9 @@ class GeometryService:
             self._on_printed(part, answer["printed"])
 
     def _broken(self, subject: str, answer: dict[str, Any]) -> PartFailure:
-        """Return the failure of a part that ended its worker. The failure is not cached, so that the next run builds the part again."""
+        """Create the failure of a part whose worker process ended or failed while it built the part. The failure is not cached, so that the
+        next run builds the part again.
+        """
         from thingc.geometry.client import failure_of
 
         return failure_of(subject, answer, self.timeout, self.workspace)

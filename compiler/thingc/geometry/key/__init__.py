@@ -1,3 +1,3 @@
-"""Find the dependencies of a part: its code, the files that it reads, and versions of packages. Results of parts are cached under these
-dependencies.
+"""Find the dependencies of a part: its code, the files that it reads, and versions of packages. Results of parts are cached, and the cache
+keys are computed from these dependencies.
 """

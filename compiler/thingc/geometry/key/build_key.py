@@ -1,6 +1,6 @@
 """Compute build keys: the digest of all labelled inputs on which a cached result depends.
 
-A comparison of ingredients shows the reason for a rebuild.
+The ingredients of two keys can be compared to find the reason for a rebuild.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class BuildKey(FrozenStruct):
 
     @property
     def key(self) -> str:
-        """The SHA-256 of all inputs, in hexadecimal."""
+        """Return the SHA-256 of all inputs in hexadecimal."""
         text = json.dumps(self.ingredients, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -48,7 +48,7 @@ def record_key(definition: PartDefinition, code: CodeIngredients | None, version
 
 
 def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
-    """Describe at most three differences between the old and the new inputs of a part. Changed modules come first."""
+    """Describe at most three differences between the old and the new inputs of a part. Changed modules are listed first."""
     changed = [label for label in {**old, **new} if old.get(label) != new.get(label)]
     if any(label.startswith("module ") and label in old and label in new for label in changed):
         # the edit of a module is the reason; the edit also explains added and removed imports of other modules

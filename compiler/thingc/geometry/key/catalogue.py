@@ -13,10 +13,11 @@ from thingc.geometry.record import PartFailure
 
 
 def classes_in_reach(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
-    """Return `module:Class` of every public class in the part folders and in the allowed packages that are tracked by content, sorted.
+    """Return the sorted references `module:Class` of all public classes in the part folders, and in the allowed packages that are tracked
+    by content.
 
-    Only `describe` can decide which of these classes are Things. Packages that are only installed (bd_warehouse) are not listed, because
-    they have hundreds of classes (see `installed_modules`).
+    Only the method `describe` of the geometry service can decide which of these classes are Things. Packages that are only installed, such
+    as bd_warehouse, are not listed, because they have hundreds of classes (see `installed_modules`).
     """
     references: list[str] = []
     for module in _modules(sources, packages):
@@ -30,7 +31,7 @@ def classes_in_reach(sources: ModuleSources, packages: Sequence[str]) -> list[st
 def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[str, str]:
     """Return the files of the public modules at the top level of the allowed installed packages, by module.
 
-    A module is for example `bd_warehouse.fastener`.
+    An example of such a module is `bd_warehouse.fastener`.
     """
     files: dict[str, str] = {}
     for package in packages:
@@ -45,7 +46,9 @@ def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[s
 
 
 def classes_installed(module: str, file: str) -> list[str]:
-    """Return `module:Class` of every public class in the file of an installed module, in order. The result is empty for invalid Python."""
+    """Return the references `module:Class` of all public classes in the file of an installed module, in the order of the file. The result
+    is empty for invalid Python.
+    """
     try:
         with open(file, "rb") as stream:
             body = parse_python(stream.read()).body

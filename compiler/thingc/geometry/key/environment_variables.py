@@ -1,4 +1,4 @@
-"""The environment variables of workers. Each variable has a fixed value, or a value that is part of the cache key of every part."""
+"""The environment variables of workers. Each variable either has a fixed value, or its value is part of the cache key of every part."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import os
 from collections.abc import Mapping
 
 PASSED = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
-"""Variables that Python or the kernel may need to start. Workers inherit these variables, and every key contains their values."""
+"""Environment variables that Python or the CAD kernel may need to start. Workers inherit these variables, and their values are part of
+every cache key.
+"""
 
 FIXED: Mapping[str, str] = {
     "PATH": os.defpath, "LC_ALL": "C.UTF-8", "PYTHONUTF8": "1", "TZ": "UTC",
@@ -19,7 +21,7 @@ FIXED: Mapping[str, str] = {
 
 TEMPORARY = ("TMPDIR", "TEMP", "TMP")
 HOMES = ("HOME", "USERPROFILE")
-"""Variables that are set to the scratch folder of each part (see `scratch`)."""
+"""Environment variables that are set to the scratch folder of each part (see `scratch`)."""
 
 
 def passed() -> dict[str, str]:
@@ -30,7 +32,8 @@ def passed() -> dict[str, str]:
 def environment(seed: int = 0) -> dict[str, str]:
     """Return the environment of a worker, with the hash seed `seed`.
 
-    The variables in `TEMPORARY` apply to the worker process. Each part gets its own temporary folder.
+    In the worker process itself, the variables in `TEMPORARY` have this value. For each part, they are changed to the temporary folder of
+    the part.
     """
     variables = {name: os.environ[name] for name in TEMPORARY if name in os.environ}
     variables.update(passed())

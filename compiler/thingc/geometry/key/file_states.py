@@ -1,4 +1,4 @@
-"""The state of a file as a short string. Cached results of parts depend on these states:
+"""Describe the state of a file or folder as a short string. Cached results of parts depend on these states:
 
     file:<sha256>     its content
     folder:<sha256>   the names in a folder that was listed
@@ -17,7 +17,7 @@ from thingc.base.filesystem import opened
 def state_of(path: str, *, listed: bool = False) -> str:
     """Return the state of the file or folder `path`, in the form described in the docstring of the module.
 
-    With `listed`, the state of a folder is the digest of the names in the folder.
+    If `listed` is True, the state of a folder is the digest of the names in the folder.
     """
     try:
         with opened(path) as stream:

@@ -1,10 +1,10 @@
 """Find the code that a part depends on: its module and all modules that it imports, directly or indirectly. The search only reads source
 files.
 
-The search evaluates all import statements, also in functions. It includes modules in part folders and in packages that are tracked by
-content, and the packages that contain these modules. Comments, layout and docstrings do not count, unless some code may read docstrings:
-then the text of every file counts. A module that is imported in another way is detected when the part runs, and counts as a file that the
-part read.
+All import statements are found, including imports inside functions. The result includes modules in part folders and in packages that are
+tracked by content, and the packages that contain these modules. Comments, layout and docstrings do not change the key. If some code may
+read docstrings, the text of every file becomes part of the key. A module that is imported in another way is detected when the part runs. It
+then counts as a file that the part read.
 """
 
 from __future__ import annotations
@@ -20,28 +20,30 @@ from thingc.geometry.key.modules import Finder, Module
 from thingc.geometry.store.local import Store
 
 VERSION = 4
-"""Version of `ModuleFacts`.
+"""Version of the format of `ModuleFacts`.
 
 Increase this number when the meaning of the facts changes, because facts are cached by the content of files.
 """
 
 MAX_UNTRUSTED = 1_000_000
-"""Maximum number of bytes of source read from an untrusted workspace. A syntax tree needs a hundred times as much memory."""
+"""Maximum number of bytes of source read from an untrusted workspace. The limit is small because a syntax tree needs a hundred times as
+much memory as the source text.
+"""
 
 MAX_STEPS = 20
-"""Maximum number of modules that the search for the definition of a name visits, for messages."""
+"""Maximum number of modules that are searched for the definition of a name, to add its location to a message."""
 
 
 class ModuleFacts(FrozenStruct):
     """Facts about a source file, made by `source_reader` and cached as JSON.
 
     `syntax` is the digest of the file's syntax tree without positions and docstrings. `documented` is the digest with docstrings.
-    `outline` is the digest without the parts of functions that only matter when the functions are called. `bodies` contains the digests
-    of these parts, one for each function. `imports` contains the imported modules and names (`pkg.leg`, `pkg.leg:foot`, `.shapes:*`).
-    `names` contains the names that the file binds at top level: kind (`class | function | import | value`), line, and the origin of an
-    imported name. `telling` is True if the code may read docstrings or line numbers. `looking` is True if the code may inspect
-    functions without calling them. `more` is True if the code may define names that this analysis does not find. `broken` means that
-    the file is not valid Python; the digests are then computed from its bytes.
+    `outline` is the digest of the file without the parts of functions that have no effect until the function is called. `bodies` contains
+    the digests of these parts, one digest for each function. `imports` contains the imported modules and names (`pkg.leg`, `pkg.leg:foot`,
+    `.shapes:*`). `names` contains the names that the file binds at top level: kind (`class | function | import | value`), line, and the
+    origin of an imported name. `telling` is True if the code may read docstrings or line numbers. `looking` is True if the code may inspect
+    functions without calling them. `more` is True if the code may define names that the analysis of the syntax tree does not find. `broken`
+    is True if the file is not valid Python. The digests are then computed from its bytes.
     """
 
     syntax: str
@@ -59,8 +61,8 @@ class ModuleFacts(FrozenStruct):
 class ModuleSource(FrozenStruct, kw_only=False):
     """A module's source code and the path of its file.
 
-    `path` is relative to the workspace, because code may search for files in its own folder. For a file outside of the workspace, `path` is
-    only the file name, which is the same on every machine.
+    `path` is relative to the workspace. It is part of the key because code may search for files in its own folder. For a file outside of
+    the workspace, `path` is only the file name, which is the same on every machine.
     """
 
     module: Module
@@ -78,11 +80,11 @@ class ModuleSource(FrozenStruct, kw_only=False):
 class CodeIngredients:
     """The code of a part, with all files and paths that determine which code it is.
 
-    `ingredients` contains the digest and the path of each module, by a label such as `module arm`. `documented` contains the same with
-    digests that include docstrings. `installed` contains the imported modules of installed packages. `files` contains the source files
-    with their SHA-256. `plain` contains the packages without `__init__.py`. `hiding` contains the modules that hide other modules of
-    the same name. `place` is `(file, line)` of the class. `sources` contains the modules by file. It is empty if some code may inspect
-    itself, because then all code counts, even code that does not run.
+    `ingredients` contains the digest and the path of each module, by a label such as `module arm`. `documented` has the same keys, but its
+    digests include docstrings. `installed` contains the imported modules of installed packages. `files` contains the source files with
+    their SHA-256. `plain` contains the packages without `__init__.py`. `hiding` contains the modules that hide other modules of the same
+    name. `place` is the file and the line of the class, as a tuple. `sources` contains the module sources by file path. `sources` is empty
+    if some code may inspect itself, because then code that does not run can also affect the part.
     """
 
     ingredients: dict[str, str] = field(default_factory=dict)
@@ -98,9 +100,9 @@ class CodeIngredients:
 class ModuleSources:
     """Reads the source file of each content-tracked module once. The store caches the facts by the content of the file.
 
-    `root` is the folder of the workspace. Pass `within` for an untrusted workspace: `ModuleSources` then reads only files of part folders
-    for which `within` returns True, and at most `MAX_UNTRUSTED` bytes in total. A file that is not read has no source, so keys that depend
-    on the file differ.
+    `root` is the folder of the workspace. Pass `within` for an untrusted workspace. In this case, only files of part folders for which
+    `within` returns True are read, with at most `MAX_UNTRUSTED` bytes in total. A file that is not read has no source, so its content is
+    not part of any key.
     """
 
     def __init__(self, finder: Finder, root: str, store: Store | None = None, within: Callable[[str], bool] | None = None) -> None:
@@ -198,7 +200,7 @@ def reached_from(module: str, sources: ModuleSources) -> list[str]:
 
 
 def may_have(module: str, name: str, sources: ModuleSources) -> bool:
-    """Return whether `module` may define `name` or get it through star imports. Return True if this is unknown."""
+    """Return whether `module` may define `name` or get it through star imports. Return True if this cannot be determined."""
     return any(source is None or source.facts.more or name in source.facts.names for source in _namespaces(module, sources))
 
 

@@ -1,7 +1,7 @@
 """Find modules by name in the part folders of the workspace, in packages tracked by content, and in the rest of the environment.
 
-The client reads part files without importing them, and the worker imports them. Both use this module, so that a name refers to the same
-file for both.
+The client reads part files without importing them, whereas the worker imports part files. Both processes use this module, so that a name
+refers to the same file in both processes.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.installed_packages import import_path, specification_of
 
 OWN_FOLDER = os.path.dirname(os.path.abspath(thingc.__file__))
-"""The folder of thingc itself."""
+"""The folder of the package `thingc`."""
 
 CONTENT_TRACKED = frozenset({"thingc_stock"})
-"""Packages tracked by content wherever they are installed."""
+"""Packages that are always tracked by content, even if they are installed."""
 
 OWN = frozenset({"thingc"})
-"""Packages whose files are part of the state of the compiler. Every key contains this state."""
+"""Packages whose files count as code of the compiler. The state of the compiler is part of every cache key."""
 
 SELDOM_USED = frozenset({
     "IPython", "ezdxf", "fontTools", "lib3mf", "ocp_gordon", "ocpsvg", "requests", "scipy", "sklearn", "svgpathtools",
@@ -41,16 +41,17 @@ PROTECTED = frozenset(sys.stdlib_module_names) | SELDOM_USED | {
 
 
 MAX_NAME = 500
-"""Longest dotted name [characters] that is accepted."""
+"""Maximum length of a dotted name [characters]."""
 
 
 class Module(FrozenStruct):
     """A module found by name, without importing it.
 
-    `kind` is `content`, `installed` or `absent`. For `content`, the code and the imported modules are part of the key. For `installed`,
-    Python itself finds the module, and the key contains the version or the loaded files. `file` is the source, or the binary of an
-    extension. It is None for a folder without `__init__.py` and for built-in modules. `folders` contains the folders of submodules, and
-    is empty for a plain module. `hides` contains other files in the part folders that have the same module name but lower precedence.
+    `kind` is `content`, `installed` or `absent`. If `kind` is `content`, the code of the module and the modules that it imports are part of
+    the key. If `kind` is `installed`, Python finds the module when it is imported, and the key contains its version or the files that were
+    loaded. `file` is the source file, or the binary file of an extension module. `file` is None for a folder without `__init__.py` and for
+    a built-in module. `folders` contains the folders of submodules, and is empty for a plain module. `hides` contains other files in the
+    part folders that have the same module name but lower precedence.
     """
 
     name: str
@@ -96,8 +97,8 @@ class Finder:
     """Finds modules by name for one workspace.
 
     `parts` contains the absolute part folders of the workspace in order of precedence, `packages` the packages that the workspace allows.
-    Unless an allowed package is installed, its code is tracked by content. `probed` collects the absolute paths that were tested in folders
-    tracked by content, including paths that do not exist.
+    The code of an allowed package is tracked by content, unless the package is installed. `probed` collects the absolute paths that were
+    tested in folders tracked by content, including paths that do not exist.
     """
 
     def __init__(self, parts: Sequence[str], packages: Iterable[str] = ()) -> None:
@@ -164,7 +165,7 @@ class Finder:
         return None
 
     def part_modules(self) -> list[str]:
-        """Return the names of the modules in the part folders (two levels) that a reference may use, for suggestions."""
+        """Return the names of all modules in the part folders, up to two levels deep. Error messages use these names as suggestions."""
         if self._part_modules is None:
             self._part_modules = self._list_modules()
         return self._part_modules

@@ -22,9 +22,10 @@ FILES = (".step", ".stp", ".brep", ".brp", ".stl", ".3mf", ".obj")
 
 
 class PartCode:
-    """The code of the parts of one workspace. The code of each part is read once.
+    """The code of the parts of one workspace. The code of each part is read only once.
 
-    `sources` reads the files. Without a store, the workspace is untrusted: part folders outside of the workspace are not read.
+    The object `sources` reads the source files. If there is no store, the workspace is untrusted, and part folders outside of the workspace
+    are not read.
     """
 
     def __init__(self, workspace: Workspace, store: Store | None) -> None:
@@ -53,7 +54,7 @@ class PartCode:
     def with_namesakes(self, failure: PartFailure) -> PartFailure:
         """Add suggestions to the failure of a part that was not found: classes of the same name in other modules.
 
-        Return the failure with these suggestions.
+        Return a copy of the failure with these suggestions.
         """
         from thingc.geometry.key.catalogue import classes_in_reach
 
@@ -111,7 +112,7 @@ class PartCode:
     def versions(self, code: CodeIngredients | None, reference: str = "") -> dict[str, str]:
         """Return the versions of the kernel, of thingc, and of all installed packages that the code uses.
 
-        If `code` is None, the package of `reference` is included.
+        If `code` is None, the versions include the package of `reference`.
         """
         package = reference.partition(":")[0].partition(".")[0]
         own = {name.partition(".")[0] for name in code.installed} if code is not None else {package} - {""}
@@ -142,7 +143,7 @@ class PartCode:
         }
 
     def files(self) -> dict[str, str]:
-        """Return the states of the files of all code read so far, by path (relative if inside the workspace), as in `reads`."""
+        """Return the states of all code files that have been read so far, by path. Paths inside the workspace are relative."""
         code = [code for code in self._codes.values() if isinstance(code, CodeIngredients)]
         return {shortened(file, self.workspace.root) or file: f"file:{sha256}" for one in code for file, sha256 in one.files.items()}
 
@@ -150,7 +151,7 @@ class PartCode:
 def file_state(definition: PartDefinition, workspace: Workspace, results: Results) -> str | PartFailure:
     """Return the state of a part file, such as a STEP file, in the form of the module `file_states`.
 
-    Return a failure if the file does not exist.
+    Return a failure if the part file does not exist.
     """
     path = os.path.join(workspace.root, definition.reference)
     if os.path.isabs(definition.reference) or not workspace.contains(path):

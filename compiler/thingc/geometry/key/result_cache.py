@@ -17,7 +17,7 @@ from thingc.geometry.key.file_states import state_of
 from thingc.geometry.store.local import Store
 
 CANDIDATES = 8
-"""Number of results that are stored under one build key. The oldest result is dropped first."""
+"""Maximum number of results that are stored under one build key. If there are more results, the oldest result is removed."""
 
 
 class CachedResult(FrozenStruct):
@@ -29,9 +29,10 @@ class CachedResult(FrozenStruct):
 
 
 class Results:
-    """The cached results of one workspace. Each file is read once, so later changes of a file are ignored.
+    """The cached results of one workspace. The state of each file is determined only once, so later changes of a file are ignored.
 
-    `consulted` contains the absolute paths that were read. `met` contains the reads, with their states, of the results that were returned.
+    `consulted` contains the absolute paths of the files that were read. `met` contains the reads of the results that were returned, with
+    their states.
     """
 
     def __init__(self, store: Store, root: str) -> None:
@@ -44,8 +45,8 @@ class Results:
     def state(self, path: str, like: str) -> str:
         """Return the current state of the file or folder `path` (relative to the workspace, or absolute).
 
-        `like` is an earlier state of the same path. If `like` is the state of a folder whose names were listed, the new state has the
-        same form.
+        `like` is an earlier state of the same file or folder. If `like` is the state of a folder whose names were listed, the new state has
+        the same form.
         """
         self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
         return self._seen(path, like)
@@ -53,7 +54,7 @@ class Results:
     def _seen(self, path: str, like: str) -> str:
         """Return the state of a path in the same way as `state`, but without adding the path to `consulted`.
 
-        Use this method for a path that no result depends on.
+        Use this method for a path on which no result depends.
         """
         listed = like.startswith("folder:")
         absolute = os.path.normpath(os.path.join(self.root, path))
@@ -89,7 +90,7 @@ class Results:
             self.store.note_json("files", self.root, dict(files))
 
     def files_changed(self) -> bool:
-        """Return whether a file that parts depended on in the last run has changed. Return True if there was no last run."""
+        """Return whether a file that parts depended on in the last run has changed. If there was no last run, return True."""
         files = self.store.get_json("files", self.root)
         return not isinstance(files, dict) or any(self._seen(path, state) != state for path, state in files.items())
 
@@ -98,7 +99,7 @@ class Results:
     def last(self, text: str) -> BuildKey | None:
         """Return the build key that a part definition had when it was last built or reused in this workspace.
 
-        Return None if there is no such key.
+        Return None if the definition has not been built or reused in this workspace.
         """
         key = self.store.get_json("last", self._of(text))
         ingredients = self.store.get_json("build_key", key) if isinstance(key, str) else None
@@ -122,7 +123,7 @@ class Results:
                 self.store.note_json("met", self._of(reference), True)
 
     def _of(self, name: str) -> str:
-        """Return the key of the store for an entry that is valid only for this workspace."""
+        """Return the store key of an entry that is valid only for this workspace."""
         return f"{self.root}\n{name}"
 
     def changed_read(self, key: str) -> str | None:

@@ -20,20 +20,20 @@ TELLING = frozenset({
 BINDING = frozenset({
     "exec", "eval", "globals", "locals", "vars", "setattr", "modules", "f_globals", "__dict__", "__getattr__", "__builtins__",
 })
-"""Names with which a module can define other names without a binding statement. `global` in a function has the same effect."""
+"""Names with which a module can define other names without a binding statement. A `global` statement in a function has the same effect."""
 
 LOOKING = re.compile(
     rb"\b(?:__code__|__defaults__|__kwdefaults__|__globals__|co_code|settrace|setprofile|gc|dis|marshal|dill|cloudpickle"
     rb"|n?jit|numba|cython|FunctionType|LambdaType|CodeType)\b"
 )
-"""Names that code uses to inspect functions without a call, or to run functions in another way."""
+"""Names that code uses to inspect functions without calling them, or to run functions in another way."""
 
 _IMPLIED = ("ctx", "kind")
 """Fields of syntax nodes that are ignored, because they do not contain additional information."""
 _END, _LEFT = object(), object()
 
 PLAIN = frozenset({"classmethod", "property", "staticmethod"})
-"""Decorators that do not run the decorated function. The function still runs only when it is called."""
+"""Decorators that do not run the decorated function. A function with such a decorator only runs when it is called."""
 
 
 def read_source(source: bytes) -> dict[str, Any]:
@@ -53,8 +53,8 @@ def read_source(source: bytes) -> dict[str, Any]:
 def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
     """Return the functions and methods of a module that run only when they are called, in source order.
 
-    Functions with decorators that are not in `PLAIN` are excluded, because the decorators may inspect the functions. Generators and
-    coroutines are excluded, because a call does not run their body.
+    A function with a decorator that is not in `PLAIN` is excluded, because the decorator may inspect the function. Generators and
+    coroutines are excluded, because calling them does not run their body.
     """
     definitions: list[ast.FunctionDef] = []
     yields = b"yield" in source
@@ -71,8 +71,8 @@ def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
 
 
 def _own(function: ast.FunctionDef) -> list[Any]:
-    """Return the parts of a function that have no effect until the function is called: its body, and default arguments that are plain
-    values.
+    """Return the parts of a function that have no effect until the function is called. These are its body, and default arguments that are
+    plain values.
     """
     defaults = [*function.args.defaults, *function.args.kw_defaults]
     return [function.body, *(one for one in defaults if one is not None and _is_value(one))]
@@ -130,7 +130,7 @@ def _digest(lines: list[str]) -> str:
 
 
 def _word(node: Any) -> tuple[str, Sequence[Any]]:
-    """Return a line of text that identifies an item of the syntax tree, and the children of the item in order.
+    """Return a line of text that identifies an item of a syntax tree, and the children of the item in order.
 
     An item is a node, a list of nodes, or a plain value.
     """
@@ -165,7 +165,7 @@ def _imported(statement: ast.Import | ast.ImportFrom) -> list[tuple[str, str]]:
 def _names(tree: ast.Module) -> dict[str, tuple[str, int, str]]:
     """Return the names that a module's top-level statements may bind.
 
-    Each name maps to its kind, its line, and the origin of an imported name.
+    The values are tuples of the kind, the line, and the origin of an imported name.
     """
     names: dict[str, tuple[str, int, str]] = {}
     waiting: list[ast.AST] = list(tree.body)

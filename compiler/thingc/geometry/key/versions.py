@@ -19,7 +19,7 @@ from thingc.geometry.key.modules import OWN_FOLDER, is_installed
 from thingc.geometry.store.local import Store
 
 KERNEL = ("build123d", "OCP", "numpy", "manifold3d")
-"""Top-level packages that every record depends on."""
+"""Top-level packages whose versions are part of the key of every part record."""
 
 OF_FILES = ("fast_simplification", "trimesh")
 """Packages that read and simplify meshes."""
@@ -29,10 +29,10 @@ _METADATA = re.compile(r"(?P<name>[^-]+)-(?P<version>.+)\.(dist-info|egg-info)$"
 
 
 def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], store: Store | None = None) -> dict[str, str]:
-    """Return `{"version build123d": "0.13.0"}` for top-level packages of the environment.
+    """Return the versions of top-level packages in the Python environment, such as `{"version build123d": "0.13.0"}`.
 
-    The value is the version of the distribution, otherwise a hash of the file `file_of(name)`. Modules of the standard library are omitted,
-    because the version of Python covers them.
+    The value is the version of the distribution. If there is no distribution, it is a hash of the file `file_of(name)`. Modules of the
+    standard library are omitted, because the version of Python covers them.
     """
     ingredients: dict[str, str] = {}
     unknown: list[str] = []
@@ -68,7 +68,7 @@ def platform_versions() -> dict[str, str]:
 def compiler_version() -> dict[str, str]:
     """Return the version of the code in thingc that creates part records, and a digest of its source files.
 
-    The digest includes `base`, because its structs define the format of records.
+    The digest also covers the package `base`, because its structs define the format of records.
     """
     import thingc
 
@@ -81,7 +81,9 @@ def compiler_version() -> dict[str, str]:
 
 @cache
 def _installed() -> dict[str, str]:
-    """Return the versions of all installed distributions by normalised name. The names are read from the names of the metadata folders."""
+    """Return the versions of all installed distributions by normalised name. The names of the distributions are read from the names of
+    their metadata folders.
+    """
     versions: dict[str, str] = {}
     for folder in reversed(import_path()):
         if not is_installed(os.path.join(folder, "")):

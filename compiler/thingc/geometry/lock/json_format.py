@@ -1,6 +1,6 @@
-"""Conversion of part schemas and records to and from the JSON values of `parts.lock.json`.
+"""Convert part schemas and records to and from the JSON values of `parts.lock.json`.
 
-A lock may come from an untrusted source, so the reader checks every value before it is used.
+A lock file may come from an untrusted source, so every value is checked before it is used.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from thingc.geometry.record import (
 )
 
 UNITS = {"length": "m", "angle": "rad", "mass": "kg", "ratio": "1", "number": "1"}
-"""The units that the lock shows to human readers. All values are in SI units."""
+"""The units that are written to the lock file for human readers. All values are in SI units."""
 
 KINDS: frozenset[ParameterKind] = frozenset(get_args(ParameterKind))
 SOURCES = frozenset({"measured", "vendor", "estimated", "stated"})
 _ORTHOGONAL = 1e-6
 _NOTHING = 1e-20
-"""Smallest plausible inertia at density 1 [m^5], far below the inertia of any part with a mass."""
+"""Smallest plausible inertia at density 1 [m^5]. It is far below the inertia of any part with a mass."""
 _ENTRIES = 9
 _MOMENTS = 10
 _LAID = ("solid", "joins", "sparse")
@@ -46,8 +46,8 @@ _POSE = 12
 
 
 class BadLock(Exception):
-    """Raised for an invalid value in the lock file. `path` is the place of the value (`things.arm:Pen.parameters.length`), and the message
-    is the reason.
+    """Raised for an invalid value in the lock file. `path` is the location of the value, such as `things.arm:Pen.parameters.length`. The
+    message is the reason.
     """
 
     def __init__(self, path: str, message: str) -> None:
@@ -61,7 +61,7 @@ class BadLock(Exception):
 def schema_values(schema: PartSchema) -> dict[str, Any]:
     """Convert a part schema to JSON values. This function is the inverse of `read_schema`.
 
-    The line of the class in the part file is omitted, because every comment can change it.
+    The line of the class in the part file is omitted, because every edit above the class changes it.
     """
     return {
         "kind": schema.kind, "doc": schema.doc, "material": schema.material, "actuator": schema.actuator,
@@ -88,7 +88,7 @@ def _parameter_values(parameter: ParameterSchema) -> dict[str, Any]:
 def record_values(record: PartRecord) -> dict[str, Any]:
     """Convert a part record to JSON values. This function is the inverse of `read_record`.
 
-    The JSON contains the values that checks of assemblies need. Meshes and locations in source files are omitted.
+    The JSON contains only the values that checks of assemblies need. Meshes and locations in source files are omitted.
     """
     values: dict[str, Any] = {
         "material": record.material, "color": record.color, "volume": _rounded(record.volume), "area": _rounded(record.area),
@@ -205,7 +205,7 @@ def _of_kind(kind: str, value: Value, choices: tuple[Value, ...]) -> bool:
 def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) -> PartRecord:
     """Parse the part record of the definition `text`, without meshes.
 
-    `code` is the location of the class of the part. Raises `BadLock` if the lock file contains an invalid value.
+    `code` is the file and the line of the part's class. Raises `BadLock` if the lock file contains an invalid value.
     """
     table = mapping(value, path)
     box = None if table.get("box") is None else numbers(table["box"], 6, f"{path}.box")
@@ -354,7 +354,7 @@ def sequence(value: Any, path: str) -> list[Any]:
 
 
 def text_at(table: Mapping[str, Any], key: str, path: str) -> str:
-    """Return the string under the key `key` of a table. Raises `BadLock` if the key is missing or its value is not a string."""
+    """Return the string under the key `key` in a JSON object. Raises `BadLock` if the key is missing or its value is not a string."""
     return _of_type(str, table.get(key), f"{path}.{key}", "a string")
 
 

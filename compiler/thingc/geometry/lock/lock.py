@@ -1,7 +1,8 @@
-"""Read `parts.lock.json`, which contains the schemas and records of parts, so that documents can be checked without running code.
+"""Read `parts.lock.json`. The file contains the schemas and records of parts, so that documents can be checked without running code.
 
-The lock is a file in the root of the workspace. `thingc lock` writes it, and users commit it with the documents. Reading a lock is safe for
-an untrusted workspace: the reader checks the size, the structure and every number, and does not run any code.
+The lock file is in the root folder of the workspace. The command `thingc lock` writes the file, and users commit it together with their
+documents. A lock file of an untrusted workspace can be read safely. The reader checks the size, the structure and every number, and does
+not run any code.
 """
 
 from __future__ import annotations
@@ -30,10 +31,10 @@ REMAKE = "run `thingc lock` on a machine that may run part code, and commit `par
 
 
 class LockedThing(FrozenStruct):
-    """The entry of one Thing in the lock.
+    """The entry of one Thing in the lock file.
 
     `code` is the hash of the Thing's code. `reads` contains the states of the files that the Thing read, by path in the workspace.
-    `values` is the schema as parsed JSON. `records` contains the records of the Thing's definitions by text.
+    `values` is the part schema as a parsed JSON value. `records` contains the part records of the Thing, by definition text.
     """
 
     code: str
@@ -45,9 +46,9 @@ class LockedThing(FrozenStruct):
 class Lock(FrozenStruct):
     """A parsed lock file.
 
-    `things` is keyed by `module:Class`. `files` contains the parts that are files, keyed by path in the workspace. Each value is the
-    state of the file's content and the record. `others` contains classes that the workspace can use but that are not Things. Records
-    and schemas are validated when they are requested.
+    `things` is keyed by `module:Class`. `files` contains the parts that are files, by path in the workspace. Each value consists of the
+    state of the file's content and the part record. `others` contains classes that the workspace can use but that are not Things. Records
+    and schemas are only validated when they are requested.
     """
 
     file: str
@@ -58,9 +59,9 @@ class Lock(FrozenStruct):
     _schemas: dict[str, PartSchema] = {}
 
     def schema(self, reference: str) -> PartSchema | None:
-        """Return the schema of the part `module:Class` from the lock, without the location of the class.
+        """Return the schema of the part `module:Class` from the lock file, without the location of the class.
 
-        Return None if the lock does not contain it. Raises `BadLock` if the lock file contains an invalid value.
+        Return None if the lock file does not contain the class. Raises `BadLock` if the lock file contains an invalid value.
         """
         thing = self.things.get(reference)
         if thing is None:
@@ -70,7 +71,7 @@ class Lock(FrozenStruct):
         return self._schemas[reference]
 
     def record(self, definition: PartDefinition, code: tuple[str, int] | None = None) -> PartRecord | None:
-        """Return the record of a part definition from the lock, or None if the lock does not contain it.
+        """Return the record of a part definition, or None if the lock file does not contain it.
 
         Raises `BadLock` if the lock file contains an invalid value.
         """
@@ -84,7 +85,7 @@ class Lock(FrozenStruct):
         return read_record(definition.text, values, f"things.{definition.reference}.records.{definition.text}", code)
 
     def relatives(self, reference: str, code: tuple[str, int] | None = None) -> Iterable[PartRecord]:
-        """Yield the records of all definitions of the part `module:Class` in the lock, for any parameters.
+        """Yield all records of the part `module:Class` in the lock file, for any parameters.
 
         Raises `BadLock` if the lock file contains an invalid value.
         """
@@ -108,12 +109,14 @@ def code_hash(code: CodeIngredients | None, version: str = "") -> str:
 
 
 def top_of(file: str) -> Span:
-    """Return the span of the first line of the lock file. Errors that concern the whole file refer to this line."""
+    """Return the span of the first line of the lock file. This span is the location of errors that concern the whole file."""
     return line_of(file)
 
 
 def read_lock(workspace: Workspace, report: Report) -> Lock | None:
-    """Read the lock of a workspace. Return None if there is no lock. Report an invalid lock and return None."""
+    """Read the lock file of a workspace. Return None if the workspace has no lock file. If the lock file is invalid, report the error and
+    return None.
+    """
     path = lock_path(workspace)
     if not os.path.lexists(path):
         return None
@@ -127,7 +130,7 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
 
 
 def read_lock_file(path: str, report: Report) -> Lock | None:
-    """Read a lock file at a path. If the file is unreadable or invalid, report the error and return None."""
+    """Read and parse a lock file. If the file is unreadable or invalid, report the error and return None."""
     try:
         with open(path, "rb") as stream:
             data = stream.read(MAX_BYTES + 1)
@@ -144,7 +147,7 @@ def read_lock_file(path: str, report: Report) -> Lock | None:
 def report_missing(workspace: Workspace, report: Report) -> None:
     """Report an error if the workspace has no lock file.
 
-    `read_lock` has already reported an invalid lock file.
+    An invalid lock file is not reported, because `read_lock` has already reported it.
     """
     if not os.path.lexists(lock_path(workspace)):
         report.add(
@@ -154,7 +157,7 @@ def report_missing(workspace: Workspace, report: Report) -> None:
 
 
 def report_bad(path: str, fault: BadLock, report: Report, *, severity: Severity = Severity.ERROR) -> None:
-    """Report an invalid value in the lock at `path`."""
+    """Report an invalid value in the lock file at `path`."""
     where = f" at `{fault.path[:200]}`" if fault.path else ""
     report.add(Code.LOCK_BROKEN, f"`{LOCK_FILE}` is broken{where}: {fault}", top_of(path), help=REMAKE, severity=severity)
 

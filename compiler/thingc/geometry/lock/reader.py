@@ -1,4 +1,6 @@
-"""Read part schemas and records from `parts.lock.json`, in addition to the store, or as the only source if no code may run."""
+"""Read part schemas and records from `parts.lock.json`. The lock file is used in addition to the store, or as the only source if no code
+may run.
+"""
 
 from __future__ import annotations
 
@@ -22,18 +24,21 @@ from thingc.geometry.record import ActuatorRecord, PartDefinition, PartFailure, 
 from thingc.geometry.store.slice_cache import lacking
 
 MAX_READ = 200_000_000
-"""Maximum number of bytes of files (parts that are files, and files that parts read) that are compared with the lock."""
+"""Maximum total size [bytes] of the files that are compared with the lock file. These are parts that are files, and files that parts
+read.
+"""
 
 _CONTINUOUS = frozenset({"length", "angle", "mass", "ratio", "number"})
 _SOME = 1e-6
-"""Placeholder for a volume, an area or a moment that is not used."""
+"""Placeholder for the volume, the area or the moments of a part, if the value is not used."""
 _T = TypeVar("_T")
 
 
 class LockAnswers:
     """Looks up schemas and records of parts in a lock file.
 
-    An entry is used only if it matches the current code and files of the part. `consulted` contains the absolute paths that were read.
+    An entry is used only if it matches the current code and files of the part. `consulted` contains the absolute paths of the files that
+    were read.
     """
 
     def __init__(self, lock: Lock, workspace: Workspace, parts: PartCode) -> None:
@@ -46,7 +51,9 @@ class LockAnswers:
         self._current: dict[str, bool] = {}
 
     def current(self, reference: str) -> bool:
-        """Return whether the lock matches the current code of `module:Class` and the current state of the files that this code read."""
+        """Return whether the lock file matches the current code of `module:Class` and the current state of the files that this code
+        read.
+        """
         if reference not in self._current:
             thing = self.lock.things.get(reference)
             code = self._parts.code(reference)
@@ -57,7 +64,7 @@ class LockAnswers:
         return self._current[reference]
 
     def state(self, path: str, like: str) -> str:
-        """Return the state of a file or folder of the workspace, in the form that `reads` uses.
+        """Return the state of a file or folder of the workspace, in the format of the entries in `reads`.
 
         The method reads only regular files and folders.
         """
@@ -79,9 +86,9 @@ class LockAnswers:
         return state_of(path, listed=folder)
 
     def schema(self, reference: str) -> PartSchema | None:
-        """Return the part schema of `module:Class`, with the place of its class.
+        """Return the part schema of `module:Class`, with the location of its class.
 
-        Return None if the lock is out of date or does not contain the schema.
+        Return None if the lock file is out of date or does not contain the schema.
 
         Raises `BadLock` if the lock file contains an invalid value.
         """
@@ -94,7 +101,8 @@ class LockAnswers:
     def record(self, definition: PartDefinition) -> PartRecord | None:
         """Return the record of a part definition.
 
-        Return None if the lock is out of date or does not contain the record. Raises `BadLock` if the lock file contains an invalid value.
+        Return None if the lock file is out of date or does not contain the record. Raises `BadLock` if the lock file contains an invalid
+        value.
         """
         if definition.kind == "file":
             held = self.lock.files.get(definition.text)
@@ -105,11 +113,11 @@ class LockAnswers:
         return self.lock.record(definition, self.place(definition.reference))
 
     def relative(self, definition: PartDefinition) -> PartRecord | None:
-        """Return a placeholder record for a part definition that is not in the lock.
+        """Return a placeholder record for a part definition that is not in the lock file.
 
-        Return None if the lock does not contain the class of the part. Raises `BadLock` if the lock file contains an invalid value. The
-        placeholder has the mounts that the class has with other parameters. It has no mounts if counts, flags, choices or strings that
-        differ from their defaults may affect the names of mounts.
+        Return None if the lock file does not contain the class of the part. Raises `BadLock` if the lock file contains an invalid value.
+        The placeholder has the same mounts as the records of the class with other parameters. The placeholder has no mounts if counts,
+        flags, choices or strings that differ from their defaults may affect the names of mounts.
         """
         schema = self.lock.schema(definition.reference)
         if schema is None:
@@ -135,7 +143,7 @@ class LockAnswers:
 class LockFallback:
     """A lock file as the source of parts that are not in the store.
 
-    The file is read when it is first needed. `broken` collects the errors of the lock file.
+    The lock file is read when it is first needed. `broken` collects the errors of the lock file.
     """
 
     def __init__(self, lock: Callable[[], Lock | None] | None, workspace: Workspace, parts: PartCode) -> None:
@@ -152,15 +160,15 @@ class LockFallback:
 
     @property
     def consulted(self) -> set[str]:
-        """Absolute paths of the files on which the schemas and records from the lock depend."""
+        """Absolute paths of the files on which the schemas and records from the lock file depend."""
         return self._answers.consulted if self._answers is not None else set()
 
     def schema(self, reference: str) -> PartSchema | None:
-        """Return the part schema of `module:Class`, or None if the lock does not contain an up-to-date schema."""
+        """Return the part schema of `module:Class`, or None if the lock file does not contain an up-to-date schema."""
         return self._asked(lambda answers: answers.schema(reference))
 
     def record(self, definition: PartDefinition) -> PartRecord | None:
-        """Return the record of a part definition, or None if the lock does not contain an up-to-date record."""
+        """Return the record of a part definition, or None if the lock file does not contain an up-to-date record."""
         return self._asked(lambda answers: answers.record(definition))
 
     def _asked(self, ask: Callable[[LockAnswers], _T | None]) -> _T | None:
@@ -184,10 +192,12 @@ def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> st
 
 
 class LockOnlyGeometry:
-    """A replacement for `GeometryService` that uses only a lock. It does not import code of the workspace, start processes or use a store.
+    """A replacement for `GeometryService` that uses only the lock file. It does not import code of the workspace, start processes or use a
+    store.
 
-    `unknown` contains the labels of definitions that are not in the lock, `broken` the errors of the lock. Without a lock file, the
-    only results are failures of parts that must not or cannot be loaded. The caller reports a missing lock file.
+    `unknown` contains the labels of definitions that are not in the lock file, and `broken` contains the errors in the lock file. Without a
+    lock file, the only results are failures of parts that cannot be loaded or must not be loaded. The caller must report that the lock file
+    is missing.
     """
 
     def __init__(self, workspace: Workspace, lock: Lock | None) -> None:
@@ -200,7 +210,7 @@ class LockOnlyGeometry:
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Absolute paths of the files on which the schemas and records from the lock depend."""
+        """Absolute paths of the files on which the schemas and records from the lock file depend."""
         return frozenset(self._parts.probed | (self._answers.consulted if self._answers is not None else set()))
 
     def anticipate(self) -> bool:
@@ -213,7 +223,7 @@ class LockOnlyGeometry:
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """Return the part schema or failure of each `module:Class`, by reference.
 
-        Without a lock, references without failure are omitted.
+        Without a lock file, references without a failure are omitted.
         """
         answers = {reference: self._described(reference) for reference in dict.fromkeys(references)}
         return {reference: answer for reference, answer in answers.items() if answer is not None}
@@ -249,8 +259,8 @@ class LockOnlyGeometry:
     ) -> dict[str, PartRecord | PartFailure]:
         """Return the record or failure of each definition, by text.
 
-        For a definition that is not in the lock, the record is a placeholder with the names of its mounts. If the names are not known, the
-        definition has no entry.
+        For a definition that is not in the lock file, the record is a placeholder with the names of its mounts. If these names are not
+        known either, the definition is omitted.
         """
         records: dict[str, PartRecord | PartFailure] = {}
         answers = self._answers
@@ -272,8 +282,8 @@ class LockOnlyGeometry:
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return part records with slices from the lock file. A record whose slices are missing becomes inexact, and its label is added to
-        `unknown`.
+        """Return part records with slices from the lock file. If the slices of a record are missing, the record becomes inexact, and its
+        label is added to `unknown`.
         """
         sliced = dict(records)
         labels = {definition.text: definition.label for definition in definitions}

@@ -1,6 +1,6 @@
 """Create the content of `parts.lock.json`.
 
-The geometry service provides every Thing that the workspace can use and every definition that documents use.
+The geometry service provides all Things that the workspace can use, and all definitions that documents use.
 """
 
 from __future__ import annotations
@@ -34,10 +34,11 @@ def locked(
     geometry: GeometryService, references: Sequence[str], definitions: Sequence[PartDefinition],
     slicings: Mapping[str, Collection[Slicing]],
 ) -> LockResult:
-    """Create the lock of a workspace whose documents use `references` (`module:Class`), `definitions` and `slicings` (by definition text).
+    """Create the lock file of a workspace. The lock file contains the parts that documents use: `references` (`module:Class`),
+    `definitions`, and `slicings` by definition text.
 
-    The lock contains all Things of the part folders, and the Things of packages that documents use. If a Thing cannot be built with its
-    defaults, the lock does not have a record for the defaults, unless a document uses the Thing with its defaults.
+    It also contains all Things of the part folders, and the Things of packages that documents use. If a Thing cannot be built with its
+    default parameters, the lock file has no record for these parameters, unless a document uses them.
     """
     in_folders = [reference for reference in geometry.catalogue() if geometry.in_part_folders(reference)]
     schemas = geometry.describe(sorted({*references, *in_folders}))
@@ -91,7 +92,7 @@ def _thing(
 def lock_text(values: Mapping[str, Any]) -> str:
     """Return the text of the lock file, indented by two spaces.
 
-    A list of numbers is on one line, so that a changed number changes only one line. The file does not contain invisible characters, so
+    Each list of numbers is on one line, so that a changed number changes only one line. The file does not contain invisible characters, so
     that a reviewer sees every change.
     """
     return json_text(_format_json(values, "\n")) + "\n"
@@ -112,9 +113,9 @@ def _long(value: Any) -> bool:
 
 
 def differences(held: Mapping[str, Any], made: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Compare an existing lock (`held`) with a new lock (`made`).
+    """Compare an existing lock file (`held`) with a new lock file (`made`).
 
-    Return the differences as `(key, description)`, in the order of the lock.
+    Return each difference as a tuple `(key, description)`, in the order of the lock file.
     """
     differing: list[tuple[str, str]] = []
     for section, what in (("things", "part"), ("files", "file")):
@@ -161,7 +162,7 @@ _CLOSE = 1e-9
 def _first_difference(old: Any, new: Any, path: str) -> str | None:
     """Return the path of the first value that differs between two JSON values, or None if they are equal.
 
-    Small differences of numbers between two builds of the CAD kernel are ignored.
+    Small differences between numbers are ignored, because two builds of the CAD kernel can differ by rounding errors.
     """
     if isinstance(old, Mapping) and isinstance(new, Mapping):
         if list(old) != list(new):

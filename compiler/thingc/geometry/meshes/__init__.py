@@ -1,1 +1,3 @@
-"""Read the mesh files of links with trimesh, and cache the results by the content of the files. The CAD kernel never reads these files."""
+"""Read the mesh files of links with trimesh, and cache the results by the content of the files. The CAD kernel is not used to read these
+files.
+"""

@@ -17,10 +17,10 @@ from thingc.geometry.meshes.files import MeshFile, MeshRecord
 from thingc.geometry.store.local import Store
 
 KIND = "mesh-files"
-"""Kind of the store's documents with these records."""
+"""Kind of the JSON documents in the store that contain mesh records."""
 
 VERSION = 3
-"""Version of the records. Increase this number when the records change, so that cached records are not used."""
+"""Version of the format of mesh records. Increase this number when the format changes, so that older cached records are not used."""
 
 
 def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | None:
@@ -45,8 +45,8 @@ def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | No
 def mesh_records(listed: Mapping[MeshFile, tuple[Origin, bool]], store: Store, report: Report, memo: Memo) -> dict[MeshFile, MeshRecord]:
     """Return the records of mesh files.
 
-    `listed` maps each file to its place in the document, and to a flag. If the flag is False and the file is not cached, the file is
-    not read and the result has no record for it. Report an error at the place of each file that is not a mesh.
+    `listed` maps each file to its location in the document and to a flag. If the flag is False and the record is not cached, the file is
+    not read and has no record in the result. If a file is not a mesh, report an error at its location.
     """
     records: dict[MeshFile, MeshRecord] = {}
     for file, (origin, read) in listed.items():

@@ -19,8 +19,8 @@ class MeshFile(OneLineRepr, FrozenStruct):
     """A mesh file of the workspace.
 
     `path` is the path of the file in the workspace, `folder` is the absolute path of its folder, and `sha256` is the digest of its
-    content. `beside` contains the names and digests of other files that define the colours of the mesh. `scale` contains the factors to
-    metres along x, y and z. Some factors are negative if the mesh is mirrored.
+    content. `beside` contains the names and digests of other files that define the colours of the mesh. `scale` contains the factors along
+    x, y and z that convert the file to metres. Some factors are negative if the mesh is mirrored.
     """
 
     path: str
@@ -36,7 +36,7 @@ class MeshFile(OneLineRepr, FrozenStruct):
 
     @property
     def name(self) -> str:
-        """The file name in the build output: `meshes.trunk.stl`.
+        """The file name in the build output, such as `meshes.trunk.stl`.
 
         If the unit is not metres, the name also contains 8 hex digits of the SHA-256 of the scale.
         """
@@ -47,14 +47,15 @@ class MeshFile(OneLineRepr, FrozenStruct):
 
     @property
     def content(self) -> tuple[object, ...]:
-        """The values on which the record of the mesh file depends."""
+        """The values that determine the record of the mesh file."""
         return self.suffix, self.sha256, self.beside, self.scale
 
 
 def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], str] = digest_of) -> MeshFile:
     """Create the `MeshFile` for an absolute path.
 
-    `path` is the path of the file in the workspace, and the function `digest` returns the SHA-256 of a file. Raises `OSError`.
+    `path` is the path of the file in the workspace, and the function `digest` returns the SHA-256 of a file. Raises `OSError` if the file
+    cannot be read.
     """
     folder = os.path.dirname(absolute)
     beside = [(name, os.path.join(folder, name)) for name in libraries(absolute)]
@@ -74,9 +75,10 @@ class MeshPiece(OneLineRepr, FrozenStruct, array_like=True):
 class MeshRecord(OneLineRepr, FrozenStruct):
     """The contents of a mesh file [m] after the scale, the unit and the up axis of the file are applied.
 
-    `mesh` is the whole mesh, which the store contains as OBJ. `pieces` contains the visual meshes, one for each colour. `matter` is the
-    solid at density 1 (volume [m^3], centre, inertia [m^5]), or None for an open surface. `box` contains two corners. `own` is the digest
-    and the size of the original file in the store, if MuJoCo can read this file unchanged.
+    `mesh` is the whole mesh, as an OBJ file in the store. `pieces` contains the visual meshes, one for each colour. `matter` is the solid
+    at density 1 (volume [m^3], centre, inertia [m^5]), or None for an open surface. `box` contains the smallest and the largest corner of
+    the bounding box [m]. `own` is the digest and the size of the original file in the store. It is None if MuJoCo cannot read this file
+    unchanged.
     """
 
     mesh: Mesh

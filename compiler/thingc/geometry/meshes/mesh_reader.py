@@ -24,13 +24,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MUJOCO_MOST = 200_000
-"""Largest number of triangles of an STL file that MuJoCo reads."""
+"""Maximum number of triangles of an STL file that MuJoCo reads."""
 
 LEAST_SCALE = 1e-4
 """Smallest scale factor with which MuJoCo still finds a volume in a mesh of a few units in size."""
 
 FLAT = 1e-9
-"""Largest thickness of a flat mesh, relative to its size. Coordinates have single precision."""
+"""A mesh counts as flat if its thickness relative to its size is at most this value. The value takes into account that coordinates have
+single precision.
+"""
 
 _AXES = re.compile(rb"<up_axis>\s*([XYZ])_UP")
 _COLLADA = re.compile(rb"<(\w+:)?COLLADA\s[^>]*xmlns")
@@ -38,9 +40,9 @@ _METER = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)")
 _TEXTURE = re.compile(rb"<texture\b[^>]*?(?:/>|>.*?</texture>)", re.DOTALL)
 _PARAMETER = re.compile(rb"<newparam\b.*?</newparam>", re.DOTALL)
 _MATERIALS = re.compile(rb"<bind_material\b.*?</bind_material>", re.DOTALL)
-"""Patterns for COLLADA files: a colour that is an image, the parameters of images, and the materials of a geometry."""
+"""Patterns that match parts of COLLADA files: colours that are images, parameters of images, and materials of geometries."""
 _FACE, _NEXT = (re.compile(rb"^[ \t]*%s[ \t]" % word, re.MULTILINE) for word in (b"f", b"[og]"))
-"""Patterns for OBJ files: the line of a face, and the line that begins an object or a group."""
+"""Patterns that match lines of OBJ files: the line of a face, and the line at which an object or a group begins."""
 
 
 class _Beside(trimesh.resolvers.Resolver):
@@ -137,9 +139,9 @@ def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArra
 
 
 def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
-    """Return the reason why a mesh file cannot be read.
+    """Return the reason why a mesh file cannot be read, for an error message.
 
-    For XML other than COLLADA, such as the error page of a server, trimesh's message is not helpful.
+    The message of trimesh is replaced for XML files other than COLLADA, such as the error page of a server.
     """
     if file.suffix == ".dae" and isinstance(fault, AttributeError):
         return "is empty: it has no `<scene>`" if _COLLADA.search(data) else "is not COLLADA: it has no `<COLLADA xmlns=...>`"
@@ -149,8 +151,8 @@ def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
 def _scene(file: MeshFile, data: bytes) -> Any:
     """Read a mesh file as a scene of trimesh.
 
-    If a COLLADA material has missing references, trimesh silently drops every geometry with this material. This function reads such a file
-    without images, which are not needed, or otherwise without materials.
+    If a COLLADA material has missing references, trimesh silently drops every geometry with this material. Such a file is therefore read
+    again without images, which are not needed, and if this fails, without materials.
     """
 
     def loaded(text: bytes, **options: Any) -> Any:
@@ -176,7 +178,7 @@ def _readings(dae: bytes) -> Iterator[bytes]:
 def _color(geometry: Any, file: MeshFile) -> str | None:
     """Return the colour of a geometry of trimesh, or None if the mesh file does not define its colour.
 
-    The default colours that trimesh sets for an OBJ file without a material library do not count.
+    The default colour that trimesh sets for an OBJ file without a material library is ignored.
     """
     visual = geometry.visual
     if not visual.defined or file.suffix in (".stl", ".obj") and not file.beside:
@@ -191,7 +193,7 @@ def _color(geometry: Any, file: MeshFile) -> str | None:
 def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Convert the corners of triangles from the unit and axes of the file to metres with the z axis up.
 
-    In glTF, y is up. COLLADA files specify the up axis. Faces are flipped if an odd number of axes is mirrored.
+    The y axis of a glTF file points up. A COLLADA file specifies its up axis. Faces are flipped if an odd number of axes is mirrored.
     """
     up, unit = b"Z", 1.0
     if file.suffix == ".glb":
@@ -244,8 +246,8 @@ def _kept(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassPropert
 def _equal_rows(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Find equal rows of an array. Return the index of the first row of each group of equal rows, and the number of the group of each row.
 
-    The function compares hashes of the bits of rows, which is three times as fast as a direct comparison. It compares rows directly if
-    different rows have the same hash.
+    The function compares hashes of the bits of rows, which is three times as fast as a direct comparison. If different rows have the same
+    hash, the function compares the rows directly.
     """
     bits = points.view(np.uint64)
     with np.errstate(over="ignore"):
@@ -272,7 +274,7 @@ def _is_flat(vertices: NDArray[np.float64]) -> bool:
 def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
     """Return whether MuJoCo can read a mesh file unchanged.
 
-    MuJoCo reads binary STL files up to a maximum size, and OBJ files with one object. The scale must not be too small for MuJoCo to find a
+    MuJoCo reads binary STL files up to a maximum size, and OBJ files with one object. The scale must be large enough that MuJoCo finds a
     volume.
     """
     if min(map(abs, file.scale)) < LEAST_SCALE:
@@ -283,6 +285,8 @@ def _for_mujoco(file: MeshFile, data: bytes, count: int) -> bool:
 
 
 def _has_one_object(obj: bytes) -> bool:
-    """Return False if an object or group begins after the first face of an OBJ file. MuJoCo would read its vertices, but not its faces."""
+    """Return False if an object or group begins after the first face of an OBJ file. MuJoCo would read the vertices of such an object or
+    group, but not its faces.
+    """
     face = _FACE.search(obj)
     return face is None or _NEXT.search(obj, face.end()) is None
