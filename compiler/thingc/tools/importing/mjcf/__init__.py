@@ -1,1 +1,1 @@
-"""Import MJCF files with MuJoCo's `MjSpec`. MuJoCo is imported lazily and does not open any files."""
+"""Import MJCF files with MuJoCo's `MjSpec`. MuJoCo is imported lazily. MuJoCo itself does not open files."""

@@ -15,19 +15,19 @@ DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle")
 GAINS, BIASES = ("fixed", "affine", "muscle"), ("none", "affine", "muscle")
 Kind = Literal["body", "joint", "geom", "site", "tendon", "actuator"]
 OBJECTS: dict[int, Kind] = {1: "body", 2: "body", 3: "joint", 5: "geom", 6: "site", 18: "tendon", 19: "actuator"}
-"""Kinds of objects of sensors, by `mjtObj`."""
+"""Kinds of elements to which a sensor can refer, by the value of MuJoCo's `mjtObj`."""
 REFERRING = ("site", "joint", "tendon", "actuator", "body", "geom", "subtree", "objname", "refname")
-"""Attributes of sensors that refer to an element. The suffix 1 or 2 may follow."""
+"""Attributes of MuJoCo sensors that refer to an element. The names can have the suffix 1 or 2."""
 INERTIAL, OF_AXES = 1, ("framequat", "framexaxis", "frameyaxis", "framezaxis")
-"""The object type of inertial frames, whose axes MuJoCo recomputes, and the sensors whose readings depend on axes."""
+"""The object type of inertial frames, whose axes MuJoCo recomputes, and the sensor types whose readings depend on these axes."""
 
 
 class Added:
-    """Collects the MuJoCo elements that a document cannot express, and that are therefore copied unchanged to the generated MuJoCo model.
+    """Collects MuJoCo elements that a document cannot express. These elements are copied unchanged to the generated MuJoCo model.
 
     `kept` contains the indices of imported joints, sites, geoms and actuators, and `tendons` are the imported tendons. `heads` maps each
-    body to the first body of its link. An element can refer to a body only if no other body with mass was merged into the same link,
-    because merging changes the inertial frame.
+    body to the first body of its link. An element can refer to a body only if this body is the only body with mass in its link, because
+    merging bodies changes the inertial frame.
     """
 
     def __init__(self, original: CompiledSource, kept: Mapping[str, Set[int]], tendons: Tendons, heads: Mapping[int, int]) -> None:
@@ -38,7 +38,7 @@ class Added:
         self.elements: list[SourceAdded] = []
 
     def _target(self, kind: Kind, number: int) -> SourceTarget | None:
-        """Return a reference to the element with this kind and index, or None if the element is not imported."""
+        """Return a reference to the element with the given kind and index, or None if the element is not imported."""
         return SourceTarget(kind=kind, name=self.original.names[kind][number]) if number in self.kept[kind] else None
 
     def _add(
@@ -83,7 +83,7 @@ class Added:
         return self._add("actuator", "general", number, (*acts_on, *differing(wanted, usual)))
 
     def _acts_on(self, number: int) -> Sequence[tuple[str, SourceTarget | None]]:
-        """Return the XML attributes that specify the target of an actuator, or nothing if this type of actuator is not supported."""
+        """Return the XML attributes that specify the target of an actuator, or an empty list for an unsupported type of actuator."""
         kind, ends = int(self.model.actuator_trntype[number]), [int(one) for one in self.model.actuator_trnid[number]]
         if kind == AT_TENDON:
             return [("tendon", self._target("tendon", ends[0]))]
@@ -96,7 +96,7 @@ class Added:
         """Add an equality constraint between tendons to the MuJoCo model. Return whether the equality was added.
 
         MuJoCo measures the lengths in an equality relative to the reference pose. In a document, the reference pose is q = 0. If an
-        imported joint has another reference, this method adds no equality.
+        imported joint has another reference pose, the equality is not added.
         """
         model = self.model
         ends = [at for at in (int(model.eq_obj1id[number]), int(model.eq_obj2id[number])) if at >= 0]
@@ -111,7 +111,7 @@ class Added:
     def pair(self, number: int) -> bool:
         """Add a contact pair to the MuJoCo model if both geoms are imported.
 
-        The pair includes properties that it inherits. Return whether the pair was added.
+        The attributes of the pair include inherited values. Return whether the pair was added.
         """
         model, place = self.model, int(self.original.spec.pairs[number].id)
         ends = [(f"geom{k}", self._target("geom", int(getattr(model, f"pair_geom{k}")[place]))) for k in (1, 2)]

@@ -18,24 +18,24 @@ from thingc.tools.importing.xml_source import Losses, SourceElement
 WORLD = 0
 KINDS = ("body", "joint", "geom", "site", "camera", "actuator", "sensor", "equality", "tendon")
 ROUNDED = 1e-14
-"""Relative tolerance when comparing numbers, as a fraction of the largest number."""
+"""Tolerance for comparing vectors of numbers, relative to the largest absolute value."""
 MANY = {"body": "bodies", "equality": "equalities"}
 SOLREF, SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
-"""MuJoCo's default softness parameters of constraints."""
+"""MuJoCo's default values of `solref` and `solimp`, which define the softness of constraints."""
 SITE = 6
 SPHERE, CYLINDER, STEP = 4, 5, 3
-"""Types of wraps: around a geom without or with a side site, or through a site."""
+"""Values of `mjtWrap`: a tendon wraps around a sphere or a cylinder, or passes through a site."""
 AT_SITE, AT_CRANK = 4, 2
 OF_LOOP = re.compile(r":(parent|child|held)(_1)?")
-"""Suffixes of the sites that thingc writes for loops and held components."""
+"""Suffixes in the names of sites that thingc writes for closed loops and held components."""
 
 
 class CompiledSource:
-    """A MuJoCo model before compilation (`spec`) and after compilation (`model`). Methods refer to an element by its index in `model`.
+    """A MuJoCo model before compilation (`spec`) and after compilation (`model`).
 
-    All elements have names. An element without a name in the source gets a generated name. `geoms_of` and `sites_of` map each body to its
-    geoms and sites. `frames_of` contains the sites that coincide with the frame of their body. `second_names` maps the name of a site to
-    the names of its duplicates.
+    The arguments of methods are indices of elements in `model`. All elements have names. Names that are missing in the source are
+    generated. `geoms_of` and `sites_of` contain the indices of the geoms and sites of each body. `frames_of` contains, for each body, the
+    sites that coincide with the frame of the body. `second_names` maps the name of a site to the names of its duplicates.
     """
 
     def __init__(self, flat: FlattenedSource, spec: Any, model: Any) -> None:
@@ -61,8 +61,8 @@ class CompiledSource:
     def _speeds(self) -> Iterator[tuple[str, float]]:
         """Yield the name and the velocity limit [rad/s or m/s] of each joint that has a velocity limit.
 
-        MJCF has no velocity limits. Models that thingc wrote contain velocity limits in numeric elements `NAME:velocity`. Other numeric
-        elements are recorded as losses.
+        MJCF does not support velocity limits, so thingc writes them to custom `<numeric>` elements with names such as `elbow:velocity`.
+        Other `<numeric>` elements are recorded as losses.
         """
         for one in self.spec.numerics:
             joint, speed = one.name.removesuffix(":velocity"), floats(one.data)
@@ -72,7 +72,7 @@ class CompiledSource:
                 self.losses.note(f"the number `{one.name}`", "documents cannot store custom data", self.flat.place(one.info))
 
     def _leave_out_doubles(self) -> None:
-        """Remove redundant sites. Replace references to a removed site by references to the original site."""
+        """Remove redundant sites. References to a removed site are replaced by references to the original site."""
         poses = {site: pose_of(self.model.site_pos[site], self.model.site_quat[site]) for site in self.sites}
         second, frames, closed = _doubles(self.model, self.sites, self.bodies, poses)
         for site, other in second.items():
@@ -83,7 +83,7 @@ class CompiledSource:
         self.sites_of = [[site for site in sites if site not in left_out] for sites in self.sites_of]
 
     def _names(self, kind: str, made_up: Any) -> dict[int, str]:
-        """Return the name of each element of the given kind, keyed by the index of the element."""
+        """Return the names of all elements of the given kind, keyed by the index of the element."""
         taken = {one.name for one in self.written[kind].values()}
         names = self.names[kind] = dict[int, str]()
         counts: Counter[str] = Counter()
@@ -97,31 +97,31 @@ class CompiledSource:
         return names
 
     def where(self, kind: str, number: int, attribute: str | None = None) -> Span:
-        """Return the location in the MJCF source of the element with this kind and index."""
+        """Return the location in the MJCF source of the element with the given kind and index."""
         return self.flat.place(self.written[kind][number].info, attribute)
 
     def lose(self, kind: str, number: int, what: str, why: str) -> None:
-        """Record that information about an element was lost in the import, with the source location of the element."""
+        """Record an import loss at the source location of an element."""
         self.losses.note(what, why, self.where(kind, number))
 
     def element(self, kind: str, number: int) -> SourceElement:
-        """Return the XML element from which MuJoCo compiled a model element. Return the root element if the source location is unknown."""
+        """Return the XML element in the source for an element of the compiled model.
+
+        Return the root element if the source location is unknown.
+        """
         return self.flat.element(self.written[kind][number].info)
 
     def bounds(self, name: str, number: int) -> tuple[float, float] | None:
-        """Return the lower and upper bound of the range `name` of an element, such as `actuator_ctrl`.
-
-        Return None if the element is unlimited.
-        """
+        """Return the lower and upper bound of an element's range, such as `actuator_ctrl`, or None if the element is unlimited."""
         if not getattr(self.model, f"{name}limited")[number]:
             return None
         low, high = floats(getattr(self.model, f"{name}range")[number])
         return low, high
 
     def frame(self, written: Any) -> Pose:
-        """Return the pose of an element relative to its body, as the source specifies it.
+        """Return the pose of an element relative to its body, as specified in the source.
 
-        The pose includes the poses of enclosing `<frame>` elements.
+        Poses of enclosing `<frame>` elements are included.
         """
         pose, frame = self._own(written), written.frame
         while frame is not None:
@@ -137,7 +137,7 @@ class CompiledSource:
 
 
 def _by_body(bodies: Iterable[Any], count: int) -> list[list[int]]:
-    """Group the indices of elements by the body that contains the element. Each group is in ascending order."""
+    """Return the indices of the elements of each body, in ascending order."""
     by_body: list[list[int]] = [[] for _ in range(count)]
     for number, body in enumerate(bodies):
         by_body[int(body)].append(number)
@@ -145,7 +145,7 @@ def _by_body(bodies: Iterable[Any], count: int) -> list[list[int]]:
 
 
 def floats(values: Any) -> tuple[float, ...]:
-    """Convert an array to floats, replacing -0 by 0."""
+    """Convert an array to a tuple of floats, and replace -0 by 0."""
     return tuple(float(one) + 0.0 for one in values)
 
 
@@ -156,12 +156,15 @@ def pose_of(pos: Any, quat: Any) -> Pose:
 
 
 def numbers(values: Any) -> str:
-    """Format numbers as the value of an XML attribute. Each number has the fewest digits that preserve its double-precision value."""
+    """Format numbers as the value of an XML attribute.
+
+    Each number has as few digits as possible without changing its double-precision value.
+    """
     return " ".join(repr(int(one)) if one == int(one) and abs(one) < 1e15 else repr(one) for one in floats(values))
 
 
 def differing(wanted: Sequence[tuple[str, str]], otherwise: dict[str, str]) -> Raw:
-    """Return the attributes of an element whose values differ from the default values `otherwise` by more than rounding errors."""
+    """Return the attributes of an element that differ from the default values `otherwise` by more than rounding errors."""
     return tuple((name, value) for name, value in wanted if not _alike(value, otherwise.get(name, "")))
 
 
@@ -185,7 +188,7 @@ def _doubles(
     """Find the redundant sites of a MuJoCo model, which duplicate another site or the frame of a body.
 
     `names` are the names of sites, `bodies` are the names of bodies, and `poses` are the poses of sites relative to their bodies. All keys
-    are indices in the model.
+    are indices in the compiled model.
 
     Returns:
         The original site of each redundant site, the sites that coincide with the frame of their body, and the sites at the ends of loops.
@@ -215,7 +218,7 @@ def _is_second(name: str, other: str, body: str) -> bool:
 
 
 def _used(model: Any) -> Iterator[int]:
-    """Yield the indices of the sites that sensors, tendons and actuators refer to."""
+    """Yield the indices of the sites to which sensors, tendons and actuators refer."""
     for kind, thing in (("objtype", "objid"), ("reftype", "refid")):
         at = zip(getattr(model, f"sensor_{kind}"), getattr(model, f"sensor_{thing}"), strict=True)
         yield from (int(number) for of, number in at if int(of) == SITE)
@@ -230,7 +233,7 @@ def _used(model: Any) -> Iterator[int]:
 
 
 def _joined(model: Any) -> Iterator[int]:
-    """Yield the indices of the sites that equality constraints refer to."""
+    """Yield the indices of the sites to which equality constraints refer."""
     for kind, *ends in zip(model.eq_objtype, model.eq_obj1id, model.eq_obj2id, strict=True):
         if int(kind) == SITE:
             yield from map(int, ends)

@@ -18,13 +18,13 @@ FIXED_GAIN, NO_BIAS, AFFINE = 0, 0, 1
 NOT_DYNAMIC, EXACT = 0, 3
 HINGE, SLIDE = 3, 2
 UNSAID = ("actlimited", "actearly", "armature", "delay")
-"""Attributes of actuators that documents cannot express. Their default is 0."""
+"""Attributes of actuators that documents cannot express. The default value of these attributes is 0."""
 
 
 class _Length(FrozenStruct, kw_only=False):
-    """The limits of a joint coordinate or tendon with actuators: its range [rad or m] and the total actuator force [N m or N].
+    """The limits of a joint or tendon with actuators.
 
-    None means unlimited.
+    `ends` limits the coordinate or length [rad or m], and `most` the total actuator force [N m or N]. None means unlimited.
     """
 
     ends: tuple[float, float] | None
@@ -33,7 +33,7 @@ class _Length(FrozenStruct, kw_only=False):
     def effort(self, force: tuple[float, float] | None) -> float | None:
         """Return the maximum effort [N m or N] of the drive of this joint or tendon, or None if the effort is unlimited.
 
-        `force` is the force range of the actuator. It has precedence over the force range of the joint or tendon.
+        `force` is the force range of the actuator, which has precedence over the force range of the joint or tendon.
         """
         bounds = self.most if force is None else force
         return None if bounds is None else max(map(abs, bounds))
@@ -43,9 +43,9 @@ class Actuators:
     """Converts the actuators of a MuJoCo model to drives and adhesions.
 
     `of_joint` and `of_tendon` map the index of a joint or tendon to its drive. `driven` maps the index of an actuator to the target of its
-    drive. Other actuators become `adhesions`, are `added` to the MuJoCo model unchanged, or are losses. `kept` contains the indices of all
-    actuators that are not losses. `joints` and `tendons` are the imported joints and tendons. `on` maps each imported body to its link and
-    its pose in the link.
+    drive. Other actuators become `adhesions`, are `added` to the MuJoCo model unchanged, or are recorded as losses. `kept` contains the
+    indices of all other actuators. `joints` and `tendons` are the imported joints and tendons. `on` maps each imported body to a link and
+    the pose of the body in this link.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Actuators:
         self.adhesions = tuple(adhesions)
 
     def _driving(self, number: int, what: SourceTarget, target: int, drives: dict[int, SourceDrive], length: _Length) -> str:
-        """Convert an actuator to a drive, and add the drive to `drives` under the index of its target.
+        """Convert an actuator to a drive, and add the drive to `drives` under the index of the driven joint or tendon.
 
         Return the reason why a document cannot express the actuator, or an empty string if the drive was added.
         """
@@ -107,7 +107,7 @@ class Actuators:
                 self.original.lose("actuator", number, f"`{name}` of {what}", "documents have no such property")
 
     def _drive(self, number: int, length: _Length) -> SourceDrive | None:
-        """Convert an actuator to a drive. Return None if documents do not support this kind of actuator."""
+        """Convert an actuator to a drive. Return None for a kind of actuator that documents do not support."""
         model = self.model
         gain, *gains = floats(model.actuator_gainprm[number])
         constant, position, velocity, *others = floats(model.actuator_biasprm[number])
@@ -148,8 +148,9 @@ class Actuators:
         self, number: int, gain: float, gear: float, control: tuple[float, float] | None, force: tuple[float, float] | None,
         length: _Length,
     ) -> SourceDrive:
-        """Convert an actuator to a motor. A motor in a document has no gain, so the gain is multiplied into the gear ratio. The control
-        range does not change.
+        """Convert an actuator to a motor. Motors in a document do not have a gain, so the gear ratio is multiplied by the gain.
+
+        The control range does not change.
         """
         original, ends = self.original, force
         if gain != 1.0:

@@ -17,14 +17,15 @@ from thingc.tools.importing.source_model import FAR, Kind, Raw, SourceJoint, Sou
 
 CONNECT, WELD, JOINT = 0, 1, 2
 STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
-"""Attributes that thingc writes for a mimic (`STIFF` in `targets/mjcf`)."""
+"""Attributes of the equality constraint that thingc writes for a mimic. The same values are `STIFF` in `targets/mjcf`."""
 
 
 class Equalities:
     """Converts the equality constraints of a MuJoCo model to mimics and closed loops.
 
     `follows` maps the index of a joint to its mimic, which couples the joint to another joint. `loops` are the closed loops. Other
-    equalities are `added` to the MuJoCo model unchanged, or are losses. `on` maps each imported body to its link and its pose in the link.
+    equalities are `added` to the MuJoCo model unchanged, or recorded as losses. `on` maps each imported body to a link and the pose of the
+    body in this link.
     """
 
     def __init__(self, original: CompiledSource, drives: Actuators, on: Mapping[int, tuple[int, Pose]], added: Added) -> None:
@@ -61,7 +62,7 @@ class Equalities:
         if other < 0 or not b and not any(higher):
             return "a joint in a document can only mimic another joint, not a constant"
         if one in self.drives.of_joint and other not in self.drives.of_joint and abs(b) == 1.0 and not any(higher):
-            one, other, a = other, one, -a * b  # use the inverse relation
+            one, other, a = other, one, -a * b  # invert the linear relation between the two joints
         if one in self.drives.of_joint:
             return f"joint `{original.joints[one]}` is driven, but a joint with `mimic` cannot be"
         if one in self.follows or other in self.follows:
@@ -92,7 +93,7 @@ class Equalities:
     def _ends(self, number: int) -> Iterator[tuple[str, Pose]]:
         """Yield the two imported links that an equality constraint connects.
 
-        Each link is followed by the pose of the connection in its frame.
+        Each link is paired with the pose of the connection in the frame of the link.
         """
         model, data = self.model, floats(self.model.eq_data[number])
         kind = int(model.eq_type[number])
@@ -172,10 +173,7 @@ def free_joint(original: CompiledSource, joint: int) -> Raw:
 
 
 def _raw(model: Any, joint: int, dof: int, effort: float | None) -> Raw:
-    """Return the attributes of a joint that a document cannot express.
-
-    `effort` is the effort limit that the document contains [N m or N].
-    """
+    """Return the attributes of a joint that a document cannot express. `effort` is the effort limit in the document [N m or N]."""
     wanted = [
         ("solreflimit", numbers(model.jnt_solref[joint])), ("solimplimit", numbers(model.jnt_solimp[joint])),
         ("solreffriction", numbers(model.dof_solref[dof])), ("solimpfriction", numbers(model.dof_solimp[dof])),

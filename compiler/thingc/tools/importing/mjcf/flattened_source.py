@@ -1,8 +1,8 @@
 """Flatten an MJCF file and its included files to one text with one tag per line, so that MuJoCo's line numbers can be mapped to the source.
 
-MuJoCo itself would open every file that the source refers to. This module instead reads included files and meshes with limits on their
-size, and passes their contents to MuJoCo in memory. It omits elements that documents do not support and elements that could use unlimited
-memory, and records these elements as losses.
+MuJoCo itself would open every file that the source refers to. Instead, this module reads included files and meshes of limited size, and
+passes the contents to MuJoCo in memory. Elements that documents do not support, and elements that could use unlimited memory, are omitted
+and recorded as losses.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from thingc.tools.importing.xml_source import Losses, SourceElement, read_xml
 from thingc.tools.importing.xml_values import NOT_FINITE
 
 MOST_COPIES, MOST_ELEMENTS = 10_000, 100_000
-"""Maximum number of copies of an element created by `<replicate>`, and of elements of a model, including copies."""
+"""Maximum number of copies of an element that `<replicate>` creates, and maximum number of elements of a model, including copies."""
 MOST_STEPS = 100_000
 """Maximum number of simulation steps that MuJoCo uses to compute the length range of a muscle."""
 MOST_MESH_BYTES = 500_000_000
-"""Maximum total size of meshes [bytes]. Repeated uses are counted, because MuJoCo computes a convex hull for each."""
+"""Maximum total size of meshes [bytes]. A mesh counts once for each use, because MuJoCo computes a convex hull for each use."""
 LEFT_OUT = {
     "texture": "not imported: shapes have the colours of their materials", "hfield": "documents have no height fields",
     "skin": "documents have no skins", "flex": "documents only have rigid links", "flexcomp": "documents only have rigid links",
@@ -36,16 +36,16 @@ LEFT_OUT = {
     "statistic": "MuJoCo computes them", "light": "lights belong to a scene", "visual": "rendering settings belong to a scene",
 }
 ABSENT = ".absent"
-"""Suffix of the names of files that replace missing meshes, in front of the file extension."""
+"""Mark in the names of files that replace missing meshes, in front of the file extension."""
 SMALL_SOLID = b"v 0 0 0\nv .001 0 0\nv 0 .001 0\nv 0 0 .001\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 
 
 class FlattenedSource(FrozenStruct):
-    """An MJCF file that was flattened to one text, with the source location of each line of the text.
+    """An MJCF file and its included files as one text, with the source location of each line.
 
-    `lines` are the source elements by line of `text`. `files` maps the names of files in the text to their contents for MuJoCo. `meshes`
-    maps the same names to paths relative to the folder of the source. `models` are the texts of attached models. `included` are the root
+    `lines` contains the source element of each line of `text`. `files` maps file names in the text to contents. `meshes` maps the same
+    names to paths relative to the folder of the source. `models` contains the texts of attached models. `included` contains the root
     elements of included files.
     """
 
@@ -59,23 +59,23 @@ class FlattenedSource(FrozenStruct):
     losses: tuple[SourceLoss, ...]
 
     def element(self, said: str) -> SourceElement:
-        """Return the element at the line number in a MuJoCo message, such as `line 7`.
+        """Return the source element of the line that a MuJoCo message mentions, such as `line 7`.
 
-        Return the root element if the message has no line number.
+        Return the root element if the message does not contain a line number.
         """
         number = [int(one) for one in re.findall(r"line\s*=?\s*(\d{1,9})\b", said)]
         return self.lines[number[-1] - 1] if number and 1 <= number[-1] <= len(self.lines) else self.root
 
     def named(self, element: SourceElement) -> SourceElement:
-        """Return the root element whose `model` attribute names the model that contains an element.
+        """Return the root element that contains the model name for an element.
 
-        The result is the root of the file that contains the element if this root has a model name, else the root of the main file.
+        This is the root element of the element's file, or of the main file if that root element has no attribute `model`.
         """
         roots = (one for one in self.included if one.where.file == element.where.file and one.attributes.get("model", "").strip())
         return next(roots, self.root)
 
     def place(self, said: str, attribute: str | None = None) -> Span:
-        """Return the source location that corresponds to the line number in a MuJoCo message."""
+        """Return the source location of the line that a MuJoCo message mentions."""
         element = self.element(said)
         return element.where if attribute is None else element.place(attribute)
 
@@ -83,7 +83,7 @@ class FlattenedSource(FrozenStruct):
 class Flattening:
     """Flattens an MJCF file and its included files to one text for MuJoCo.
 
-    If `meshes` is False, a small solid replaces each mesh that cannot be read.
+    If `meshes` is False, each mesh that cannot be read is replaced by a small solid.
     """
 
     def __init__(self, root: SourceElement, packages: Packages, report: Report, meshes: bool) -> None:
@@ -103,7 +103,7 @@ class Flattening:
         self.sizes: dict[str, int] = {}
 
     def flat(self) -> FlattenedSource | None:
-        """Return the flattened MJCF file. Return None after reporting that a file is missing or invalid."""
+        """Return the flattened MJCF file. If a file is missing or invalid, report an error and return None."""
         before = len(self.report.diagnostics)
         text = self._file(self.root)
         if len(self.report.diagnostics) > before:
@@ -114,7 +114,7 @@ class Flattening:
         )
 
     def _file(self, root: SourceElement) -> str:
-        """Return the flattened text of a file, preceded by the texts of the models that it attaches.
+        """Return the flattened text of a file. The texts of attached models are flattened first.
 
         Line numbers are unique across all texts.
         """
@@ -137,7 +137,7 @@ class Flattening:
         return "\n" * start + "\n".join(self.texts[start:])
 
     def _children(self, element: SourceElement) -> Iterator[SourceElement]:
-        """Yield the child elements of an element. The elements of an included file replace its `<include>`."""
+        """Yield the child elements of an element. Each `<include>` is replaced by the elements of the included file."""
         for child in element.children:
             if id(child) in self.elements:
                 for one in self.elements[id(child)]:
@@ -146,7 +146,7 @@ class Flattening:
                 yield child
 
     def _include(self, element: SourceElement) -> None:
-        """Read the files of all `<include>` elements in an element, recursively."""
+        """Read the files of all `<include>` elements inside an element, recursively."""
         waiting = [element]
         while waiting:
             one = waiting.pop()
@@ -161,10 +161,9 @@ class Flattening:
             waiting += reversed(inner.children)
 
     def _read(self, element: SourceElement) -> SourceElement | None:
-        """Read an included file and return its root element. Return None after reporting errors.
+        """Read an included file and return its root element. If the file is missing or invalid, report an error and return None.
 
-        MuJoCo resolves the path of an included file relative to the including file. If no such file exists, the path is relative to the
-        main file.
+        As in MuJoCo, the path of an included file is relative to the file that contains the `<include>`, or else relative to the main file.
         """
         name, where = element.attributes.get("file", ""), element.place("file")
         if element.children:
@@ -189,7 +188,7 @@ class Flattening:
     def _write(self, element: SourceElement, copies: int) -> None:
         """Append the lines of an element to the flattened text. `copies` is the number of copies of the element that MuJoCo creates.
 
-        If the model exceeds the maximum number of elements, this method reports an error once and appends nothing.
+        If the model has too many elements, the method reports one error and does not append lines.
         """
         if self.made > MOST_ELEMENTS:
             return
@@ -210,7 +209,7 @@ class Flattening:
             if element.tag != "extension":  # MuJoCo requires `<extension>` for elements that use a plugin
                 return
         if element.tag == "layer":
-            return  # layers only occur in textures, which are omitted
+            return  # only materials contain `<layer>`, and their textures are omitted
         if element.tag == "lengthrange" and _steps(element) > MOST_STEPS:
             message = f"this requires more than {MOST_STEPS:,} steps of simulation per muscle"
             self.report.add(Code.SOURCE_VALUE, message, element.where, help="reduce `inttotal`, or increase `timestep`")
@@ -233,7 +232,7 @@ class Flattening:
         self._line(f"</{element.tag}>", element)
 
     def _look_at_numbers(self, element: SourceElement) -> None:
-        """Report an error for each number in an element that is not finite, because MuJoCo accepts such numbers."""
+        """Report an error for each number in an element that is not finite. MuJoCo does not report such numbers."""
         for name, value in element.attributes.items():
             wrong = next((word for word in value.split() if word.lower().lstrip("+-") in NOT_FINITE), None)
             if wrong is not None and name != "name" and value not in self.names:
@@ -246,11 +245,9 @@ class Flattening:
         self.lines.append(element)
 
     def _mesh(self, element: SourceElement) -> dict[str, str]:
-        """Return the attributes of a mesh element for MuJoCo: its name (by default the name of its file), its file name in memory, and its
-        other attributes.
+        """Return the attributes of a mesh element for MuJoCo, including the name and the file name in memory.
 
-        The file name contains a hash of the content and the attributes. Otherwise, MuJoCo could return another mesh with the same name from
-        its cache.
+        The file name contains a hash of the content and the attributes, because MuJoCo caches meshes by file name.
         """
         file = element.attributes["file"]
         file = os.path.basename(file.replace("\\", "/")) if self.strip else file

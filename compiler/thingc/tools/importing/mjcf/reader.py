@@ -1,4 +1,4 @@
-"""Read MJCF files: convert the bodies, masses and shapes of the compiled MuJoCo model to a robot of the source model."""
+"""Read MJCF files: convert the bodies, masses and shapes of the compiled MuJoCo model to the source model."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _ALIKE = 1e-9
 
 
 def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> SourceRobot | None:
-    """Read the robot in an MJCF file, whose root element is `<mujoco>`. Return None after reporting that MuJoCo cannot read the file.
+    """Read the robot in an MJCF file, given its root element `<mujoco>`. If MuJoCo cannot read the file, report the error and return None.
 
     If `meshes` is false, meshes that cannot be read have no mass.
     """
@@ -86,7 +86,7 @@ class _Reader:
     def robot(self) -> SourceRobot | None:
         """Return the imported robot.
 
-        If the model contains several separate groups of bodies, the robot is the group with the most joints (see `_kept`).
+        If the model contains several unconnected groups of bodies, the robot is the group with the most joints.
         """
         if len(self.parents) > MOST_LINKS:
             message = f"the robot has {len(self.parents):,} bodies, but at most {MOST_LINKS:,} are supported"
@@ -135,9 +135,9 @@ class _Reader:
         )
 
     def _lose_layout(self, root: int, hangings: Sequence[Attachment], posed: bool, sensed: set[str], added: Added) -> None:
-        """Record a loss if array indices of `MjData` change in a model generated from the document.
+        """Record a loss if elements have other indices in `MjData` of a model that is generated from the document.
 
-        If the source has no keyframes, also record a loss for joints whose start values change.
+        If the source has no keyframes, also record a loss for each joint whose start value changes.
         """
         for joint in (joint for one in hangings for joint in one.joints if not posed and joint.follows is None):
             if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
@@ -151,15 +151,15 @@ class _Reader:
             self._lose_indices(array, [sizes.get(int(one), 1) for one in self.model.jnt_type], order)
 
     def _joint_order(self, root: int, hangings: Sequence[Attachment]) -> list[int]:
-        """Return the indices of the source joints in the order in which a model generated from the document will contain these joints."""
+        """Return the indices of the source joints in the order of the joints in a model that is generated from the document."""
         numbers_of = {name: number for number, name in self.original.joints.items()}
         tree = downwards(self.original.bodies[root], hangings)
         return [*self.joints[root][: root in self.free], *(numbers_of[joint.name] for one in tree for joint in one.joints)]
 
     def _lose_indices(self, array: str, sizes: Sequence[int], kept: Sequence[int]) -> None:
-        """Record a loss for each array of `MjData` whose entries have other indices in a model generated from the document.
+        """Record a loss if entries of an array of `MjData` have other indices in a model that is generated from the document.
 
-        `kept` contains the elements that the generated model contains.
+        `kept` contains the indices of the elements that the generated model contains, in the order of that model.
         """
         starts, runs, here = [0, *accumulate(map(int, sizes))], list[list[int]](), 0
         for there, size in ((starts[number], int(sizes[number])) for number in kept):
@@ -178,7 +178,7 @@ class _Reader:
     ) -> Iterator[Attachment]:
         """Yield the attachments that connect a body to its parent, one for each joint of the body.
 
-        The method appends the massless links between these joints to `between`.
+        The method appends the massless intermediate links between these joints to `between`.
         """
         original, (parent, pose) = self.original, on[self.parents[body]]
         name, above, place, where = original.bodies[body], original.bodies[parent], pose @ self._pose(body), original.where("body", body)
@@ -204,7 +204,8 @@ class _Reader:
         """Return the indices of the bodies that belong to the imported robot.
 
         All bodies attached to the world form one group, and each floating body forms another group. The group with the most joints is the
-        robot. All other bodies are losses. If the world is not part of the robot, the geoms and sites of the world are losses, too.
+        robot. All other bodies are recorded as losses. If the world is not part of the robot, its geoms and sites are also recorded as
+        losses.
         """
         tops = [body for body, parent in enumerate(self.parents) if parent == WORLD and body != WORLD]
         groups: dict[int, set[int]] = {WORLD: {WORLD}} | {body: set() for body in tops if body in self.free or body in self.mocap}
@@ -231,9 +232,9 @@ class _Reader:
         return kept
 
     def _on_world(self, *, planes: bool) -> list[tuple[str, int]]:
-        """Return the kind and index of geoms and sites of the world body.
+        """Return pairs of kind and index for the geoms and sites of the world body.
 
-        If `planes` is true, return only the planes. Otherwise, return all geoms and sites except the planes.
+        If `planes` is true, return only the planes, else everything except the planes.
         """
         model = self.model
         geoms = [("geom", k) for k in range(model.ngeom) if model.geom_bodyid[k] == WORLD and (model.geom_type[k] == PLANE) == planes]
@@ -243,7 +244,7 @@ class _Reader:
     def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
         """Return the link that represents each body, and the pose of the body in the frame of this link.
 
-        A body becomes a mount of its parent if the body and all bodies below it are fixed and have no mass and no shapes.
+        A body becomes a mount of its parent if the body and all its descendants are fixed and have neither mass nor shapes.
         """
         bare = {
             body for body in kept if body != root and not self.joints[body] and self.model.body_mass[body] <= 0.0
@@ -262,7 +263,7 @@ class _Reader:
         return on
 
     def _heads(self, on: dict[int, tuple[int, Pose]], root: int) -> dict[int, int]:
-        """Map each body to the first body of the group of rigidly connected bodies to which it belongs."""
+        """Map each body to the first body of its group of rigidly connected bodies."""
         heads = {root: root}
         for body in sorted(on):
             if body != root:
@@ -297,7 +298,7 @@ class _Reader:
         rows = ((moments[0], 0.0, 0.0), (0.0, moments[1], 0.0), (0.0, 0.0, moments[2]))
         inertia = symmetric(multiply(multiply(turn, rows), transpose(turn)))
         full = floats(written.fullinertia)
-        if all(map(math.isfinite, full)):  # MuJoCo rotates the values to principal axes and back: prefer the values in the source
+        if all(map(math.isfinite, full)):  # prefer the values in the source, because MuJoCo rotates them twice
             a, b, c, d, e, f = full
             said = ((a, d, e), (d, b, f), (e, f, c))
             largest = max(map(abs, full))
@@ -308,7 +309,7 @@ class _Reader:
 
 
 def _name(root: SourceElement) -> str:
-    """Return the name of the MuJoCo model without the name of the mode, which thingc appends to the names of its models."""
+    """Return the name of the MuJoCo model without the name of a mode that thingc has appended."""
     name = root.attributes.get("model", "").strip()
     ours = mode_of(root.source[: root.start]) == SOURCE_MODE
     return (name.removesuffix(f"_{SOURCE_MODE}") if ours else name) or "robot"

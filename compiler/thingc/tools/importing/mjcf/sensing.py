@@ -29,11 +29,11 @@ OF_ALL: dict[str, tuple[SensorType, ReadingName]] = {
 OF_ROOT: dict[str, ReadingName] = {"subtreecom": "position", "subtreelinvel": "velocity", "subtreeangmom": "momentum"}
 IMU: frozenset[SensorType] = frozenset({"accelerometer", "gyro"})
 LOOKING = turned_y(math.pi)
-"""Rotation of a camera. It looks along -z in MuJoCo and along z of its mount in a document; y is up in both."""
+"""Rotation from a MuJoCo camera, which looks along -z, to a mount in a document, which looks along z. The y axis is up in both."""
 
 
 class _Place(FrozenStruct):
-    """The kind of a sensor and the element that it measures: a site with an optional reference site, a joint, or a tendon."""
+    """The kind of a sensor and the measured element: a site with an optional reference site, a joint, or a tendon."""
 
     kind: SensorType
     site: str | None = None
@@ -45,7 +45,7 @@ class _Place(FrozenStruct):
 class _Sensing:
     """Reads the sensors of a MuJoCo model.
 
-    `kept` are the imported bodies, `driven` maps the index of an actuator to the target of its drive, and `root` is the root body.
+    `kept` contains the imported bodies, `driven` maps the index of an actuator to the driven joint or tendon, and `root` is the root body.
     """
 
     def __init__(self, original: CompiledSource, kept: set[int], added: Added, driven: Mapping[int, SourceTarget], root: int) -> None:
@@ -59,7 +59,7 @@ class _Sensing:
     def all(self) -> tuple[SourceSensor, ...]:
         """Return the sensors that documents support. Several MuJoCo sensors of the same kind at the same element become one sensor.
 
-        Sensors that documents do not support, and duplicates, are added to the MuJoCo model unchanged or are losses.
+        Duplicates, and sensors that documents do not support, are added to the MuJoCo model unchanged or recorded as losses.
         """
         read: list[tuple[int, _Place, ReadingName]] = []
         placed_before: set[tuple[_Place, ReadingName] | None] = {None}
@@ -145,10 +145,10 @@ def sensors(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], kept: set[int], added: Added, driven: Mapping[int, SourceTarget],
     root: int,
 ) -> tuple[SourceSensor, ...]:
-    """Return the sensors of the MuJoCo model that documents support, and the cameras.
+    """Return the cameras and the supported sensors of the MuJoCo model.
 
-    Other sensors are added to the model unchanged or are losses. `driven` maps the index of an actuator to the target of its drive, and
-    `root` is the root body.
+    Other sensors are added to the generated model unchanged or recorded as losses. `driven` maps the index of an actuator to the driven
+    joint or tendon, and `root` is the root body.
     """
     return (*_Sensing(original, kept, added, driven, root).all(), *_cameras(original, on))
 

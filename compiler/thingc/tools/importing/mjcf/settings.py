@@ -21,11 +21,11 @@ OPTIONS = (
 )
 _ALIKE = 1e-9
 _OPEN = 1e-4
-"""Maximum gap [m] of a loop in a keyframe that is not reported as a loss."""
+"""Maximum gap [m] of a closed loop in a keyframe. Larger gaps are recorded as losses."""
 
 
 def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
-    """Return the simulation options that differ from MuJoCo's defaults and that documents support.
+    """Return the supported simulation options that differ from MuJoCo's defaults.
 
     The possible keys are `timestep` [s], `integrator`, `cone` and `impratio`.
     """
@@ -43,9 +43,9 @@ def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
 
 
 def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]:
-    """Return the MuJoCo options that differ from MuJoCo's defaults and that documents do not support as simulation options.
+    """Return the MuJoCo options that differ from MuJoCo's defaults, except the supported simulation options.
 
-    The result contains the path and the value of each option. An example of a path is `("option", "flag", "contact")`.
+    The result contains the path, such as `("option", "flag", "contact")`, and the value of each option.
     """
     import mujoco
 
@@ -73,10 +73,10 @@ def _format_setting(name: str, value: Any) -> str:
 def touching(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int], still: int | None, added: Added,
 ) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of links between which the MuJoCo model excludes contacts. Pairs of links that a joint connects are omitted.
+    """Return the pairs of links between which the MuJoCo model excludes contacts. Pairs of links that are connected by a joint are omitted.
 
-    In a document, contacts between links connected by a joint are always excluded. In MuJoCo, an option controls these contacts, and
-    children of the static body `still` can touch the static body. If the shapes could touch, these differences are losses.
+    Documents always exclude contacts between links that are connected by a joint. In MuJoCo, an option controls these contacts, and the
+    children of the static body `still` can touch this body. Such contacts are recorded as losses.
     """
     import mujoco
 
@@ -97,7 +97,7 @@ def touching(
     masks = {body: _masks(original, body) for body in heads}
 
     def meet(head: int, other: int) -> bool:
-        """Return whether two links have shapes that can touch. Excluded pairs of bodies are ignored."""
+        """Return whether the contact masks of two links allow contacts. Excluded pairs of bodies are ignored."""
         pairs = ((one, two) for one in members[head] for two in members[other] if _pair(one, two) not in written)
         return any(_meet(masks[one], masks[two]) for one, two in pairs)
 
@@ -118,7 +118,7 @@ def touching(
 
 
 def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of bodies between which the model excludes contacts. A pair that includes a body that is not imported is a loss."""
+    """Yield the pairs of bodies between which the model excludes contacts. If one body of a pair is not imported, record a loss."""
     numbers_of = {name: number for number, name in original.bodies.items()}
     for one in original.spec.excludes:
         first, second = (numbers_of[name] for name in (one.bodyname1, one.bodyname2))
@@ -133,9 +133,9 @@ def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> I
 
 
 def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touch: Set[int]) -> None:
-    """Record the losses of effects that MuJoCo computes for each body, in links that consist of several bodies.
+    """Record losses for links of several MuJoCo bodies, because MuJoCo computes drag and the softness of contacts for each body.
 
-    `touch` are the moving links that have collision shapes.
+    `touch` contains the moving links with collision shapes.
     """
     model = original.model
     fluid = bool(model.opt.density or model.opt.viscosity)
@@ -160,7 +160,7 @@ def _pair(one: int, other: int) -> tuple[int, int]:
 
 
 def _masks(original: CompiledSource, body: int) -> tuple[int, int]:
-    """Combine the contact masks `contype` and `conaffinity` of the geoms of a body by bitwise OR. Planes of the world are ignored."""
+    """Return the bitwise OR of the masks `contype` and of the masks `conaffinity` of a body's geoms. Planes of the world are ignored."""
     model, kinds, affinities = original.model, 0, 0
     for geom in original.geoms_of[body]:
         if body or model.geom_type[geom]:
@@ -175,7 +175,10 @@ def _meet(ours: tuple[int, int], theirs: tuple[int, int]) -> bool:
 def poses(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], root: int, base: SourceBase, joints: Mapping[str, SourceJoint],
 ) -> tuple[SourcePose, ...]:
-    """Convert the keyframes of a MuJoCo model to poses within the joint limits. Velocities and activations in keyframes are losses."""
+    """Convert the keyframes of a MuJoCo model to poses within the joint limits.
+
+    Velocities and activations in keyframes are recorded as losses.
+    """
     model, poses = original.model, []
     places = [one.where for one in original.flat.lines if one.tag == "key"][::2]
     following = {joint.name: joint.follows for joint in joints.values() if joint.follows is not None}
@@ -214,7 +217,7 @@ def poses(
 
 
 def _open_loops(original: CompiledSource, key: int) -> Iterator[tuple[str, float]]:
-    """Yield the name of each equality constraint between bodies that a keyframe violates by more than `_OPEN`, and the distance [m]."""
+    """Yield the name and the error [m] of each equality constraint between bodies that a keyframe violates by more than `_OPEN`."""
     import mujoco
 
     model, data = original.model, mujoco.MjData(original.model)
@@ -222,7 +225,7 @@ def _open_loops(original: CompiledSource, key: int) -> Iterator[tuple[str, float
     mujoco.mj_fwdPosition(model, data)
     between = {int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)}
     for number in (number for number in range(model.neq) if int(model.eq_type[number]) in between):
-        rows = [k for k in range(data.ne) if data.efc_id[k] == number]  # the first rows are equalities; positions precede rotations
+        rows = [k for k in range(data.ne) if data.efc_id[k] == number]  # equalities are first; positions precede rotations
         gap = hypot(*floats(data.efc_pos[rows[:3]]))
         if gap > _OPEN:
             yield original.equalities[number], gap

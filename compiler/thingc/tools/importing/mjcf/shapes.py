@@ -14,23 +14,22 @@ from thingc.tools.importing.source_model import Raw, ShapeKind, Sizes, SourceSha
 
 KINDS: dict[int, ShapeKind] = {0: "plane", 2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 HIDDEN = 3
-"""First group of geoms that MuJoCo hides by default."""
+"""Lowest geom group that MuJoCo hides by default."""
 FRICTION = (1.0, 0.005, 0.0001)
 USUAL = {
     "solref": SOLREF, "solimp": SOLIMP, "margin": "0", "gap": "0", "solmix": "1", "contype": "1", "conaffinity": "1",
     "friction": numbers(FRICTION), "condim": "3", "priority": "0",
 }
-"""MuJoCo's defaults of geoms."""
+"""MuJoCo's default values of geom attributes."""
 SPHERE, CYLINDER = 4, 5
-"""Types of wraps around a geom. If a tendon wraps around a hidden geom, the geom has no other purpose."""
+"""Values of `mjtWrap` for a tendon that wraps around a geom. If such a geom is hidden, it serves only the tendon."""
 GREY = (0.5, 0.5, 0.5, 1.0)
 
 
 class Geoms:
     """Converts the geoms of a MuJoCo model to visual and collision shapes.
 
-    `files` maps the names of mesh files that are written from the MuJoCo model to their contents. `shown` contains the indices of imported
-    geoms.
+    `files` maps the URIs of meshes from the compiled MuJoCo model to file contents. `shown` contains the indices of imported geoms.
     """
 
     def __init__(self, original: CompiledSource) -> None:
@@ -41,7 +40,7 @@ class Geoms:
         self.wrapped = {int(geom) for kind, geom in wraps if int(kind) in (SPHERE, CYLINDER)}
 
     def of(self, body: int) -> tuple[SourceShape, ...]:
-        """Return the visual and collision shapes of a body in source order. Planes of the world are omitted."""
+        """Return the visual and collision shapes of a body in source order, without planes of the world."""
         shapes: list[SourceShape] = []
         for geom in self.original.geoms_of[body]:
             if body or self.model.geom_type[geom]:
@@ -49,7 +48,7 @@ class Geoms:
         return tuple(shapes)
 
     def _shapes(self, geom: int) -> list[SourceShape]:
-        """Convert a geom to a visual shape if the geom is visible, and to a collision shape if the geom can collide."""
+        """Return a visual shape for a visible geom, and a collision shape for a geom that can collide."""
         model, where = self.model, self.original.where("geom", geom)
         kind = KINDS.get(int(model.geom_type[geom]))
         if kind is None:
@@ -68,7 +67,7 @@ class Geoms:
         return [one for one, there in ((visual, drawn), (touching, touches)) if there]
 
     def _color(self, geom: int) -> tuple[float, float, float, float] | None:
-        """Return the RGBA colour of a geom or of its material. Return None if the colour is MuJoCo's default."""
+        """Return the RGBA colour of a geom or of its material, or None for MuJoCo's default colour."""
         material = int(self.model.geom_matid[geom])
         r, g, b, a = floats(self.model.geom_rgba[geom])
         if (r, g, b, a) == GREY and material >= 0:
@@ -78,8 +77,8 @@ class Geoms:
     def _mesh(self, geom: int, centred: Pose) -> tuple[Vector, Pose, str]:
         """Return the scale, the pose and the URI of the mesh of a geom.
 
-        MuJoCo transforms the vertices of a mesh to its principal axes. In the source, the vertices v of the file are transformed to `scale
-        R^T (v - p)` with the reference pose.
+        In the compiled model, the vertices are in the principal axes of the mesh. In the source, a vertex `v` of the file is transformed to
+        `scale R^T (v - p)` with the reference pose `(R, p)`.
         """
         written = self.original.written["geom"][geom]
         mesh = self.original.spec.mesh(written.meshname)
@@ -94,9 +93,9 @@ class Geoms:
         return (x, y, z), self.original.frame(written) @ at, uri
 
     def _anew(self, mesh: int, name: str, geom: int) -> str:
-        """Write the mesh that MuJoCo compiled to a new file, and return the URI of this file.
+        """Write a mesh of the compiled MuJoCo model to a new file, and return the URI of this file.
 
-        Use this method for mesh formats that thingc cannot read.
+        This method is for mesh formats that thingc cannot read.
         """
         file = f"mujoco://{name}.obj"
         if file not in self.files:
@@ -120,7 +119,7 @@ class Geoms:
     def _raw(self, geom: int, friction: tuple[float, ...]) -> Raw:
         """Return the attributes of a geom, other than friction, that affect contacts.
 
-        thingc sets a priority for geoms with friction, so that their friction applies on any floor.
+        The default values include the priority that thingc sets for a geom with friction, so that its friction applies on any floor.
         """
         model = self.model
         wanted = [(name, numbers(values if getattr(values, "shape", ()) else [values])) for name in USUAL
@@ -135,7 +134,7 @@ class Geoms:
 
 
 def sizes_of(kind: ShapeKind, sizes: Any) -> Sizes:
-    """Convert the three size parameters of a MuJoCo geom to the attribute `size` of a `SourceShape`."""
+    """Convert the three size parameters of a MuJoCo geom to the dimensions of a `SourceShape` [m]."""
     a, b, c = floats(sizes)
     match kind:
         case "sphere":

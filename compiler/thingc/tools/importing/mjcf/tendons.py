@@ -1,4 +1,4 @@
-"""Convert the tendons of a MuJoCo model that couple joints or run along paths of sites and shapes."""
+"""Convert the tendons of a MuJoCo model, which either couple joints or run along a path of sites and shapes."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ USUAL = {
     "stiffness": "0", "damping": "0", "frictionloss": "0", "armature": "0", "margin": "0", "group": "0", "width": numbers([WIDTH]),
     "rgba": "0.5 0.5 0.5 1", "solreflimit": SOLREF, "solimplimit": SOLIMP, "solreffriction": SOLREF, "solimpfriction": SOLIMP,
 }
-"""MuJoCo's defaults of tendons."""
+"""MuJoCo's default values of tendon attributes."""
 
 
 class Tendons:
     """Converts the tendons of a MuJoCo model.
 
-    `of` maps the index of each tendon that documents support to the tendon. Other tendons are losses. `joints` and `sites` are the indices
-    of imported elements. `on` maps each imported body to its link and its pose in the link. `heads` maps each body to the first body of its
-    rigidly connected group.
+    `of` maps the indices of supported tendons to the converted tendons. Other tendons are recorded as losses. `joints` and `sites` contain
+    the indices of imported elements. `on` maps each imported body to a link and the pose of the body in this link. `heads` maps each body
+    to the first body of its rigidly connected group.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Tendons:
         return tuple(replace(one, drive=drives.get(number)) for number, one in self.of.items())
 
     def _unsaid(self, wrap: int) -> str:
-        """Return the reason why a document cannot express one step of the path of a tendon, or an empty string if it can."""
+        """Return the reason why a document cannot express one step of a tendon's path, or an empty string if the step is supported."""
         model = self.model
         kind, thing, side = (int(one[wrap]) for one in (model.wrap_type, model.wrap_objid, model.wrap_prm))
         gone = "it uses elements that are not imported"
