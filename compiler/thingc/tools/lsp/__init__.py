@@ -1,4 +1,4 @@
 """The language server of thingc, which editors start with `thingc lsp`.
 
-It analyses the unsaved text of documents. The entry point is `server`.
+The server analyses the unsaved text of documents. The entry point is the module `server`.
 """

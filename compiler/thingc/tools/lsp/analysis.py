@@ -1,4 +1,4 @@
-"""Check a document for the language server, with the unsaved texts of the files that are open in the editor."""
+"""Check a document for the language server, including the unsaved text of files that are open in the editor."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 
 class OpenText(FrozenStruct):
-    """The text of a file that is open in the editor, with the URI that the editor uses and the version of the text."""
+    """The text of a file that is open in the editor, with the editor's URI of the file and the version of the text."""
 
     uri: str
     version: int
@@ -42,18 +42,18 @@ class Analysis(FrozenStruct, eq=False):
     """The results of checking the document at the absolute path `path`.
 
     `open` maps the absolute paths of open files to their unsaved texts. If the file is not a document, such as a Python file, the analysis
-    contains only the text. All attributes omit parts without a cached result.
+    contains only the text. Parts without a cached result are missing from all attributes.
 
     Attributes:
         workspace: The workspace of the document, or None if there is no workspace.
-        documents: The document and the documents that it refers to, or None if the text cannot be parsed.
-        schemas: The schemas of the parts in the document, by reference.
-        model: The result of a compiler pass, or its default if the input of the pass is invalid. `records` (by definition text), `assembly`
-            and `robots` are results of further passes.
-        findings: The diagnostics of `check`, in order.
-        whole: Whether the text is well-formed. If it has a syntax error, names may be missing.
-        last: The last analysis of well-formed text, if `whole` is false.
-        in_reach: A function that returns further names of the workspace.
+        documents: The document and all documents to which it refers, or None if the text cannot be parsed.
+        schemas: The schemas of the parts in the document, keyed by part reference.
+        model: The result of the compiler pass `resolve`, or None if the input of the pass is invalid. `records` (keyed by definition text),
+            `assembly` and `robots` are results of later passes.
+        findings: The diagnostics of the document, in the order of `thingc check`.
+        whole: Whether the text is well-formed. After a syntax error, names may be missing from the results.
+        last: The last analysis in which the text was well-formed, if `whole` is false.
+        in_reach: The names of parts and documents in the workspace.
     """
 
     path: str
@@ -71,11 +71,11 @@ class Analysis(FrozenStruct, eq=False):
     looked_at: frozenset[str] = frozenset()
     in_reach: AvailableNames | None = None
     _kept: dict[str, Any] = {}
-    """The cached results of this analysis. A copy of this object with other texts needs an empty cache."""
+    """The cached results of this analysis. A copy of the analysis with other texts must have an empty cache."""
 
     @property
     def known(self) -> Analysis:
-        """The analysis from which to take names: this analysis, or the last analysis in which the text was well-formed.
+        """This analysis if its text is well-formed, else the last analysis of well-formed text. Use this analysis to look up names.
 
         Spans in the last analysis refer to the text of that analysis, not to the current text.
         """
@@ -83,7 +83,7 @@ class Analysis(FrozenStruct, eq=False):
 
     @property
     def text(self) -> str:
-        """The text of the document, or an empty string if it is not open and cannot be read."""
+        """The text of the document, or an empty string if the document is not open and cannot be read."""
         return self.text_of(self.path)
 
     @property
@@ -97,12 +97,12 @@ class Analysis(FrozenStruct, eq=False):
         return "" if self.documents is None else self.documents.root.kind
 
     def document(self, path: str) -> Document | None:
-        """Return the document at an absolute path. Return None if it is neither the analysed document nor a document to which it refers."""
+        """Return the document at an absolute path if it is the analysed document or a document to which this document refers, else None."""
         by_path = {} if self.documents is None else self.documents.by_path
         return next((one for one in by_path.values() if one.path == path), None)
 
     def text_of(self, path: str) -> str:
-        """Return the text of a file as this analysis has read it, or an empty string if the file cannot be read."""
+        """Return the text of a file in this analysis, or an empty string if the file cannot be read."""
         if path in self.open:
             return self.open[path].text
         document = self.document(path)
@@ -120,11 +120,11 @@ class Analysis(FrozenStruct, eq=False):
         return self.once(f"lines {path}", lambda: TextLines(self.text_of(path)))
 
     def uri(self, path: str) -> str:
-        """Return the URI of a file. If the file is open in the editor, the URI has the form that the editor uses."""
+        """Return the URI of a file. For an open file, the result is the editor's URI."""
         return self.open[path].uri if path in self.open else Path(path).as_uri()
 
     def once(self, name: str, make: Callable[[], T]) -> T:
-        """Return the result of a function. The function is called once, and its result is cached for later calls."""
+        """Call the function `make` and return the result. Later calls with the same `name` return the cached result."""
         if name not in self._kept:
             self._kept[name] = make()
         kept: T = self._kept[name]
@@ -132,14 +132,14 @@ class Analysis(FrozenStruct, eq=False):
 
     @property
     def facts(self) -> DocumentFacts:
-        """The names in the document that JSON Schemas for editors contain (`tools/schemas/`), including names in lines with errors."""
+        """The names in the document that editors suggest, including names in lines with errors."""
         if (tree := self.tree) is None:
             return DocumentFacts()
         return self.once("facts", lambda: facts_of(tree, self.model, self.records, self.schemas, {}))
 
 
 def is_document_path(path: str) -> bool:
-    """Return whether the path of a file has a suffix that documents have, such as `.yaml`."""
+    """Return whether a path has the suffix of a document, such as `.yaml`."""
     return path.lower().endswith(DOCUMENT_SUFFIXES)
 
 
@@ -147,11 +147,10 @@ def analyse(
     path: str, opened: Mapping[str, OpenText], options: Options, lend: Lend | None = None, memo: Memo | None = None,
     last: Analysis | None = None,
 ) -> Analysis:
-    """Check the document at an absolute path. The `opened` texts are used instead of the files on disk.
+    """Check the document at an absolute path. The texts `opened` replace files on disk.
 
-    `options` specify the store and whether code may run. The function `lend` returns the source of parts; the default is the source that
-    `check` uses. See `cached_parts` for pending parts. `memo` caches results of the previous analysis, `last`. The findings of the result
-    include all errors.
+    `options` specify the store and whether part code may run. The function `lend` returns the source of parts. The default is the source
+    that `thingc check` uses. The module `cached_parts` describes pending parts. `memo` caches results of the previous analysis, `last`.
     """
     if not is_document_path(path):
         return Analysis(path=path, open=opened)
@@ -187,7 +186,7 @@ def _of_workspace(environment: Environment, opened: Mapping[str, OpenText], last
 
 
 def _remembering(analysis: Analysis, last: Analysis | None) -> Analysis:
-    """If the text of an analysis is not well-formed, add the last analysis whose text was well-formed."""
+    """If the text of an analysis is not well-formed, add the last analysis of well-formed text to the attribute `last`."""
     whole = analysis.documents is not None and not any(
         one.code is Code.SYNTAX and one.span is not None and one.span.file == analysis.path for one in analysis.findings
     )

@@ -1,6 +1,7 @@
-"""Provide schemas and records of parts from the cache and the lock file without waiting. Background workers compute missing results.
+"""Return schemas and records of parts from the cache and the lock file without waiting for workers.
 
-This module also provides the names that documents of a workspace can use: available parts, other documents, and their schemas.
+Background workers compute missing results. This module also provides the names that documents of a workspace can use: available parts,
+other documents, and their schemas.
 """
 
 from __future__ import annotations
@@ -32,15 +33,15 @@ if TYPE_CHECKING:
 _T = TypeVar("_T")
 
 WAITED_FOR: FailureKind = "unlocked"
-"""The kind of failure that marks a part as pending until workers have finished. If code may run, no other failure has this kind."""
+"""The kind of failure of a part whose result is still missing. If part code may run, no other failure has this kind."""
 
 
 @dataclass(slots=True)
 class PendingRequests:
-    """The descriptions, records and slicings of parts that background workers should compute.
+    """Requests to background workers to describe, build and slice parts.
 
-    `references` are the parts to describe. `definitions` maps the text of each part definition to build to whether convex pieces are
-    needed. `slices` are the requested slicings of records.
+    `references` lists the parts to describe. `definitions` maps the texts of the part definitions to build to pairs of the definition and a
+    Boolean: whether convex pieces are needed. `slices` contains the records to slice.
     """
 
     references: dict[str, None] = field(default_factory=dict)
@@ -51,25 +52,25 @@ class PendingRequests:
         return bool(self.references or self.definitions or self.slices)
 
     def within(self, other: PendingRequests) -> bool:
-        """Return whether `other` contains all requests of this object."""
+        """Return whether `other` includes all requests of this object."""
         return (
             self.references.keys() <= other.references.keys() and self.definitions.keys() <= other.definitions.keys()
             and self.slices.keys() <= other.slices.keys()
         )
 
     def add(self, other: PendingRequests) -> None:
-        """Add the requests of another object to these requests."""
+        """Add all requests of `other` to this object."""
         self.references.update(other.references)
         self.definitions.update(other.definitions)
         self.slices.update(other.slices)
 
 
 class CachedParts:
-    """Provides part schemas and part records that are already cached.
+    """Provides part schemas and part records that are already cached. This source of parts does not wait for workers.
 
-    It never waits for workers, and collects the requests for missing results. A part without a cached result fails with `WAITED_FOR`, and
-    the compiler omits diagnostics that depend on this part. `failed` and `undescribed` are failures that the store does not cache, such as
-    crashes and timeouts. `unanswered` are the requests without a result.
+    For a part without a cached result, the source returns a failure of kind `WAITED_FOR`, and the compiler omits diagnostics that depend on
+    the part. `failed` and `undescribed` are failures that the store does not cache, such as crashes and timeouts. `unanswered` contains the
+    requests for missing results.
     """
 
     def __init__(self, service: GeometryService) -> None:
@@ -88,15 +89,15 @@ class CachedParts:
 
     @property
     def inputs(self) -> frozenset[str]:
-        """The absolute paths of all files on which the provided results depend, including files that do not exist."""
+        """The absolute paths of all files on which the results depend, including files that do not exist."""
         return self.service.inputs
 
     def anticipate(self) -> bool:
-        """Do nothing, because this source does not build parts."""
+        """Do nothing, because this source of parts does not build parts."""
         return False
 
     def close(self) -> None:
-        """Do nothing, because this source starts no workers."""
+        """Do nothing, because this source of parts does not start workers."""
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """Return the schema of each part class, keyed by its reference `module:Class`."""
@@ -105,13 +106,13 @@ class CachedParts:
         return answers
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
-        """Return the modules on which the part `module:Class` depends and that hide other modules of the same name."""
+        """Return the modules on which the part `module:Class` depends, and which shadow other modules of the same name."""
         return self.service.hiding(reference)
 
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None,
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return the record of each part definition, keyed by the text of the definition."""
+        """Return the part record for each part definition, keyed by the text of the definition."""
         answers = _answers(self.service.realize(definitions, convex), self.failed)
         waited_for = [one for one in definitions if _waited_for(answers.get(one.text))]
         self.unanswered.definitions.update((one.text, (one, one.text in convex)) for one in waited_for)
@@ -121,7 +122,8 @@ class CachedParts:
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return the part `records`, keyed by the text of the definition, with the results of the requested slicings `wanted`."""
+        """Add the results of the slicings `wanted` to the part `records`, and return the records, keyed by the text of the part definition.
+        """
         answers = _answers(self.service.slice(definitions, records, wanted), self.failed)
         for one in definitions:
             record = records.get(one.text)
@@ -144,8 +146,8 @@ def _waited_for(answer: object) -> bool:
 class AvailableNames:
     """The names of parts and of other documents that the documents of one workspace can use.
 
-    `at_hand` is the source of parts. It is None if no code may run; then only parts that a document uses are known. The function `wake` is
-    called after new requests for workers.
+    `at_hand` is the source of parts, or None if part code must not run. Without a source of parts, only parts that a document uses are
+    known. The function `wake` is called when there are new requests for workers.
     """
 
     def __init__(self, workspace: Workspace, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
@@ -154,9 +156,9 @@ class AvailableNames:
         self._schemas = Schemas(workspace, _Parts(at_hand, wake))
 
     def schema_of(self, analysis: Analysis, scalars: Mapping[Path, str]) -> dict[str, Any] | None:
-        """Return the JSON Schema of a document. Return None if the file is not a document.
+        """Return the JSON Schema of a document, or None if the file is not a document.
 
-        If the document has never been well-formed, return the general schema of its kind, which is determined by its `scalars`.
+        For a document that has never been well-formed, return the general schema for the kind of document in `scalars`.
         """
         tree = analysis.tree
         if tree is None:
@@ -167,9 +169,9 @@ class AvailableNames:
 
 
 class _Parts:
-    """Provides the parts that a workspace can use, with cached results.
+    """Provides cached schemas and records of the parts that a workspace can use.
 
-    Missing schemas are requested from workers. Parts are never built.
+    Workers compute missing schemas. This class does not build parts.
     """
 
     def __init__(self, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
@@ -181,7 +183,7 @@ class _Parts:
         return [] if self._at_hand is None else self._at_hand.service.catalogue()
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """Return the schemas of parts, in the form that `AvailableParts` specifies. Parts whose schemas are not yet cached are omitted."""
+        """Return the cached schemas of parts, in the form that `AvailableParts` specifies. Parts without a cached schema are omitted."""
         answers = {} if self._at_hand is None else self._at_hand.describe(references)
         known = {name: one for name, one in answers.items() if not isinstance(one, PartFailure) or one.kind != WAITED_FOR}
         if len(known) < len(answers):
@@ -189,22 +191,24 @@ class _Parts:
         return known
 
     def realize(self, definitions: Sequence[PartDefinition]) -> Mapping[str, PartRecord | PartFailure]:
-        """Return the records of part definitions, in the form that `AvailableParts` specifies. Parts are not built."""
+        """Return the cached records of part definitions, in the form that `AvailableParts` specifies. This method does not build parts."""
         return {} if self._at_hand is None else self._at_hand.service.realize(definitions)
 
 
 QUIET = 0.3
-"""Time [s] without new requests before parts are built. While a user types `120 mm`, no part of 1 mm is needed."""
+"""Time [s] without new requests after which workers build parts. For example, a user who types `120 mm` does not need a part of 1 mm."""
 IMPATIENT = 1.0
-"""Time [s] after which workers that process an obsolete request are ended."""
+"""Time [s] after which workers are ended if their requests have become obsolete."""
 
 Answered = Callable[["Workspace", Mapping[str, PartFailure], Mapping[str, PartFailure]], None]
-"""Callback `answered(workspace, undescribed, failed)`: all results are in the store, except failures by reference and by definition text.
+"""Callback `answered(workspace, undescribed, failed)` after all results were stored.
+
+Failures that the store does not cache are passed by reference and by definition text.
 """
 
 
 class BackgroundWorkers:
-    """A thread that sends the most recent requests to worker processes. It calls `answered` when the results are cached."""
+    """Sends the most recent requests to worker processes in a thread, and calls `answered` when the results are cached."""
 
     def __init__(self, workspace: Workspace, store: Store, options: Options, answered: Answered) -> None:
         self.workspace = workspace
@@ -218,7 +222,7 @@ class BackgroundWorkers:
         self._thread: threading.Thread | None = None
 
     def want(self, wanted: PendingRequests) -> None:
-        """Replace the pending requests by new requests. Requests that already have results are omitted."""
+        """Replace the pending requests by new requests, unless all new requests were already sent to workers."""
         with self._changed:
             if self._ended or wanted == self._wanted or wanted.within(self._asked):
                 return
@@ -230,9 +234,9 @@ class BackgroundWorkers:
             self._give_up_soon()
 
     def renew(self) -> None:
-        """Forget which requests were sent to workers, so that they can be sent again.
+        """Discard the record of the requests that were sent to workers, so that the same requests can be sent again.
 
-        Call this method after a Python file of a part was saved.
+        Call this method when a Python file that defines parts has been saved.
         """
         with self._changed:
             self._asked, self._wanted = PendingRequests(), PendingRequests()
@@ -252,7 +256,7 @@ class BackgroundWorkers:
             timer.start()
 
     def _give_up(self, work: PendingRequests) -> None:
-        """End the worker processes if they are still processing a request that is no longer needed."""
+        """End the worker processes if they are still processing the obsolete requests `work`."""
         with self._changed:
             if self._at_work is not work or self._wanted is work or self._ended:
                 return
@@ -283,7 +287,7 @@ class BackgroundWorkers:
             self._answered(self.workspace, undescribed, failed)
 
     def _found_out(self, work: PendingRequests, workers: EndingWorkers) -> tuple[dict[str, PartFailure], dict[str, PartFailure]]:
-        """Compute the results of all requests and store them in the cache.
+        """Compute the results of all requests in workers, and cache the results.
 
         Return the failures, keyed by part reference and by definition text.
         """

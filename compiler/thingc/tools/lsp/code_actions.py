@@ -1,5 +1,4 @@
-"""Convert diagnostics to the format of LSP, and compute edits: quick fixes (as in `thingc check --fix`), missing components, and
-formatting.
+"""Convert diagnostics to the format of LSP, and compute edits: quick fixes as in `thingc check --fix`, missing components, and formatting.
 """
 
 from __future__ import annotations
@@ -20,11 +19,11 @@ from thingc.tools.lsp.analysis import Analysis, is_document_path
 from thingc.tools.lsp.positions import TextLines, TextPlace, equal_ends
 
 MOST_LINES = 3000
-"""Maximum number of changed lines that are compared individually. Above it, the result is a single edit."""
+"""Maximum number of changed lines for which separate edits are computed. For more lines, the result is one edit."""
 
 
 def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
-    """Return the LSP text edits that change one text to another. Return an empty list if the texts are equal."""
+    """Return the LSP text edits that change the text `before` to the text `after`. Return an empty list if the texts are equal."""
     old, new = before.with_breaks(), TextLines(after).with_breaks()
     top, end = equal_ends(old, new)
     old_middle, new_middle = old[top : len(old) - end], new[top : len(new) - end]
@@ -41,7 +40,7 @@ def edits(before: TextLines, after: str) -> list[dict[str, Any]]:
 
 
 def _start(lines: TextLines, number: int) -> int:
-    """Return the offset at which a line (numbered from 0) starts. Return the length of the text for a line after the last line."""
+    """Return the offset at which a line, numbered from 0, starts. For a line after the last line, return the length of the text."""
     return lines.starts[number] if number < len(lines.starts) else len(lines.text)
 
 
@@ -58,8 +57,8 @@ _TOP = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 0}
 def by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
     """Convert diagnostics to the format of LSP, and group them by the absolute path of their file.
 
-    If the file of a diagnostic does not exist (such as a missing lock file), assign the diagnostic to the document. The result always
-    contains the document.
+    If the file of a diagnostic does not exist, such as a missing lock file, the diagnostic is assigned to the document. The result always
+    contains the path of the document.
     """
     return analysis.once("said", lambda: _by_file(analysis))
 
@@ -75,7 +74,7 @@ def _by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
 def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -> dict[str, Any]:
     """Convert a diagnostic to the format of LSP. If `span` is None, the diagnostic is located at the beginning of the file.
 
-    The help of the diagnostic is a separate line. Notes with a location become related information.
+    The help text is a separate line of the message. Notes with a source location become related information.
     """
     loose = [note.message for note in diagnostic.notes if note.span is None]
     words = [diagnostic.message, *([] if diagnostic.help is None else [diagnostic.help]), *loose]
@@ -97,7 +96,7 @@ KIND = "quickfix"
 
 
 def actions(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the quick fixes for the diagnostics in a range of the text. A fix is marked as preferred if it is the only possible fix."""
+    """Return the quick fixes for the diagnostics in a range of the text. The only possible fix for a diagnostic is marked as preferred."""
     wanted = params["context"].get("only")
     if wanted and not any(kind == KIND or KIND.startswith(f"{kind}.") or kind == "" for kind in wanted):
         return []
@@ -130,9 +129,10 @@ def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
 
 
 def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
-    """Yield a quick fix that adds a component to which the document refers, but which does not exist.
+    """Yield a quick fix that adds a missing component to which the document refers.
 
-    The component is a part with this name if one exists, else a frame with the mounts to which the document refers.
+    If a part class has this name, the component uses this part. Otherwise, the component is a frame with the mounts to which the document
+    refers.
     """
     document = None if analysis.documents is None else analysis.documents.root
     if diagnostic.code is not Code.UNKNOWN_COMPONENT or diagnostic.span is None or document is None or document.text != analysis.text:

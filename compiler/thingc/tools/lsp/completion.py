@@ -1,6 +1,6 @@
 """Compute completions of keys, names, mounts and units in documents.
 
-Most items are from the schema of the document (`tools/schemas/`) at the path of the cursor. Other items require the robot: frames of
+Most completion items are from the JSON Schema of the document at the path of the cursor. Other items are computed from the robot: frames of
 mounts, units of the right physical dimension, and numbered items of a `repeat`.
 """
 
@@ -39,7 +39,7 @@ COMPOUND = (
     "mm^2", "cm^2", "m^2", "mm^3", "cm^3", "m^3", "kg/m^3", "g/cm^3", "mm/s", "m/s", "deg/s", "rad/s", "m/s^2", "N*m", "N*mm", "kgf*cm",
     "kg*m^2", "g*cm^2", "N*m*s/rad", "N*s/m", "N*m/rad", "N*m/deg", "N/m", "N/mm", "mm/rad", "mm/rev", "rad/m",
 )
-"""The compound units that completion offers. Documents can also use others."""
+"""The compound units that completion suggests. Documents can also contain other compound units."""
 _DIMENSIONS: dict[str, Dimension] = {
     **{name: unit[2] for name, unit in UNITS.items()}, **{name: parse_quantity(f"1 {name}").dimension for name in COMPOUND},
 }
@@ -48,11 +48,11 @@ _FIRST = ("mm", "deg", "g", "kg", "ms", "s", "N", "N*m", "rad", "m")
 
 
 _USUAL = ("params", "parameters", "attach", "at", "limit", "drive", "components", "joints", "poses", "modes", "pose", "value")
-"""The most common optional keys."""
+"""The most common optional keys, which are listed before other optional keys."""
 
 
 class CompletionItem(FrozenStruct):
-    """An item of a completion list. It replaces the characters from offset `start` up to, but not including, `end` by `text`.
+    """An item of a completion list. The item replaces the characters from offset `start` up to, but not including, `end` by `text`.
 
     `shown` is the label of the item. Items are sorted by ascending `rank`.
     """
@@ -98,7 +98,7 @@ def items(analysis: Analysis, text: str, offset: int) -> list[CompletionItem]:
 
 
 class _Asked:
-    """A request for completion. It contains the document, the position of the cursor and the JSON Schema of the document."""
+    """A request for completion, with the document, the position of the cursor, and the JSON Schema of the document."""
 
     def __init__(self, analysis: Analysis, text: str, offset: int, cursor: Cursor, walk: SchemaWalk) -> None:
         self.analysis = analysis.known
@@ -190,7 +190,7 @@ class _Asked:
     def _params(self, part: str) -> str:
         """Return the text of a mapping `params:` that sets the required parameters of a part to example values.
 
-        Return an empty string without such parameters.
+        Return an empty string if no parameter is required.
         """
         owner = self.cursor.path[:-1]
         needed = self.walk.needed_parameters(part)
@@ -206,17 +206,14 @@ class _Asked:
         return f"\n{' ' * (len(line) - len(line.lstrip()))}params: {{{pairs}}}"
 
     def _behind_dot(self) -> Iterator[CompletionItem]:
-        """Yield completion items for a reference that ends with a dot.
-
-        The items are the mounts of the component, and components nested in it.
-        """
+        """Yield completion items for a reference that ends with a dot: the mounts of the component, and components nested inside."""
         head = self.cursor.typed[: self.cursor.typed.rindex(".") + 1]
         start = self.cursor.start + len(head)
         mounts: dict[str, str] = {}
         for offer in self.walk.value_offers(self.cursor.path):
             if isinstance(offer.value, str) and offer.value.startswith(head) and not self._own(offer.value):
                 mounts.setdefault(offer.value, offer.description)
-        if not mounts and self.walk.takes_mounts(self.cursor.path):  # the last valid document does not contain the component
+        if not mounts and self.walk.takes_mounts(self.cursor.path):  # the last parsable text does not contain the component
             mounts = dict(self.walk.mounts_of(head.rstrip(".")))
         for number, (word, description) in enumerate(mounts.items()):
             rest = word[len(head) :]
@@ -228,8 +225,7 @@ class _Asked:
                 yield replace(one, shown=one.shown[len(head) :], text=one.text[len(head) :], start=start)
 
     def _counted(self) -> Iterator[CompletionItem]:
-        """Yield references in which the index of a repeated component is a variable: `plate.servo_screw_$i` for `plate.servo_screw_0`,
-        `_1`, ...
+        """Yield references that contain the index variable of a `repeat`, such as `plate.servo_screw_$i` for the mounts `plate.servo_screw_0`, ...
         """
         path = self.cursor.path
         index = self.cursor.scalars.get((*path[:2], "repeat", "as"), "i") if "repeat" in self.cursor.keys.get(path[:2], ()) else None
@@ -252,7 +248,7 @@ class _Asked:
                 )
 
     def _own(self, word: str) -> bool:
-        """Return whether a suggested word refers to the element that the user is editing, for example to a mount of the same component."""
+        """Return whether a suggested word refers to the element that the user is editing, such as a mount of the edited component."""
         path = self.cursor.path
         if path[:1] == ("components",) and len(path) > 2 and path[2] in ("attach", "at"):
             return path[-1] != "mount" and re.fullmatch(rf"{re.escape(str(path[1]))}(_(\d+|\$\w+))?", word.partition(".")[0]) is not None
@@ -262,7 +258,7 @@ class _Asked:
         return len(path) > 2 and path[-1] in ("extends", "joint") and word == path[1]
 
     def _taken(self, word: str) -> bool:
-        """Return whether another value of the same kind already uses the word. Completion lists such words last."""
+        """Return whether another value of the same kind already contains the word. Completion lists such words last."""
         kind = self.cursor.path[-1:]
         if kind not in (("drive",), ("parent",), ("child",)) and self.cursor.path[2:3] != ("attach",):
             return False
@@ -288,7 +284,7 @@ class _Asked:
         return ((ANGLE,) if known[-1].angle else (LENGTH,)) if known else dimensions
 
     def _units(self, start: int, end: int, close: bool) -> Iterator[CompletionItem]:
-        """Yield completion items for the units of a number that ends at offset `start`.
+        """Yield completion items for the units that can follow a number. The number ends at the offset `start`.
 
         `close` specifies whether the cursor directly follows the number.
         """
@@ -301,7 +297,7 @@ class _Asked:
             )
 
     def _in_expression(self) -> Iterator[CompletionItem]:
-        """Yield the names that an expression can use at the cursor: parameters, functions and constants, or units after a number."""
+        """Yield completion items inside an expression: parameters, functions and constants, or units after a number."""
         match = _IN_EXPRESSION.search(self.cursor.typed)
         if match is None:
             return
@@ -333,7 +329,7 @@ class _Asked:
             yield offer(shown=name, text=name, kind=_CONSTANT, rank=201, detail=quantity.shown(6))
 
     def _parameters(self) -> Iterator[tuple[str, Quantity]]:
-        """Yield the parameters of the document that an expression can use at the cursor."""
+        """Yield the parameters to which the expression at the cursor can refer, with their values."""
         for name, quantity in parameters_of(self.analysis).items():
             if isinstance(quantity, Quantity) and self.cursor.path[:2] != ("parameters", name):
                 yield name, quantity
@@ -350,7 +346,7 @@ class _Asked:
         )
 
     def _quoted(self, word: str) -> str:
-        """Add quotes to a word if the language of the document requires them. TOML always requires quotes.
+        """Add quotes to a word if the language of the document requires quotes, as TOML always does.
 
         If the cursor is already inside quotes, only a missing closing quote is added.
         """

@@ -1,8 +1,8 @@
-"""Find the context of the cursor in a document that may not be parsable, and the keys and scalars of the document.
+"""Find the keys, the scalars and the context of the cursor in the text of a document, which does not have to be parsable.
 
-This module finds the path of keys, the expected kind of token (key or value), the typed text, and the characters that a completion
-replaces. It supports incomplete keys and values, open brackets or quotes, and empty lines. It contains the scanners for YAML and TOML. The
-common code of these scanners is in `scan.py`.
+The context of the cursor contains the path of keys, the expected kind of token (key or value), the typed text, and the characters that a
+completion replaces. Keys and values can be incomplete, brackets and quotes can be unclosed, and lines can be empty. This module contains
+the scanners for YAML and TOML. Their common base class is in `scan.py`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LINE_OF_TABLE = re.compile(
 
 @dataclass(slots=True)
 class TomlScan(Scan):
-    """Scans TOML text that may not be valid. It reads table headers and lines `key = value`, and skips text that it cannot read."""
+    """Scans TOML text, which may be invalid. The scanner reads table headers and lines `key = value`, and skips other text."""
 
     table: Path = ()
     counts: dict[Path, int] = field(default_factory=dict)
@@ -96,11 +96,11 @@ class TomlScan(Scan):
             at += 1
 
     def ends_flow(self, line: int, column: int) -> bool:
-        """Return whether the line at the offset `line` is a table header or contains a key, and so cannot continue an open bracket."""
+        """Return whether the line at the offset `line` contains a table header or a key. Such a line is not inside an open bracket."""
         return _LINE_OF_TABLE.match(self.text, line) is not None
 
     def quotes(self, at: int, column: int) -> tuple[int, int, int]:
-        """Return the range of the text inside quotes, as `Scan.quotes` specifies. Only values in triple quotes can span several lines."""
+        """Return the range of a quoted text, as `Scan.quotes` specifies. In TOML, only values in triple quotes can span several lines."""
         quote = self.text[at]
         if self.text.startswith(quote * 3, at):
             close = self.text.find(quote * 3, at + 3)
@@ -124,9 +124,10 @@ _PLAIN_KEY_IN_FLOW = re.compile(r"(?:[^,{}\[\]\r\n:# \t]|:(?![\s,{}\[\]]|$)|[ \t
 
 @dataclass(slots=True)
 class _Frame:
-    """A block mapping or list that is being scanned. It has the column of its keys or dashes, its path, and its last key or index.
+    """A YAML block mapping or block list during a scan.
 
-    `state` describes the last entry: `open` (no value yet), `scalar` (a plain value, which may continue on the next line), or `done`.
+    `column` is the column of the keys or dashes, `path` is the path of keys to the block, and `last` is the last key or index. `state`
+    describes the last entry: `open` (no value yet), `scalar` (a plain value, which may continue on the next line), or `done`.
     """
 
     column: int
@@ -142,7 +143,7 @@ class _Frame:
 
 @dataclass(slots=True)
 class YamlScan(Scan):
-    """Scans YAML text that may not be valid. It finds nested blocks by their indentation, and skips text that it cannot read."""
+    """Scans YAML text, which may be invalid. The scanner finds nested blocks by indentation, and skips text that it cannot parse."""
 
     stack: list[_Frame] = field(default_factory=lambda: [_Frame(0, (), False)])
 
@@ -176,7 +177,7 @@ class YamlScan(Scan):
         return self.text[here] == "-" and (here + 1 >= end or self.text[here + 1] in " \t")
 
     def _blank(self, column: int) -> None:
-        """Find the context of the cursor if the cursor is on an empty line or in the indentation of a line."""
+        """Find the context of a cursor on an empty line or in the indentation of a line."""
         top = self.stack[-1]
         if top.state == "open" and (column > top.column or (top.sequence and column >= top.column)):
             self.place = CursorPlace(role="key", path=top.inner(), start=self.target, end=self.target, either=True)
@@ -230,7 +231,7 @@ class YamlScan(Scan):
         return self.text[here : end if comment is None else comment.start()].rstrip(" \t")
 
     def _word(self, here: int, end: int, path: Path, *, either: bool = False) -> int:
-        """Process the text from `here` on, which is not yet an entry of the mapping at a path."""
+        """Process the text from the offset `here`, which is not yet an entry of the mapping at a path."""
         quote = self.text[here] if self.text[here] in "\"'" else ""
         start, stop = here + len(quote), here + len(self._written(here, end))
         comment = self.text.find("#", stop, end)
@@ -266,7 +267,7 @@ class YamlScan(Scan):
         return self.behind_value(after)
 
     def _text_block(self, end: int, frame: _Frame) -> int:
-        """Read a block scalar after `|` or `>`: empty lines, and lines with more indentation than its key.
+        """Skip the lines of a block scalar after `|` or `>`: empty lines, and lines that are indented more than the key.
 
         Return the start of the next line.
         """
@@ -294,9 +295,7 @@ class YamlScan(Scan):
         return [Token(name=name, start=at, end=at + len(name))], end
 
     def ends_flow(self, line: int, column: int) -> bool:
-        """Return whether the line at the offset `line` starts a block entry and is not indented more than the key, so that it cannot
-        continue an open bracket.
-        """
+        """Return whether the line at the offset `line` starts an entry of an outer block, and is therefore not inside an open bracket."""
         match = _LINE_OF_BLOCK.match(self.text, line)
         return match is not None and len(match.group(1)) <= column
 
@@ -304,10 +303,10 @@ class YamlScan(Scan):
 class Cursor(CursorPlace):
     """The position of the cursor in a document, and the token at the cursor. Positions are offsets in characters.
 
-    `typed` is the text from `start` to the cursor. A completion replaces the text from `start` to before `end`, on the same line.
-    `separated` specifies whether `:` or `=` already follows the key. `toml` specifies whether the language is TOML, not YAML.
+    `typed` is the text from `start` to the cursor. A completion replaces the text from `start` up to, but not including, `end` on the same
+    line. `separated` specifies whether `:` or `=` already follows the key. `toml` specifies whether the language is TOML instead of YAML.
 
-    `keys` are the keys of every mapping in the text, without the key at the cursor, and `scalars` the text of every scalar.
+    `keys` contains the keys of every mapping in the text, except the key at the cursor. `scalars` contains the text of every scalar.
     """
 
     typed: str
@@ -318,9 +317,9 @@ class Cursor(CursorPlace):
 
 
 def cursor_at(text: str, offset: int, *, toml: bool) -> Cursor | None:
-    """Find the context of the cursor at the given offset of the text.
+    """Find the context of a cursor at the given offset of the text.
 
-    Return None in comments and multi-line strings, which have no completion.
+    Return None in comments and multi-line strings, in which completion is disabled.
     """
     scan: Scan = (TomlScan if toml else YamlScan)(text, offset)
     scan.run()

@@ -1,4 +1,4 @@
-"""Create the Markdown texts that an editor shows when the mouse pointer hovers over a key or value of a document."""
+"""Create the Markdown text that an editor shows when the mouse pointer is over a key or value of a document."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
 
 
 def _of_name(analysis: Analysis, path: Path) -> str:
-    """Describe the element that a document declares with this name: a component, joint, pose, mode or mount, or a joint in a pose."""
+    """Describe the element whose name is at this path of a document: a component, joint, pose, mode or mount, or a joint in a pose."""
     section, name = path[0], str(path[-1])
     if len(path) == 2 and section in _OF:
         return _OF[str(section)](analysis, name)
@@ -78,7 +78,7 @@ def _of_name(analysis: Analysis, path: Path) -> str:
 
 
 def _referred(analysis: Analysis, path: Path, written: str) -> str:
-    """Describe the element of the robot to which a reference in a document refers."""
+    """Describe the element to which a reference in a document refers."""
     key = path[-1] if not isinstance(path[-1], int) else path[-2] if len(path) > 1 else ""
     if key in ("pose", "poses"):
         return _of_pose(analysis, written)
@@ -86,7 +86,7 @@ def _referred(analysis: Analysis, path: Path, written: str) -> str:
         return _of_mode(analysis, written)
     if key == "joint":
         return _of_joint(analysis, written)
-    if written.count("$") == 1:  # inside a repeat, use the first matching name
+    if written.count("$") == 1:  # inside a `repeat`, use the first matching name
         items = re.compile(re.sub(r"\\\$[A-Za-z]\w*", r"\\w+", re.escape(written)))
         written = next(filter(items.fullmatch, analysis.facts.mounts), written)
     return _of_mount(analysis, written) or _of_component(analysis, written) or (_of_joint(analysis, written) if key == "drive" else "")
@@ -107,7 +107,7 @@ def _of_parameter(analysis: Analysis, name: str) -> str:
 
 
 def _of_component(analysis: Analysis, name: str) -> str:
-    """Describe a component for a hover text: its kind, its mass and its pose."""
+    """Return a hover text for a component: the kind, the mass and the pose."""
     facts = analysis.facts
     piece = next((one for one in facts.pieces if name == one.name or name in one.items), None)
     what = piece.what if piece is not None else facts.components.get(name, "")
@@ -123,7 +123,7 @@ def _of_component(analysis: Analysis, name: str) -> str:
 
 
 def _measured(assembly: Assembly, name: str) -> Iterator[str]:
-    """Yield texts about the mass and the pose of a component. For a nested assembly, yield only its mass."""
+    """Yield a text about the mass of a component, and a text about the pose of a component that is not an assembly."""
     path = name.replace(".", "/")
     inside = [one for one in assembly.occurrences if one.path == path or one.path.startswith(f"{path}/")]
     if not inside:
@@ -153,7 +153,7 @@ def _of_mount(analysis: Analysis, reference: str) -> str:
 
 
 def _of_joint(analysis: Analysis, name: str) -> str:
-    """Describe a joint for a hover text: its kind, its mounts, its limits and its drive."""
+    """Return a hover text for a joint: the kind, the mounts, the limits and the drive."""
     facts = analysis.facts.joints.get(name)
     mates = () if analysis.assembly is None else analysis.assembly.mates
     coordinate = next(((mate, edge) for mate in mates for edge in mate.joints if str(edge.name) == name), None)
@@ -181,9 +181,9 @@ def _motion(edge: JointEdge) -> str:
 
 
 def _of_pose(analysis: Analysis, name: str) -> str:
-    """Describe a pose for a hover text: the values of its joints, and the modes that start in this pose.
+    """Return a hover text for a pose: the joint coordinates, and the modes that start in this pose.
 
-    Name patterns and nested poses are resolved to joints.
+    Name patterns and nested poses are replaced by the matching joints.
     """
     model = analysis.model
     pose = None if model is None else next((one for one in model.poses if one.name == name and name in analysis.facts.poses), None)
@@ -201,7 +201,7 @@ def _of_pose(analysis: Analysis, name: str) -> str:
 
 
 def _of_mode(analysis: Analysis, name: str) -> str:
-    """Describe a mode for a hover text: its root, its base and its start pose."""
+    """Return a hover text for a mode: the root, the base and the start pose."""
     mode = None if analysis.model is None else next((one for one in analysis.model.modes if one.name == name and one.stated), None)
     if mode is None:
         return ""

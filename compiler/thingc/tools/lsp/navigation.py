@@ -1,7 +1,6 @@
 """Find and rename names in documents and part modules, and compute symbols, folding ranges and semantic tokens.
 
-If the text cannot be parsed, this module uses the names of the last parsable text on lines that have not changed. In this case, renaming is
-not possible.
+While the text cannot be parsed, the functions use the names in unchanged lines of the last parsable text, and renaming is not possible.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ _KINDS = {
     "component": 5, "joint": 6, "parameter": 13, "pose": 24, "mode": 10, "mount": 11, "export": 11, "sensor": 8, "test": 17, "link": 23,
     "material": 14, "index": 13, "part": 5, "part mount": 8, "part parameter": 13,
 }
-"""Symbol kinds of LSP by kind of name. For example, a component is a class, a joint a method, and a pose an event."""
+"""Maps kinds of names to LSP symbol kinds. For example, a component is shown as a class, a joint as a method, and a pose as an event."""
 MAX_SYMBOLS = 500
 
 
 class _Names:
-    """The names that a document can use, with their spans in the current text of the document."""
+    """The names that a document can use, and their spans in the current text of the document."""
 
     def __init__(self, analysis: Analysis, sight: WorkspaceIndex) -> None:
         self.analysis = analysis
@@ -42,7 +41,7 @@ class _Names:
         self.now, self.then = steady(known, analysis.text), steady(analysis.text, known)
 
     def at(self, place: TextPlace) -> NamePlace | None:
-        """Return the name that contains a position of the text, or None if there is no name at the position."""
+        """Return the name at a position of the text, or None if the position is not inside a name."""
         path = self.analysis.path
         cursor = self.then(Span(file=path, line=place.line, column=place.column, end_line=place.line, end_column=place.column))
         return None if cursor is None else self.sight.index.at(path, cursor.line, cursor.column)
@@ -53,7 +52,7 @@ class _Names:
         return None if where is None else TextLines(self.sight.read(span.file) or "").range(where)
 
     def locations(self, spans: Iterable[Span]) -> list[dict[str, Any]]:
-        """Convert spans to LSP locations. The order does not change."""
+        """Convert spans to LSP locations in the same order."""
         places = ((span, self.range(span)) for span in dict.fromkeys(spans))
         return [{"uri": self.analysis.uri(span.file), "range": there} for span, there in places if there is not None]
 
@@ -61,14 +60,14 @@ class _Names:
 def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:
     """Return the names that a document can use, or None if the document is not in a workspace.
 
-    If `near` is true, search only the document and the documents to which it refers.
+    If `near` is true, the result contains only names in the document and in the documents to which it refers.
     """
     workspace = analysis.known.workspace or Workspace.find(analysis.path, Report())
     if workspace is None:
         return None
     documents = analysis.known.documents
     last = [documents.root] if documents is not None and not analysis.whole else []
-    near = near and analysis.known.kind == "assembly"  # a document with variants does not contain the documents that the variants use
+    near = near and analysis.known.kind == "assembly"  # the analysis of a variants document omits the documents of its variants
     only = [one.path for one in documents.by_path.values()] if near and documents is not None else None
     return _Names(analysis, index_workspace(workspace, {path: one.text for path, one in analysis.open.items()}, last, only))
 
@@ -80,10 +79,7 @@ def _found(analysis: Analysis, place: TextPlace, *, near: bool = False) -> tuple
 
 
 def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the location where the name at a position is declared.
-
-    If a Python file declares the name, return the documents that use it.
-    """
+    """Return the location of the declaration of the name at a position. In a Python file, return the documents that use the name."""
     named = _found(analysis, place, near=not analysis.path.endswith(".py"))
     if named is None:
         return []
@@ -98,7 +94,7 @@ def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 
 def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the locations of all uses of the name at a position, including patterns that match the name."""
+    """Return the locations of all uses of the name at a position, including name patterns that match the name."""
     named = _found(analysis, place)
     if named is None:
         return []
@@ -119,7 +115,7 @@ def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 
 def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the name at a position, or None. Raises `RenameRefused` if the name cannot be renamed."""
+    """Return the name to rename at a position, or None if there is no name. Raises `RenameRefused` if the name cannot be renamed."""
     named = _found(analysis, place)
     if named is None:
         return None
@@ -131,7 +127,10 @@ def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any)
 
 
 def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the edits that rename the name at a position in all files of the workspace. Raises `RenameRefused` with the reason."""
+    """Return the edits that rename the name at a position in all files of the workspace.
+
+    Raises `RenameRefused` if the name cannot be renamed.
+    """
     named = _found(analysis, place)
     if named is None:
         raise RenameRefused("there is no name here")
@@ -167,22 +166,25 @@ def _has(text: str, letters: str) -> bool:
 
 
 TOKENS = ("parameter", "variable", "function", "number", "unit")
-"""Token types in expressions. `variable` is a constant or the index of a repeat. LSP has no type `unit`, so editors get `keyword`."""
+"""Types of tokens in expressions. `variable` is a constant or the index of a `repeat`.
+
+LSP does not define a type `unit`, so units are sent as `keyword`.
+"""
 _SECTIONS = {
     "components": 5, "joints": 6, "parameters": 13, "poses": 24, "modes": 10, "mounts": 11, "sensors": 8, "tests": 17, "links": 23,
     "tendons": 6, "materials": 14, "choices": 10, "list": 18,
 }
-"""Symbol kinds of LSP for the names in a section."""
+"""Maps sections of a document to the LSP symbol kind of the names in the section."""
 _MODULE = 2
 
 
 def symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the outline of a document: its sections, each with the names that it declares."""
+    """Return the outline of a document: the sections, and the names that each section declares."""
     return _symbols_in(analysis, analysis.known.tree, None)
 
 
 def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> list[dict[str, Any]]:
-    """Convert the keys of a mapping to LSP symbols of a `kind`. If `kind` is None, the keys are sections, which contain names."""
+    """Convert the keys of a mapping to LSP symbols of a `kind`. If `kind` is None, the keys are the names of sections."""
     if not isinstance(mapping, MappingNode):
         return []
     listed = []
@@ -201,7 +203,7 @@ def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> l
 def folds(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the ranges of a document that an editor can fold: comments, and values on several lines.
 
-    The range of a value starts at the line of its key.
+    The range of a value includes the line of the key.
     """
     ends: dict[int, int] = {}
     for key, node in _inside(analysis.known.tree):
@@ -225,7 +227,7 @@ def _comments(text: str) -> Iterator[dict[str, Any]]:
 
 
 def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
-    """Return the semantic tokens of the expressions in a document, in LSP's relative encoding. Their types are in `TOKENS`."""
+    """Return the semantic tokens of the expressions in a document, in LSP's relative encoding. The types of the tokens are in `TOKENS`."""
     known = analysis.known
     if known.documents is None:
         return None
@@ -272,7 +274,7 @@ def _inside(node: Node | None) -> Iterator[tuple[Span, Node]]:
 
 
 def _around(key: Span, node: Node) -> Span:
-    """Return the span that contains a key and its value. In TOML, a table may start before its key."""
+    """Return the span that contains a key and its value. In TOML, the span of a table can start before the key."""
     begin = min((key.line, key.column), (node.span.line, node.span.column))
     end = max((key.end_line, key.end_column), (node.span.end_line, node.span.end_column))
     return Span(file=key.file, line=begin[0], column=begin[1], end_line=end[0], end_column=end[1])
@@ -287,7 +289,7 @@ def _now(analysis: Analysis, span: Span) -> Span | None:
 
 
 def _detail(node: Node) -> str:
-    """Return a short text that an editor shows next to the name of an element: its part, its kind or its value."""
+    """Return a short text that an editor shows next to the name of an element: the part, the kind or the value of the element."""
     if isinstance(node, ScalarNode):
         return node.text[:80]
     if isinstance(node, MappingNode):

@@ -1,4 +1,4 @@
-"""Manage the open documents of an editor. When a file that a document depends on changes, the document is analysed again."""
+"""Manage the open documents of an editor. Each document is analysed again when a file on which it depends changes."""
 
 from __future__ import annotations
 
@@ -28,27 +28,30 @@ from thingc.tools.lsp.cached_parts import AvailableNames, BackgroundWorkers, Cac
 from thingc.tools.lsp.code_actions import by_file
 
 Publish = Callable[[str, "int | None", "list[dict[str, Any]]"], None]
-"""Callback `publish(uri, version, diagnostics)`. The version is None for a file that is not open."""
+"""Callback `publish(uri, version, diagnostics)` with the diagnostics of a file. The version is None for a file that is not open."""
 
 PAUSE = 0.1
-"""Polling interval [s] for files on disk."""
+"""Interval [s] at which files on disk are checked for changes."""
 HEAD = 70_000
-"""Number of characters at the beginning of a file that are searched for the key `thingc`."""
+"""Number of characters at the beginning of a file in which the key `thingc` is searched."""
 IMPATIENT = 0.2
-"""Time [s] during which changes do not interrupt the analysis of the active document. Other analyses are interrupted immediately."""
+"""Time [s] after the start of an analysis of the active document during which changes do not interrupt the analysis.
+
+Analyses of other documents are interrupted immediately.
+"""
 
 
 class Superseded(Exception):
-    """Raised to stop the analysis of a document because the texts in the editor have changed."""
+    """Raised to stop the analysis of a document because a text in the editor has changed."""
 
 
 class OpenDocuments:
     """The texts of the documents that are open in an editor, and their analyses.
 
-    One thread changes the texts (`put`, `take_away`, `saved`). Another thread analyses them: `next` analyses one document and publishes its
-    diagnostics, and `analysis` serves a request. `options` specify the store and whether code of workspaces may run. The function `refused`
-    converts an exception to a diagnostic. The function `wake` is called if `next` has new work because workers have finished or because
-    another program saved a file.
+    One thread changes the texts with the methods `put`, `take_away` and `saved`. Another thread analyses the texts: the method `next`
+    analyses one document and publishes the diagnostics, and the method `analysis` returns an analysis for a request. `options` specify the
+    store and whether part code may run. The function `refused` converts an exception to a diagnostic. The function `wake` is called when
+    analyses become outdated because workers have finished or because another program saved a file.
     """
 
     def __init__(self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic], wake: Callable[[], None]) -> None:
@@ -74,13 +77,13 @@ class OpenDocuments:
     # --- texts ---------------------------------------------------------------------------------------------------
 
     def put(self, path: str, text: OpenText) -> None:
-        """Store the text of a file that the user has opened or changed in the editor."""
+        """Store the text of a file that the user opened or changed in the editor."""
         with self._lock:
             self.texts, self._recent = {**self.texts, path: text}, path
             self._note(path)
 
     def take_away(self, path: str) -> None:
-        """Remove the text of a file that the user has closed. Later analyses read the file from disk."""
+        """Remove the text of a file that the user closed. Later analyses read the file from disk."""
         with self._lock:
             self.texts = {one: text for one, text in self.texts.items() if one != path}
             self._note(path)
@@ -88,12 +91,12 @@ class OpenDocuments:
     def saved(self, path: str) -> None:
         """Mark all analyses that depend on a file as outdated, because the file on disk has changed.
 
-        Open documents keep their text from the editor.
+        The text of a document that is open in the editor does not change.
         """
         with self._lock:
             if path not in self.texts or not is_document_path(path):
                 for root in [root for root, one in self._at_hand.items() if path in one.inputs]:
-                    del self._at_hand[root]  # results of the workers are outdated
+                    del self._at_hand[root]  # the results of the workers are outdated
                     self._workers[root].renew()
                 self._note(path)
 
@@ -129,7 +132,7 @@ class OpenDocuments:
         return True
 
     def analysis(self, path: str) -> Analysis:
-        """Return the analysis of a file with its current text. Raises `Superseded` if the texts change while a long analysis is running."""
+        """Return the analysis of the current text of a file. Raises `Superseded` if a text changes during a long analysis."""
         with self._lock:
             known = self._analyses.get(path)
             if known is not None and path not in self._outdated:
@@ -165,10 +168,9 @@ class OpenDocuments:
             return Analysis(path=path, open=texts, findings=(self._refused(fault),), whole=False, last=known and known.known)
 
     def _ours(self, path: str, texts: Mapping[str, OpenText], known: Analysis | None) -> bool:
-        """Return whether a file is a document of thingc. Other YAML files are ignored.
+        """Return whether a file is a document of thingc and not any other YAML file. A file to which a document refers is a document, too.
 
-        While the user edits the first line of a document, the file is still a document. A file is also a document if another document
-        refers to it.
+        A document remains a document while the user edits its first line.
         """
         mine = texts.get(path)
         return (
@@ -185,7 +187,7 @@ class OpenDocuments:
     # --- findings ------------------------------------------------------------------------------------------------
 
     def _say(self, path: str) -> None:
-        """Publish the diagnostics of a file to the editor, and those of all other files whose diagnostics have changed."""
+        """Send the diagnostics of a file, and changed diagnostics of all other files, to the editor."""
         with self._lock:
             analyses = [one for one in self._analyses.values() if one.path in self.texts]
         said: dict[str, list[dict[str, Any]]] = {}
@@ -205,9 +207,9 @@ class OpenDocuments:
     # --- parts ---------------------------------------------------------------------------------------------------
 
     def _lend(self, path: str) -> Callable[[Workspace, Store], PartSource]:
-        """Return a function that returns the source of part schemas and part records for a document.
+        """Return a function that returns the source of parts for a document, which provides part schemas and part records.
 
-        The source does not wait for workers.
+        The source of parts does not wait for workers.
         """
         def lend(workspace: Workspace, store: Store) -> PartSource:
             at_hand = self._at_hand.get(workspace.root)
@@ -231,7 +233,7 @@ class OpenDocuments:
         return known
 
     def _ask_workers(self) -> None:
-        """Send the requests for missing descriptions and records of parts to the background workers."""
+        """Send the requests for missing part schemas and part records to the background workers."""
         with self._lock:
             for root, workers in self._workers.items():
                 wanted = PendingRequests()
@@ -241,7 +243,7 @@ class OpenDocuments:
                 workers.want(wanted)
 
     def _answered(self, workspace: Workspace, undescribed: Mapping[str, PartFailure], failed: Mapping[str, PartFailure]) -> None:
-        """Store the failures that the background workers report, and mark the documents that waited for their results as outdated."""
+        """Store the failures from background workers, and mark the analyses that lack results of these workers as outdated."""
         with self._lock:
             at_hand = self._at_hand.get(workspace.root)
             if at_hand is not None:
@@ -255,7 +257,7 @@ class OpenDocuments:
     # --- the disk ------------------------------------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Watch the files on which the current analyses depend."""
+        """Mark analyses as outdated when another program changes a file on which they depend."""
         for changed in looks(self._saved_elsewhere, self._ended, PAUSE):
             for path in changed:
                 self.saved(path)
@@ -270,19 +272,19 @@ class OpenDocuments:
             return self._watched.changed()
 
     def close(self) -> None:
-        """Stop the threads, and end the worker processes."""
+        """Stop the thread that watches files, and end the worker processes."""
         self._ended.set()
         for one in self._workers.values():
             one.end()
 
 
 class _SupersededMemo(Memo):
-    """A memo (a cache of recent results of functions) that interrupts an analysis if the analysed texts have changed."""
+    """A cache of recent results of functions, which interrupts an analysis if a text has changed."""
 
     __slots__ = ("_superseded",)
 
     def __call__(self, place: Hashable, function: Callable[..., Any], *inputs: Any) -> Any:
-        """Call a function or return its cached result, as `Memo` does. Raises `Superseded`."""
+        """Call a function or return its cached result, as `Memo` does. Raises `Superseded` to interrupt the analysis."""
         if self._superseded():
             raise Superseded
         return super().__call__(place, function, *inputs)
@@ -292,13 +294,13 @@ class _SupersededMemo(Memo):
         self._superseded = superseded
 
     def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
-        """Return the last result of a function, as `Memo.last` does. Raises `Superseded`."""
+        """Return the last result of a function, as `Memo.last` does. Raises `Superseded` to interrupt the analysis."""
         if self._superseded():
             raise Superseded
         return super().last(place, inputs)
 
     def apart(self) -> Memo:
-        """Return a separate memo, as `Memo.apart` does. It also interrupts the analysis."""
+        """Return an empty memo for the same analysis, as `Memo.apart` does. This memo also interrupts the analysis."""
         memo = _SupersededMemo()
         memo.until(self._superseded)
         return memo

@@ -1,6 +1,7 @@
 """Convert text positions between thingc and the Language Server Protocol (LSP), and convert URIs to paths.
 
-thingc counts lines and columns in characters, from 1. LSP counts lines and UTF-16 code units from 0.
+In thingc, lines and columns are numbered from 1, and columns count characters. In LSP, lines and columns are numbered from 0, and columns
+count UTF-16 code units.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class TextPlace(FrozenStruct):
 
 
 class TextLines:
-    """A text with the offsets at which its lines start. Only line feeds and carriage returns end a line."""
+    """A text with the offsets at which its lines start. Lines end only with line feeds or carriage returns."""
 
     __slots__ = ("starts", "text")
 
@@ -44,14 +45,14 @@ class TextLines:
         return [self.text[start:end] for start, end in pairwise((*self.starts, len(self.text)))]
 
     def line(self, number: int) -> str:
-        """Return the line with the given number (from 1) without its line break. Return an empty string if the text has no such line."""
+        """Return a line, numbered from 1, without its line break. Return an empty string if the text does not have this line."""
         if not 0 < number <= len(self.starts):
             return ""
         end = self.starts[number] if number < len(self.starts) else len(self.text)
         return self.text[self.starts[number - 1] : end].rstrip("\r\n")
 
     def index(self, place: TextPlace) -> int:
-        """Convert a position to an offset in characters. A position outside the text is moved to the nearest position in the text."""
+        """Convert a position to an offset in characters. A position outside the text is replaced by the nearest position in the text."""
         if place.line < 1:
             return 0
         if place.line > len(self.starts):
@@ -59,7 +60,7 @@ class TextLines:
         return self.starts[place.line - 1] + max(0, min(place.column - 1, len(self.line(place.line))))
 
     def place(self, position: Any) -> TextPlace:
-        """Convert an LSP position (`{"line": 0, "character": 0}`) to a line and a column. The result is always inside the text."""
+        """Convert an LSP position, such as `{"line": 0, "character": 0}`, to a line and a column inside the text."""
         number = max(0, min(position["line"], len(self.starts) - 1))
         before = self.line(number + 1).encode("utf-16-le", "surrogatepass")[: 2 * max(0, position["character"])]
         return TextPlace(line=number + 1, column=len(before.decode("utf-16-le", "replace")) + 1)
@@ -74,7 +75,7 @@ class TextLines:
         return {"start": self.position(span.line, span.column), "end": self.position(span.end_line, span.end_column)}
 
     def range_of(self, start: int, end: int) -> dict[str, dict[str, int]]:
-        """Return the LSP range of the characters from offset `start` up to, but not including, offset `end`."""
+        """Return the LSP range of the characters from the offset `start` up to, but not including, the offset `end`."""
         return {"start": self._position_at(start), "end": self._position_at(end)}
 
     def _position_at(self, index: int) -> dict[str, int]:
@@ -97,7 +98,7 @@ def path_of(uri: str) -> str | None:
 def equal_ends(old: list[str], new: list[str]) -> tuple[int, int]:
     """Compare two texts line by line. Return the number of equal lines at the beginning, and the number of equal lines at the end.
 
-    A line that is equal at the beginning is not counted again at the end.
+    No line is counted twice.
     """
     top = len(os.path.commonprefix([old, new]))
     return top, len(os.path.commonprefix([old[top:][::-1], new[top:][::-1]]))
@@ -107,7 +108,7 @@ def equal_ends(old: list[str], new: list[str]) -> tuple[int, int]:
 def steady(before: str, after: str) -> Callable[[Span], Span | None]:
     """Return a function that converts spans in the text `before` to spans in the text `after`.
 
-    It returns None if a line of the span has changed.
+    The function returns None if a line of the span has changed.
     """
     if before == after:
         return lambda span: span

@@ -1,6 +1,6 @@
-"""The common base of the YAML scanner and the TOML scanner of the language server. The scanned text may not be valid.
+"""The base class of the YAML scanner and the TOML scanner of the language server. The scanned text may be invalid.
 
-A scanner raises no errors. It collects as many keys and scalars as possible, by path, and finds the context of the cursor.
+A scanner does not raise errors, collects as many keys and scalars as possible, and finds the context of the cursor.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
 
 MAX_LEVELS = 100
-"""Maximum nesting of brackets. Deeper brackets are skipped."""
+"""Maximum nesting depth of brackets. Brackets that are nested more deeply are skipped."""
 
 _LINE = re.compile(r"[^\r\n]*")
 _SPACES = re.compile(r"[ \t]*")
@@ -29,7 +29,8 @@ Role = Literal["key", "value"]
 class Token(FrozenStruct):
     """A key, or one segment of a dotted key.
 
-    It contains the name, its offsets from `start` to before `end` (inside the quotes), and the `quote` if any.
+    The name extends from the offset `start` up to, but not including, `end`, without quotes. `quote` is the quote character, or an empty
+    string.
     """
 
     name: str
@@ -39,11 +40,11 @@ class Token(FrozenStruct):
 
 
 class CursorPlace(FrozenStruct):
-    """The context of the cursor in a document: the path of keys, and whether a key or a value is expected there.
+    """The context of the cursor in a document: the path of keys, and whether a key or a value is expected at the cursor.
 
-    `role` is `key` for a key of the mapping at `path`, or `value` for the value at `path`. The existing token extends from `start` to
-    before `end`. If they are equal, the token is empty. If `either` is true, the position can contain the first key of a mapping or a value
-    on its own line. `quote` is the opening quote. `flow` specifies whether the position is inside brackets, and `header` whether it is in
+    `role` is `key` for a key of the mapping at `path`, or `value` for the value at `path`. The existing token extends from `start` up to,
+    but not including, `end`, and can be empty. If `either` is true, the position can contain the first key of a mapping or a value on its
+    own line. `quote` is the opening quote. `flow` specifies whether the cursor is inside brackets, and `header` whether the cursor is in
     the header of a TOML table.
     """
 
@@ -61,8 +62,8 @@ class CursorPlace(FrozenStruct):
 class Scan(ABC):
     """Scans the text of a document to find its keys and values, and the context of a cursor at the offset `target`.
 
-    `keys` are the keys of every mapping with their offsets, and `scalars` the texts of all plain and quoted values. `place` is the context
-    of the cursor, or None if nothing can be completed (in a comment or a block scalar).
+    `keys` contains the keys of every mapping with their offsets, and `scalars` the texts of all plain and quoted values. `place` is the
+    context of the cursor, or None in comments and block scalars, in which completion is disabled.
     """
 
     text: str
@@ -73,7 +74,7 @@ class Scan(ABC):
     muted: bool = False
     depth: int = 0
     left: int | None = None
-    """Offset at which an unclosed bracket ended: the start of a line that belongs to its parent."""
+    """Offset at which an unclosed bracket ended: the start of a line that belongs to an outer block."""
 
     SEPARATOR: ClassVar[str]
     PLAIN: ClassVar[re.Pattern[str]]
@@ -85,15 +86,15 @@ class Scan(ABC):
 
     @abstractmethod
     def line(self, at: int) -> int:
-        """Scan the line that starts at an offset. Return the offset of the next line."""
+        """Scan the line that starts at the offset `at`. Return the offset of the next line."""
 
     @abstractmethod
     def key_tokens(self, at: int) -> tuple[list[Token], int]:
-        """Return the segments of the key at the offset `at`, which is inside brackets, and the offset where the key ends."""
+        """Return the segments of the key at the offset `at` inside brackets, and the offset where the key ends."""
 
     @abstractmethod
     def ends_flow(self, line: int, column: int) -> bool:
-        """Return whether the line at `line` cannot be inside an open bracket that belongs to a key in that column."""
+        """Return whether the line at the offset `line` cannot be inside an open bracket of a key at the given column."""
 
     def run(self) -> None:
         """Scan the whole text of the document, and store the keys, the scalars and the context of the cursor."""
@@ -104,15 +105,15 @@ class Scan(ABC):
     # --- results ----------------------------------------------------------------------------------------------------------
 
     def gap(self, low: int, high: int, role: Role, path: Path, *, either: bool = False, flow: bool = False) -> None:
-        """Process a range of the text that contains no token, from offset `low` to `high`, inclusive.
+        """Process a range of the text without a token, from the offset `low` to the offset `high`, inclusive.
 
-        A cursor in this range starts a key or a value at `path`.
+        At a cursor in this range, the user starts to type a key or a value at `path`.
         """
         if low <= self.target <= high and self.place is None:
             self.place = CursorPlace(role=role, path=path, start=self.target, end=self.target, either=either, flow=flow)
 
     def token(self, place: CursorPlace, high: int) -> None:
-        """Process a key or a value of the document. Spaces after the token, up to the offset `high`, are part of the typed text."""
+        """Process a key or a value of the document. Spaces after the token, up to the offset `high`, belong to the typed text."""
         if place.start <= self.target <= high:
             self.place = replace(place, end=max(place.end, self.target))
 
@@ -132,11 +133,11 @@ class Scan(ABC):
         return at if match is None else match.end()
 
     def line_end(self, at: int) -> int:
-        """Return the offset of the end of the line that contains an offset. The line break is not part of the line."""
+        """Return the offset of the end of the line that contains the offset `at`. The line does not include the line break."""
         return self.after(_LINE, at)
 
     def after_break(self, end: int) -> int:
-        """Return the offset of the start of the next line, or an offset beyond the text after the last line."""
+        """Return the offset of the start of the next line. After the last line, return an offset beyond the end of the text."""
         return len(self.text) + 1 if end >= len(self.text) else end + (2 if self.text.startswith("\r\n", end) else 1)
 
     def spaces(self, at: int) -> int:
@@ -156,7 +157,7 @@ class Scan(ABC):
         return self.after_break(end if comment < 0 else self.comment(comment))
 
     def behind_value(self, at: int) -> int:
-        """Return the offset at which scanning continues after a value: the start of the next line, or the end of an unclosed bracket."""
+        """Return the offset at which the scan continues after a value: the start of the next line, or the end of an unclosed bracket."""
         if self.left is None:
             return self.rest(at)
         line, self.left = self.left, None
@@ -165,7 +166,10 @@ class Scan(ABC):
     # --- brackets -----------------------------------------------------------------------------------------------------
 
     def skip(self, at: int, column: int) -> int:
-        """Skip spaces, line breaks and comments inside brackets. Set `left` at a line that belongs to the parent."""
+        """Skip spaces, line breaks and comments inside brackets.
+
+        If a line belongs to an outer block, store the offset of the line in `left`.
+        """
         first: int | None = None
         while True:
             at = self.spaces(at)
@@ -186,9 +190,9 @@ class Scan(ABC):
             at = line
 
     def brackets(self, at: int, path: Path, column: int) -> int:
-        """Scan the mapping `{...}` or list `[...]` that starts at the offset `at`.
+        """Scan the mapping `{...}` or list `[...]` that starts at the offset `at`. Return the offset of the end of the value.
 
-        Return the offset of its end. `column` is the column of its key.
+        `column` is the column of the key.
         """
         mapping = self.text[at] == "{"
         index, here, fresh = 0, at + 1, True
@@ -215,7 +219,7 @@ class Scan(ABC):
         return here
 
     def entry(self, at: int, path: Path, column: int) -> int:
-        """Scan an entry `key: value` of a mapping in braces. Return the offset of its end."""
+        """Scan an entry `key: value` of a mapping in braces. Return the offset of the end of the entry."""
         tokens, end = self.key_tokens(at)
         after = self.spaces(end)
         separated = self.text.startswith(self.SEPARATOR, after)
@@ -232,13 +236,13 @@ class Scan(ABC):
     def segments(self, tokens: list[Token], path: Path, high: int, separated: bool, *, flow: bool = False, header: bool = False) -> Path:
         """Record the segments of a dotted key, and return the path of its value.
 
-        The last segment is recorded only if the key is `separated` from its value by `:` or `=`.
+        The last segment is recorded only if `:` or `=` follows the key (`separated`).
         """
         for token in tokens:
             last = token is tokens[-1]
             place = CursorPlace(role="key", path=path, start=token.start, end=token.end, quote=token.quote, flow=flow, header=header)
             self.token(place, high if last and not token.quote else token.end)
-            if token.quote and self.target in (token.start - 1, token.end + 1):  # just outside the quotes: replace the quotes, too
+            if token.quote and self.target in (token.start - 1, token.end + 1):  # the cursor is next to the quotes: replace the quotes, too
                 self.place = CursorPlace(role="key", path=path, start=token.start - 1, end=token.end + 1, flow=flow, header=header)
             if separated or not last:
                 self.add(path, token.name, token.start)
@@ -246,7 +250,7 @@ class Scan(ABC):
         return path
 
     def value_in(self, at: int, path: Path, column: int) -> int:
-        """Scan a value inside brackets. Return the offset of its end."""
+        """Scan a value inside brackets. Return the offset of the end of the value."""
         character = self.text[at]
         if character in "{[":
             return self.brackets(at, path, column) if self.depth < MAX_LEVELS else at + 1
@@ -260,7 +264,7 @@ class Scan(ABC):
         return high
 
     def quoted(self, at: int, path: Path, column: int, *, flow: bool = False) -> int:
-        """Scan a value in quotes. Return the offset of its end."""
+        """Scan a value in quotes. Return the offset of the end of the value."""
         start, end, after = self.quotes(at, column)
         self.scalars[path] = self.text[start:end]
         last = min(end, self.line_end(max(start, min(self.target, end))))
@@ -273,7 +277,7 @@ class Scan(ABC):
     def quotes(self, at: int, column: int) -> tuple[int, int, int]:
         """Return the start and the end of the text inside the quotes at the offset `at`, and the offset after the closing quote.
 
-        A quoted value ends at the end of the line if its closing quote is missing or follows a line that belongs to another entry.
+        If the closing quote is missing, or only follows after a line of another entry, the value ends at the end of the line.
         """
         quote = self.text[at]
         here = at + 1

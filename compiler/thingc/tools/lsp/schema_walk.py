@@ -1,7 +1,7 @@
 """Find the keys and values that a JSON Schema allows at a path in a document.
 
-The schemas are equal to the output of `thingc schema`. This module evaluates conditions with the known keys and scalars of the text (see
-`cursor`).
+The schemas are the output of `thingc schema`. Conditions in a schema are evaluated with the keys and scalars that the module `cursor` finds
+in the text.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ Schema = dict[str, Any]
 
 
 class KeyOffer(FrozenStruct):
-    """A key that a mapping may contain.
+    """A key that can be added to a mapping, with its description.
 
-    It has a description, and specifies whether the key is required and whether its value must be a mapping.
+    `KeyOffer` specifies whether the key is required and whether its value must be a mapping.
     """
 
     name: str
@@ -31,7 +31,7 @@ class KeyOffer(FrozenStruct):
 
 
 class ValueOffer(FrozenStruct):
-    """A value that is possible at a path in a document, in the syntax of documents, with its description."""
+    """A possible value at a path in a document, as text in the syntax of documents, with its description."""
 
     value: str | bool
     description: str
@@ -40,7 +40,7 @@ class ValueOffer(FrozenStruct):
 class SchemaWalk:
     """A JSON Schema, and the text of a document to which it applies.
 
-    `keys` are the keys of every mapping and `scalars` all scalar values, by path.
+    `keys` maps the path of each mapping to its keys, and `scalars` maps the path of each scalar to its text.
     """
 
     def __init__(self, schema: Schema, keys: Mapping[Path, tuple[str, ...]], scalars: Mapping[Path, str]) -> None:
@@ -49,9 +49,9 @@ class SchemaWalk:
         self.scalars = scalars
 
     def at(self, path: Path) -> list[Schema]:
-        """Return the subschemas that may apply to the value at a path, the most specific first.
+        """Return the subschemas that can apply to the value at a path, the most specific first.
 
-        References and conditions in the schemas are resolved.
+        References are followed, and conditions are evaluated.
         """
         schemas = self._flat(self.schema, ())
         for depth, step in enumerate(path):
@@ -76,7 +76,7 @@ class SchemaWalk:
         return sorted(offers.values(), key=lambda one: not one.required)
 
     def value_offers(self, path: Path) -> list[ValueOffer]:
-        """Return the words that the schema lists as values at a path, in the order of the schema."""
+        """Return the values that the schema lists for a path, in the order of the schema."""
         offers: dict[str | bool, ValueOffer] = {}
         for flat in self.at(path):
             for value, text in _words(flat):
@@ -84,7 +84,10 @@ class SchemaWalk:
         return list(offers.values())
 
     def dimensions(self, path: Path) -> tuple[Dimension, ...]:
-        """Return the physical dimensions that quantities at a path can have. Return an empty tuple if no value has a unit."""
+        """Return the physical dimensions that quantities at a path can have.
+
+        Return an empty tuple if values at this path do not have units.
+        """
         return _dimensions(self.at(path))
 
     def parameters_of(self, part: str) -> list[str]:
@@ -92,7 +95,7 @@ class SchemaWalk:
         return list(self._definition(f"params of {part}").get("properties", {}))
 
     def needed_parameters(self, part: str) -> dict[str, Any]:
-        """Return the names of the required parameters of a part, each with an example of a valid value."""
+        """Return the names of the required parameters of a part, with an example value for each parameter."""
         schema = self._definition(f"params of {part}")
         needed: dict[str, Any] = {}
         for name in schema.get("required", ()):
@@ -104,7 +107,7 @@ class SchemaWalk:
         return needed
 
     def mounts_of(self, component: str) -> list[tuple[str, str]]:
-        """Return references to the default mounts of the part that a component uses, with descriptions of the mounts."""
+        """Return references to the default mounts of a component's part, with descriptions of the mounts."""
         part = self.scalars.get(("components", component, "part"))
         attach = {} if part is None else self._definition(f"mounts of {part}")
         mounts = attach.get("else", attach).get("properties", {})
@@ -119,7 +122,7 @@ class SchemaWalk:
         return definition
 
     def _flat(self, schema: Any, path: Path, met: tuple[str, ...] = ()) -> list[Schema]:
-        """Return a subschema, all schemas that it refers to, and the branches of its conditions that apply to the document."""
+        """Return a subschema, all schemas to which the subschema refers, and the branches of conditions that apply to the document."""
         if not isinstance(schema, dict):
             return []
         flats = [schema]
@@ -141,7 +144,7 @@ class SchemaWalk:
         return node
 
     def _holds(self, condition: Schema, path: Path) -> bool:
-        """Return whether the document satisfies a condition of the schema about keys and plain values."""
+        """Return whether the document satisfies a condition of the schema. Conditions can only concern keys and scalars."""
         if "anyOf" in condition and not any(self._holds(one, path) for one in condition["anyOf"]):
             return False
         there = self.keys.get(path, ())
@@ -154,12 +157,12 @@ class SchemaWalk:
 
 
 def described(flats: list[Schema]) -> str:
-    """Return the first description in the schemas that describes the whole value. Descriptions of single possible values are ignored."""
+    """Return the first description of a value in the schemas. Descriptions of single choices are ignored."""
     return next((str(flat["description"]) for flat in flats if flat.get("description") and "const" not in flat), "")
 
 
 def described_as(flats: list[Schema], value: str) -> str:
-    """Return the description that a schema gives for a value. Return an empty string if the schema does not list the value."""
+    """Return the description of one choice in the schemas, or an empty string if the schemas do not list this value."""
     return next((text for flat in flats for word, text in _words(flat) if word == value and text), "")
 
 
@@ -174,7 +177,7 @@ def _children(schema: Schema, step: str | int) -> Iterator[Any]:
 
 
 def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
-    """Return whether a key can be added to a mapping that has the keys `there`. Only rules about keys are checked."""
+    """Return whether a key can be added to a mapping that already has the keys `there`. Only rules about keys are checked."""
     if name not in schema.get("properties", {}):
         return True
     together = {*there, name}
@@ -194,20 +197,20 @@ def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
 
 
 def _one_of_which(schema: Schema, there: set[str]) -> Iterator[str]:
-    """Yield the keys of a group of keys from which exactly one is required. Yield nothing if the mapping already has one of them."""
+    """Yield the keys of which a mapping must contain exactly one. Yield nothing if the mapping already contains one of these keys."""
     choices = [branch["required"] for branch in schema.get("oneOf", ()) if set(branch) == {"required"}]
     if not any(there >= set(choice) for choice in choices):
         yield from (choice[0] for choice in choices if len(choice) == 1)
 
 
 def _of_mapping(schema: Schema) -> bool:
-    """Return whether the schema allows mappings as values: it describes a mapping, or does not restrict its values."""
+    """Return whether the schema allows a mapping, because the schema describes a mapping or does not restrict the value."""
     kind = schema.get("type")
     return kind == "object" or (kind is None and not any(word in schema for word in ("const", "enum", "pattern")))
 
 
 def _words(schema: Schema) -> Iterator[tuple[str | bool, str]]:
-    """Yield the words that a schema lists as possible values, with their descriptions."""
+    """Yield the choices that a schema lists as possible values, with their descriptions."""
     text = str(schema.get("description", ""))
     if isinstance(schema.get("const"), (str, bool)):
         yield schema["const"], text
@@ -224,9 +227,9 @@ _ALL = {unit[2] for unit in UNITS.values()} - {NUMBER}
 
 
 def _dimensions(flats: list[Schema]) -> tuple[Dimension, ...]:
-    """Return the physical dimensions of the quantities that the patterns of schemas accept.
+    """Return the physical dimensions of the quantities that match the patterns in schemas. The function tries all single units.
 
-    The dimensions are determined by testing single units, or else from the examples in the schema.
+    If no unit matches, the dimensions of the examples in the schema are returned.
     """
     dimensions: dict[Dimension, None] = {}
     for schema in flats:

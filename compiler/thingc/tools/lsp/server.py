@@ -1,11 +1,11 @@
-"""The language server. It exchanges messages of the Language Server Protocol (LSP) with an editor over standard input and output.
+"""The language server. The server exchanges messages of the Language Server Protocol (LSP) with an editor over standard input and output.
 
-`FEATURES` maps each request to a function `feature(analysis, text, place, params)` of a module in this folder. `analysis` is the analysis
-of the document (`analysis.Analysis`). If its text cannot be parsed, `analysis.known` has the names of the last parsable text. `text` is its
-text, `place` the cursor as in a `Span` (line 1, column 1 for requests without a position), and `params` the parameters as plain JSON. The
-result is plain JSON in the form of LSP; `analysis.lines().range(span)` converts ranges, `analysis.uri(path)` paths. A feature that fails
-raises `RenameRefused` with a message for the user. To add a feature, write a function and add it to `FEATURES`, with its LSP server
-options, if any.
+`FEATURES` maps each request to a function `feature(analysis, text, place, params)` of a module in this folder. `analysis` is the
+`analysis.Analysis` of the document. If the text cannot be parsed, `analysis.known` contains the names of the last parsable text. `text` is
+the text of the document, and `place` is the position of the cursor (line 1, column 1 for requests without a position). `params` are the
+parameters of the request as JSON values. The result consists of JSON values in the format of LSP. Convert spans with
+`analysis.lines().range(span)`, and paths with `analysis.uri(path)`. If a feature fails, raise `RenameRefused` with a message for the user.
+To add a feature, write a function and add the function to `FEATURES`, with the LSP server options, if any.
 
 Only this module uses pygls.
 """
@@ -41,10 +41,11 @@ NOT_INITIALIZED = -32002
 
 
 class Feature(FrozenStruct):
-    """The handler of an LSP request, given as `module:function` in this folder, and the LSP server options of the request.
+    """The handler of an LSP request, as `module:function` in this folder, and the LSP server options for the request.
 
-    If `document` is false, the request is not about a document (for example workspace symbols), and the analysis of the last document is
-    used. With `everywhere`, `analysis.open` contains all open texts, not only the texts that the document depends on.
+    If `document` is false, the request does not concern a document. For example, a request for workspace symbols uses the analysis of the
+    last document. If `everywhere` is true, `analysis.open` contains all open texts. Otherwise, it contains only texts on which the document
+    depends.
     """
 
     answer: str
@@ -54,7 +55,7 @@ class Feature(FrozenStruct):
 
 
 LEGEND = {"tokenTypes": ["parameter", "variable", "function", "number", "keyword"], "tokenModifiers": []}
-"""The legend of semantic tokens, in the order of `navigation.TOKENS`. Units are keywords."""
+"""The legend of semantic tokens, in the order of `navigation.TOKENS`. Units are sent as keywords."""
 
 FEATURES: dict[str, Feature] = {
     "textDocument/codeAction": Feature(answer="code_actions:actions", options={"codeActionKinds": ["quickfix"]}),
@@ -74,13 +75,14 @@ FEATURES: dict[str, Feature] = {
     "textDocument/semanticTokens/full": Feature(answer="navigation:tokens", options=LEGEND),
     "workspace/symbol": Feature(answer="navigation:workspace_symbols", document=False, everywhere=True),
 }
-"""Handlers by LSP request."""
+"""Maps LSP requests to their handlers."""
 
 
 def serve(options: Options, version: str, refused: Callable[[Exception], Diagnostic], stdin: BinaryIO, stdout: BinaryIO) -> bool:
-    """Run the language server until the editor disconnects. Return whether the editor sent `shutdown` before it disconnected.
+    """Run the language server until the editor disconnects. Return whether the editor sent the request `shutdown` before it disconnected.
 
-    `options` specify the store. The editor specifies whether code may run. `refused` converts an exception to a diagnostic.
+    `options` specify the store. The editor specifies whether part code may run. The function `refused` converts an exception to a
+    diagnostic.
     """
     from lsprotocol import types
     from pygls.lsp import get_method_options_type
@@ -117,7 +119,7 @@ def serve(options: Options, version: str, refused: Callable[[Exception], Diagnos
 
 
 def _notify(server: LanguageServer, answering: _Answering) -> None:
-    """Register the handlers of the notifications that documents were opened, changed, saved or closed."""
+    """Register handlers for the notifications that a document was opened, changed, saved or closed."""
     from lsprotocol import types
 
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
@@ -153,14 +155,14 @@ def _server(version: str) -> LanguageServer:
     logging.getLogger("pygls").propagate = False
 
     class Protocol(LanguageServerProtocol):
-        """An LSP protocol of pygls that sends results without conversion, because the results are plain JSON values."""
+        """A subclass of pygls' LSP protocol that sends results without conversion, because the results are already JSON values."""
 
         def get_result_type(self, method: str) -> Any:  # type: ignore[override]
-            """Return the type of a result, or None to send it without conversion."""
+            """Return the type of a result, or None to send the result without conversion."""
             return None if method in FEATURES else super().get_result_type(method)
 
         def structure_message(self, data: dict[str, Any]) -> Any:
-            """Convert a message of the editor to Python objects. If a request is invalid, answer it with an error."""
+            """Convert a message of the editor to Python objects. If the message is an invalid request, send an error response."""
             try:
                 return super().structure_message(data)
             except JsonRpcException as fault:
@@ -169,10 +171,10 @@ def _server(version: str) -> LanguageServer:
                 raise
 
     class Quiet(LanguageServer):
-        """A language server of pygls that does not show internal errors to the user."""
+        """A subclass of pygls' language server that does not show internal errors to the user."""
 
         def report_server_error(self, error: Exception, source: Any) -> None:
-            """Log errors of the protocol, which the editor also receives as responses."""
+            """Log a protocol error, which the editor also receives as a response."""
             logging.getLogger("thingc.tools.lsp").debug("%s: %s", source, error)
 
     return Quiet(
@@ -189,9 +191,9 @@ def _handler(answering: _Answering, feature: Feature, plain: Callable[[Any], Any
 
 
 class _Answering:
-    """The open documents of an editor, and the thread that analyses the documents and answers the requests of the editor in order.
+    """The open documents of an editor, and a thread that analyses the documents and answers the editor's requests in order.
 
-    There are no documents before `begin`.
+    Before the method `begin` is called, there are no documents.
     """
 
     def __init__(self) -> None:
@@ -200,7 +202,7 @@ class _Answering:
         self._recent = ""
 
     def begin(self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic]) -> None:
-        """Create the collection of open documents at the first call. Later calls have no effect."""
+        """Create the collection of open documents. Only the first call has an effect."""
         if self._opened is None:
             self._opened = OpenDocuments(options, publish, refused, self._wake)
 
@@ -234,7 +236,7 @@ class _Answering:
             self._wake()
 
     async def answered(self, feature: Feature, params: dict[str, Any]) -> Any:
-        """Answer a request of the editor after all earlier requests were answered. Raises `JsonRpcException`."""
+        """Answer a request of the editor after all earlier requests have been answered. Raises `JsonRpcException` if the request fails."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, partial(self._answer, feature, params))
 
     def _answer(self, feature: Feature, params: dict[str, Any]) -> Any:
@@ -268,4 +270,4 @@ class _Answering:
 
     def _work(self) -> None:
         if self._opened is not None and self._opened.next():
-            self._wake()  # after waiting requests
+            self._wake()  # run after the requests that are already waiting

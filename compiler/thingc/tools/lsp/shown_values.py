@@ -1,4 +1,4 @@
-"""Compute the values that an editor displays: parameters and expressions, inlay hints, and the frames of mounts."""
+"""Compute the values that an editor displays: parameters, expressions, inlay hints and frames of mounts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.schemas.parameter_schemas import symbols_of
 
 MAX_ITEMS = 1000
-"""Maximum number of items of a `repeat` that are evaluated."""
+"""Maximum number of items of a `repeat`. Further items are ignored."""
 
 
 def parameters_of(analysis: Analysis) -> Mapping[str, ExpressionValue]:
@@ -30,9 +30,9 @@ def parameters_of(analysis: Analysis) -> Mapping[str, ExpressionValue]:
 
 
 def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[ExpressionValue, ...]:
-    """Evaluate the quantity or expression at a path in the document. Return an empty tuple if it is invalid.
+    """Evaluate the quantity or expression at a path in the document. Return an empty tuple for an invalid text.
 
-    Inside a `repeat`, return the values for the first and the last item if they differ.
+    Inside a `repeat`, return the values for the first and the last item if these values differ.
     """
     parameters, tree = parameters_of(analysis), analysis.known.tree
     expression = text.lstrip().startswith("=")
@@ -50,7 +50,7 @@ def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[Expr
 
 
 def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
-    """Return the lower and upper bound, in SI units, of the parameter of a part or nested document at the cursor.
+    """Return the lower and upper bound, in SI units, of the parameter at the cursor, which belongs to a part or nested document.
 
     Unknown bounds are infinite.
     """
@@ -73,7 +73,7 @@ def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
 
 
 def parse_expression_value(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
-    """Parse a quantity, or evaluate an expression that contains the given names. Return None if the text is neither."""
+    """Parse a quantity, or evaluate an expression that can contain the given names. Return None if the text is invalid."""
     try:
         stripped = text.strip()
         return evaluate(parse_expression(stripped), names) if stripped.startswith("=") else parse_quantity(stripped)
@@ -90,7 +90,7 @@ def _worked_out(tree: MappingNode | None) -> dict[str, ExpressionValue]:
     waiting = {} if tree is None else {name: one.value for name, one in symbols_of(tree).parameters.items()}
     known: dict[str, ExpressionValue] = {}
     growing = True
-    while growing:  # parameters can be in any order: each pass evaluates those whose names are known
+    while growing:  # parameters can be in any order: each iteration evaluates parameters whose names are known
         growing = False
         for name, text in list(waiting.items()):
             value = parse_expression_value(text, known)
@@ -107,7 +107,7 @@ _TYPE = 1
 def hints(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the inlay hints for a range of the document, which show the values of expressions.
 
-    If the text cannot be parsed, the hints are computed from the last parsable text for lines that have not changed.
+    If the text cannot be parsed, hints for unchanged lines are computed from the last parsable text.
     """
     known = analysis.known
     if known.tree is None:
@@ -135,7 +135,8 @@ Steps = tuple[str, ...]
 def frame_words(analysis: Analysis, reference: str) -> str:
     """Format the frame of the mount `component.mount` relative to its component: `(12, 0, 30) mm, z along +y`.
 
-    Return an empty string if unknown. A mount in a nested assembly is relative to its part, whose name is included.
+    Return an empty string for an unknown mount. For a mount in a nested assembly, the text contains the part to which the frame is
+    relative.
     """
     model = analysis.known.model
     place = None if model is None else _found(analysis.known, model, reference.split("."), ())
@@ -151,12 +152,12 @@ def in_words(pose: Pose) -> str:
 
 
 def length_words(vector: Vector) -> str:
-    """Format a position, given in metres, in millimetres: `(12, 0, 30) mm`."""
+    """Convert a position from metres to a text in millimetres, such as `(12, 0, 30) mm`."""
     return f"({', '.join(_short(1000.0 * value) for value in vector)}) mm"
 
 
 def _found(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], above: Steps) -> tuple[Pose, Steps] | None:
-    """Return the frame of a mount, and the path of the component to which the frame is relative. Return None if the mount is unknown."""
+    """Return the frame of a mount, and the path of the component to which the frame is relative. Return None for an unknown mount."""
     component = next((one for one in model.components if one.name == steps[0]), None)
     rest = steps[1:]
     if component is None or not rest:
@@ -175,7 +176,7 @@ def _found(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], 
 
 
 def direction_words(direction: Vector) -> str:
-    """Format the direction of a unit vector: `+x`, `-z`, `(0.6, 0, 0.8)`."""
+    """Format a unit vector as a direction: `+x`, `-z`, `(0.6, 0, 0.8)`."""
     for axis, value in zip("xyz", direction, strict=True):
         if abs(value) > 1.0 - 1e-9:
             return f"{'+' if value > 0 else '-'}{axis}"
