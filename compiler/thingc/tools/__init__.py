@@ -1,1 +1,1 @@
-"""The commands of thingc, its language server, importers of other formats, and reports."""
+"""The commands of thingc, the language server, importers of other formats, and reports."""

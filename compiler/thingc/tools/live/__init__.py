@@ -1,1 +1,1 @@
-"""Rebuild a document after every save, and show the robot in a browser."""
+"""Rebuild a document after every save of a file, and show the robot in a browser."""

@@ -1,7 +1,7 @@
-"""Rebuild a document whenever a file that it depends on is saved. The worker processes keep the geometry kernel loaded between rebuilds.
+"""Rebuild a document whenever a file on which it depends is saved. The worker processes keep the geometry kernel loaded between rebuilds.
 
-Each rebuild is called a round. A round gives the same result as a single build. A round reuses cached results of pure functions (`memo`).
-It also reuses the geometry service unless files of parts have changed. If files change during a round, the loop discards the result and
+Each rebuild is called a round. A round gives the same result as a single build, but reuses cached results of pure functions. Unless Python
+files of parts have changed, a round also reuses the geometry service. If files change during a round, the loop discards the result and
 starts the next round immediately.
 """
 
@@ -32,31 +32,31 @@ from thingc.geometry.store.local import BlobMissing, Store
 from thingc.targets.artifact import MANIFEST, Content
 
 PAUSE = 0.01
-"""Polling interval [s]."""
+"""Interval [s] at which files are checked for changes."""
 QUIET = 0.03
-"""Time [s] without saves before a round starts. Editors save in several steps and may save several files."""
+"""Time [s] without changes of files before a round starts, because editors save in several steps and can save several files."""
 IMPATIENT = 1.0
-"""Time [s] after the start of a round during which a save does not interrupt it. After this time, a save ends the workers."""
+"""Time [s] after the start of a round during which a save does not interrupt the round. A later save ends the worker processes."""
 ABSENT = 0.3
-"""Time [s] to wait for a file that is suddenly missing or empty. It is probably being replaced."""
+"""Time [s] to wait for a file that is suddenly missing or empty, because an editor is probably replacing the file."""
 CLOCK = 0.02
-"""Tolerance [s] for the resolution of file times."""
+"""Tolerance [s] for comparing file times, because their resolution is limited."""
 
 
 class Rebuild(FrozenStruct):
     """The result of one rebuild after a save.
 
     Attributes:
-        saved: The absolute paths of the changed files. Empty in the first round.
+        saved: The absolute paths of the saved files. In the first round, this tuple is empty.
         seconds: The duration [s] from the last save to the end of the round.
-        good: Whether the round has no errors.
-        folder: The build folder, or None after errors or if the loop writes no files.
+        good: Whether the robot was rebuilt without errors.
+        folder: The build folder, or None after errors or if the loop does not write files.
         built: The result of the build, if any.
-        changed: The artifacts that have been changed or removed since the last good round, by path in the folder.
-        recovered: Whether the previous round had errors and this round has no errors.
-        kept: Whether this round has errors, so the folder contains the output of an earlier round.
-        modelled: The labels of the parts that were built in this round, including interrupted attempts, by definition text.
-        kernel: The part of `seconds` during which parts were built.
+        changed: The paths of the outputs that were added, changed or removed since the last round without errors.
+        recovered: Whether this round is without errors, but the previous round had errors.
+        kept: Whether the build folder still contains the output of an earlier round, because this round has errors.
+        modelled: The labels of the parts that were built, also in interrupted attempts, keyed by definition text.
+        kernel: The time [s] in `seconds` during which parts were built.
     """
 
     number: int
@@ -74,12 +74,12 @@ class Rebuild(FrozenStruct):
 
 
 class RebuildLoop:
-    """A context manager that rebuilds a document after every save, in rounds. It ends the worker processes on exit.
+    """A context manager that rebuilds a document after every save. On exit, the worker processes are ended.
 
-    The function `wish` returns the build request or errors. The loop calls `wish` in every round, because the settings of the workspace can
-    change. The function `refused` converts an exception to a diagnostic. The loop calls `on_wait` if another build of the folder is in
-    progress. It writes the build folder only if `writes` is true. `turn` is a lock that each round acquires, so that loops of several
-    documents do not run at the same time.
+    In every round, the loop calls the function `wish`, which returns the build request or errors, because the settings of the workspace can
+    change. The function `refused` converts an exception to a diagnostic. The loop calls the function `on_wait` while another process builds
+    the same folder. Only if `writes` is true, the loop writes the build folder. Each round acquires the lock `turn`, so that the loops of
+    several documents do not run at the same time.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class RebuildLoop:
         self._workers.end()
 
     def rounds(self, stop: threading.Event) -> Iterator[Rebuild]:
-        """Yield the result of the first build, and then of a rebuild after every save, until `stop` is set."""
+        """Yield the result of the first build, and then the result of a rebuild after every save, until `stop` is set."""
         saved: tuple[str, ...] = ()
         first = True
         for files in looks(self._watched.changed, stop, PAUSE):
@@ -130,12 +130,12 @@ class RebuildLoop:
                 saved = self._settled(saved)
             with self._turn:
                 made, more = self._round(saved)
-            if more:  # files changed during the round, so the round may have read both versions
+            if more:  # files changed during the round, so the round may have read old and new files
                 saved = tuple(dict.fromkeys((*saved, *more)))
                 continue
             self._modelled = {}
             yield made
-            if first:  # prepare for the next round
+            if first:  # load modules and the geometry kernel before the next round
                 if made.built is not None and made.built.compilation.decisions:
                     self._workers.warm()
                 for module in self.options.ahead:
@@ -144,16 +144,16 @@ class RebuildLoop:
             gc.collect()
 
     def _small(self, saved: tuple[str, ...]) -> bool:
-        """Return whether only one file was saved, and whether it is a nonempty document or file of parts.
+        """Return whether exactly one file was saved, which is a nonempty document or Python file of parts.
 
-        The next round then starts without a delay.
+        In this case, the next round starts without a delay.
         """
         one = saved[0] if len(saved) == 1 else ""
         of_parts = self._geometry is not None and one in self._geometry.inputs
         return (one in self._documents or of_parts) and (_time_and_size(one) or (0.0, 0))[1] > 0
 
     def _settled(self, saved: tuple[str, ...]) -> tuple[str, ...]:
-        """Wait until no file has been saved for the time `QUIET`. Return all saved files."""
+        """Wait until no file has been saved for the time `QUIET`. Return the paths of all saved files."""
         began = time.monotonic()
         while True:
             absent = any((_time_and_size(path) or (0.0, 0))[1] == 0 for path in saved) and time.monotonic() - began < ABSENT
@@ -163,7 +163,7 @@ class RebuildLoop:
             saved = tuple(dict.fromkeys((*saved, *self._watched.changed())))
 
     def _round(self, saved: tuple[str, ...]) -> tuple[Rebuild, tuple[str, ...]]:
-        """Rebuild the document once. Return the result, and the files that were saved during the rebuild.
+        """Rebuild the document once. Return the result, and the paths of the files that were saved during the rebuild.
 
         If files were saved during the rebuild, the build folder was not written.
         """
@@ -222,15 +222,15 @@ class RebuildLoop:
                 self.environment = Environment(self.document, self.options, self._lent, self._memo)
                 return build_document.build(self.environment, wish)
             finally:
-                self._workers.forget()  # needed if the build ended early
+                self._workers.forget()  # necessary if the build was interrupted
                 if self._geometry is not None and self._geometry.wanted:
                     self._last_geometry = self._geometry
 
     @contextlib.contextmanager
     def _abandoning(self) -> Iterator[None]:
-        """End the worker processes if a watched file is saved after the time `IMPATIENT`. Store the saved files in `_abandoned`.
+        """A context manager that ends the worker processes if a watched file is saved after the time `IMPATIENT`.
 
-        Without this method, a part that never finishes would block the next round.
+        The paths of the saved files are stored in `_abandoned`. Without this method, a part that takes too long would block the next round.
         """
         before = {path: stat_of(path) for path in self._watched.paths}
         done = threading.Event()
@@ -255,7 +255,7 @@ class RebuildLoop:
                 self._workers, self._geometry = self._fresh_workers(), None
 
     def _lent(self, workspace: Workspace, store: Store) -> GeometryService:
-        """Return the geometry service of the last round if it can be reused. Otherwise, return a new geometry service."""
+        """Return the geometry service of the last round, or a new geometry service if the last service cannot be reused."""
         if self._geometry is None or self._geometry.workspace != workspace:
             self._geometry = geometry_of(workspace, self.options, store, workers=self._workers)
             if self._last_geometry is not None:
@@ -263,7 +263,10 @@ class RebuildLoop:
         return self._geometry
 
     def _look(self, clock: float, built: BuildResult | None) -> tuple[str, ...]:
-        """Watch all files that this round has read. Return the files that were saved since the round started, at the time `clock` [s]."""
+        """Watch all files that this round has read.
+
+        Return the paths of the files that were saved since the start of the round, the time `clock` [s].
+        """
         assert self.environment is not None
         nothing = pipeline.Compilation(settings=pipeline.settings_of(self.options), report=Report())
         compilation = built.compilation if built is not None else nothing
@@ -280,7 +283,7 @@ class RebuildLoop:
 
 
 def _modelled(built: BuildResult | None) -> dict[str, str]:
-    """Return the labels of the parts that were built, keyed by the text of the part definition."""
+    """Return the labels of the newly built parts, keyed by the text of the part definition."""
     if built is None:
         return {}
     assembly, texts = built.compilation.assembly, built.compilation.modelled
@@ -289,7 +292,7 @@ def _modelled(built: BuildResult | None) -> dict[str, str]:
 
 
 def _unquiet(saved: Sequence[str]) -> float:
-    """Return how long to wait [s] until the saved files have been unchanged for the time `QUIET`. File times in the future are ignored."""
+    """Return the time [s] after which the saved files will have been unchanged for `QUIET`. File times in the future are ignored."""
     since = time.time() - max((stat[0] for path in saved if (stat := _time_and_size(path)) is not None), default=0.0)
     return QUIET - since if 0.0 <= since < QUIET else 0.0
 

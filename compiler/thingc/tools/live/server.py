@@ -1,7 +1,8 @@
-"""An HTTP server for the web page that shows a robot and updates after every save. Only browsers on this machine can connect.
+"""An HTTP server for the web page that shows a robot and updates after every save.
 
-The server listens on the loopback interface. Every address starts with a secret token, requests for other host names are refused (DNS
-rebinding), and other pages cannot read the responses. It serves only content in memory, and no files.
+The server listens on the loopback interface, so only browsers on this machine can connect. Every URL path starts with a secret token.
+Requests for other host names are refused, to prevent DNS rebinding. Web pages of other servers cannot read the responses. The server does
+not serve files, but only content in memory.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from thingc.targets.html.emit import Page, waiting
 
 LOOPBACK = "127.0.0.1"
 SILENCE = 15.0
-"""Interval [s] of empty events that are sent to detect closed connections."""
+"""Interval [s] at which empty events are sent, to detect closed connections."""
 
 IDLE = 32
 """Maximum number of idle connections; a browser uses at most six."""
@@ -45,20 +46,19 @@ Finding = Mapping[str, object]
 
 
 class _Shown(FrozenStruct, kw_only=False):
-    """The state of one robot on the web page: the last page without errors, the number of such pages so far, and the current diagnostics.
-    """
+    """The state of one robot on the web page."""
 
     page: Page | None = None
     count: int = 0
     findings: tuple[Finding, ...] = ()
 
     def after(self, page: Page | None, findings: Sequence[Finding]) -> _Shown:
-        """Return the state of the robot after a rebuild. `page` is None if the rebuild had errors."""
+        """Return the new state after a rebuild. `page` is None if the rebuild had errors."""
         return _Shown(page or self.page, self.count + (page is not None), tuple(findings))
 
 
 class _Quiet(ThreadingHTTPServer):
-    """An HTTP server that does not report connections that the browser has closed.
+    """An HTTP server that does not report connections closed by the browser.
 
     If more than `IDLE` connections are idle, the server closes the oldest connection, so that new browsers can always connect.
     """
@@ -87,17 +87,17 @@ class _Quiet(ThreadingHTTPServer):
             self._idle.pop(connection, None)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Report an error that occurred in a connection. Lost connections are not reported."""
+        """Report an error in a connection, but do not report a lost connection."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 
 
 class Server:
-    """A context manager that serves the web page of a document over HTTP while it is active, on a free port of this machine or on `port`.
+    """A context manager that serves the web page of a document over HTTP, on `port` or on a free port of this machine.
 
-    Raises OSError if the port is in use. `editor` is passed to `Page.html`, and `document` is the path of the document. The token in the
-    address is random, unless a secret `key` is given. With a key, it depends only on the document and the port, so that open pages
-    reconnect to the next server.
+    Raises OSError if the port is in use. `editor` is passed to `Page.html`, and `document` is the path of the document. Without a secret
+    `key`, the token in the URL is random. With a key, the token depends only on the key, the document and the port, so that open pages can
+    reconnect to a new server.
     """
 
     def __init__(self, port: int = 0, editor: str | None = None, document: str = "", key: bytes | None = None) -> None:
@@ -140,8 +140,8 @@ class Server:
     def tell(self, page: Page | None, seconds: float, findings: Sequence[Finding], *, kernel: float = 0.0) -> None:
         """Send the result of a rebuild of the document to all browsers.
 
-        After errors, `page` is None, and browsers continue to show the last page without errors. `seconds` is the duration of the rebuild,
-        and `kernel` is the time in the rebuild for building parts [s].
+        After errors, `page` is None, and browsers continue to show the last page without errors. `seconds` is the duration of the rebuild
+        [s], of which building parts took the time `kernel` [s].
         """
         with self._news:
             self._own = self._own.after(page, findings)
@@ -150,7 +150,7 @@ class Server:
             self._news.notify_all()
 
     def tell_against(self, page: Page | None, findings: Sequence[Finding] = ()) -> None:
-        """Send the result of a rebuild of the overlay to all browsers. Browsers receive it after the first rebuild of the document."""
+        """Send the result of a rebuild of the overlay to all browsers. Before the first rebuild of the document, nothing is sent."""
         with self._news:
             self._other = self._other.after(page, findings)
             self._number += 1 if self._number > 0 else 0
@@ -161,12 +161,12 @@ class Server:
         return host in (f"{LOOPBACK}:{self.port}", f"localhost:{self.port}")
 
     def inside(self, path: str) -> str | None:
-        """Return the part of the path of an HTTP request that follows the secret token. Return None if the token is wrong."""
+        """Return the path of an HTTP request without the secret token. Return None if the token is wrong."""
         word, slash, rest = path.partition("?")[0].removeprefix("/").partition("/")
         return rest if slash and hmac.compare_digest(word.encode(), self._token.encode()) else None
 
     def content(self, name: str) -> tuple[str, bytes] | None:
-        """Return the content type and the content of the resource with this name. Return None if it does not exist."""
+        """Return the content type and the content of the resource with this name. Return None if the resource does not exist."""
         with self._news:
             page, other = self._own.page, self._other.page
             stand = f"{self._run} {self._own.count} {self._other.count}"
@@ -178,8 +178,8 @@ class Server:
     def news(self, after: int) -> tuple[int, str] | None:
         """Wait until the number of events is greater than `after`.
 
-        Return this number and the state of the page as JSON, or None when the server closes. If no event occurs for the time `SILENCE`, the
-        number is still `after`.
+        Return the number of events and the state of the page as JSON, or None when the server closes. If no event occurs within the time
+        `SILENCE`, the number is `after`.
         """
         with self._news:
             self._news.wait_for(lambda: self._closed or self._number > after, SILENCE)
@@ -188,7 +188,7 @@ class Server:
     def _told(self) -> str:
         """Return the current state of the page as JSON.
 
-        `run` identifies the server. `build` and `against` are the numbers of pages so far.
+        `run` identifies the server process. `build` and `against` count the pages of the document and of the overlay.
         """
         own, other = self._own, self._other
         findings = [*own.findings, *(one for one in other.findings if one not in own.findings)]
@@ -212,7 +212,10 @@ def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) 
 
 
 def _location_json(span: Span | None, workspace: Workspace | None) -> dict[str, object]:
-    """Return the `file` (path in the workspace) and the `line` of a source location. Both are null if the location is not in a file."""
+    """Convert a source location to a JSON object with `file` (path in the workspace) and `line`.
+
+    Both are null if the location is not in a file.
+    """
     if span is None or span.option is not None or workspace is None:
         return {"file": None, "line": None}
     return {"file": workspace.relative(span.file), "line": span.line}
@@ -230,7 +233,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = 60.0
 
     def handle_one_request(self) -> None:
-        """Wait for a request and answer it."""
+        """Wait for an HTTP request and send the response."""
         self.server.wait(self.connection)
         try:
             super().handle_one_request()
@@ -238,11 +241,11 @@ class _Handler(BaseHTTPRequestHandler):
             self.server.wait_no_more(self.connection)
 
     def do_GET(self) -> None:
-        """Answer a GET request with the requested content."""
+        """Respond to a GET request with the requested content."""
         self._answer(body=True)
 
     def do_HEAD(self) -> None:
-        """Answer a HEAD request like a GET request, but without the content."""
+        """Respond to a HEAD request as to a GET request, but without the content."""
         self._answer(body=False)
 
     def log_message(self, *_: Any) -> None:

@@ -225,7 +225,7 @@ class _Asked:
                 yield replace(one, shown=one.shown[len(head) :], text=one.text[len(head) :], start=start)
 
     def _counted(self) -> Iterator[CompletionItem]:
-        """Yield references that contain the index variable of a `repeat`, such as `plate.screw_$i` for the mounts `plate.screw_0`, `plate.screw_1`, ...
+        """Yield references that contain the index variable of a `repeat`, such as `plate.screw_$i` for the mounts `plate.screw_0` to `_3`.
         """
         path = self.cursor.path
         index = self.cursor.scalars.get((*path[:2], "repeat", "as"), "i") if "repeat" in self.cursor.keys.get(path[:2], ()) else None

@@ -1,1 +1,1 @@
-"""Format reports for other programs: GitHub annotations, SARIF, and the pages of `thingc explain`."""
+"""Format diagnostics as GitHub annotations or SARIF, and format the output of `thingc explain`."""

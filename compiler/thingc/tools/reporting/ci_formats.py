@@ -1,10 +1,11 @@
-"""Format diagnostics for continuous integration: as SARIF 2.1.0 (OASIS), or as annotations of GitHub Actions.
+"""Format diagnostics for continuous integration, either as SARIF 2.1.0 (OASIS) or as GitHub Actions annotations.
 
-In SARIF, diagnostics with a location are results. Diagnostics without a location are notifications of the invocation, because readers
-reject results without a location.
+In SARIF, diagnostics with a source location become results. Diagnostics without a source location become notifications of the invocation,
+because programs that read SARIF reject results without a location.
 
-Annotations follow GitHub's "Workflow commands for GitHub Actions" (`::error file=...,line=...::message`). As in GitHub's toolkit, `%`, CR
-and LF are escaped in messages and properties, and `:` and `,` also in properties. Each diagnostic becomes one annotation.
+Annotations have the format of GitHub's "Workflow commands for GitHub Actions": `::error file=...,line=...::message`. As in GitHub's
+toolkit, `%`, CR and LF are escaped in messages and properties. In properties, `:` and `,` are escaped, too. Each diagnostic becomes one
+annotation.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ from thingc.base.source import Span
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 ROOT = "%SRCROOT%"
-"""Name of the base folder of relative paths, which is the repository."""
+"""SARIF name of the folder to which file paths are relative: the repository."""
 FINGERPRINT = "documentPathAndMessage/v1"
 _COMMANDS: Mapping[Severity, str] = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "notice"}
-"""Commands of GitHub Actions by severity."""
+"""Workflow commands of GitHub Actions, by severity of the diagnostic."""
 
 
 def repository(folder: str) -> str:
     """Return the absolute path of the git repository that contains `folder`.
 
-    Return the path of `folder` itself if no repository contains it.
+    If there is no repository, return the path of `folder` itself.
     """
     start = Path(os.path.abspath(folder))
     return str(next((above for above in (start, *start.parents) if (above / ".git").exists()), start))
@@ -52,8 +53,8 @@ def within(file: str, base: str) -> str | None:
 def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, documentation: str | None = None) -> str:
     """Format diagnostics as a SARIF log that contains one run.
 
-    Locations are relative to the folder `base`. `version` is the version of thingc. `documentation` is the base URL of the pages about
-    codes (`.../TC302.md`), if known.
+    File paths are relative to the folder `base`. `version` is the version of thingc. `documentation` is the URL of the folder with the
+    pages about diagnostic codes, such as `TC302.md`, if known.
     """
     placed = [d for d in diagnostics if d.span is not None]
     homeless = [d for d in diagnostics if d.span is None]
@@ -77,7 +78,7 @@ def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, docu
 
 
 def _descriptor(code: DiagnosticCode, documentation: str | None) -> dict[str, Any]:
-    """Convert a diagnostic code to a SARIF rule, which describes the code."""
+    """Convert a diagnostic code to a SARIF reporting descriptor."""
     descriptor: dict[str, Any] = {
         "id": code.code, "name": "".join(word.capitalize() for word in code.name.split("_")),
         "shortDescription": {"text": code.title[0].upper() + code.title[1:]},
@@ -115,7 +116,7 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[DiagnosticCode], base
 def _message_text(d: Diagnostic, notes: Iterable[str] | None = None) -> str:
     """Return the message, the notes and the help of a diagnostic, one per line. Control characters are escaped.
 
-    By default, the result contains only the notes without a location.
+    By default, the result contains only notes without a source location.
     """
     if notes is None:
         notes = (note.message for note in d.notes if note.span is None)
@@ -126,7 +127,7 @@ def _message_text(d: Diagnostic, notes: Iterable[str] | None = None) -> str:
 def _fingerprint(d: Diagnostic, base: str) -> str:
     """Return a hash that identifies the same diagnostic in several runs of thingc.
 
-    The hash does not depend on the line number, so it does not change when the user adds lines above the diagnostic.
+    The hash does not depend on the line number, and so does not change when the user adds lines above.
     """
     assert d.span is not None
     told = [d.code.code, within(d.span.file, base) or os.path.basename(d.span.file), d.path or "", d.message]
@@ -151,12 +152,12 @@ def _physical(span: Span, base: str) -> dict[str, Any]:
 
 
 def _encoded(path: str) -> str:
-    """Encode a path as a relative URI. The character `:` is encoded, too, because readers could parse the text before it as a scheme."""
+    """Encode a path as a relative URI. The character `:` is also encoded, because text before a `:` could be parsed as a URI scheme."""
     return quote(os.fsencode(path), safe="/")
 
 
 def as_github(diagnostics: Sequence[Diagnostic], *, base: str) -> str:
-    """Format diagnostics as annotations of GitHub Actions, one per line. The paths of files are relative to the folder `base`."""
+    """Format diagnostics as GitHub Actions annotations, one per line. File paths are relative to the folder `base`."""
     return "".join(_command(d, base) + "\n" for d in diagnostics)
 
 
@@ -178,7 +179,7 @@ def _annotation_location(span: Span, base: str) -> dict[str, str]:
 
 
 def _note(note: Note, base: str) -> str:
-    """Format a note with its location as text, because an annotation can have only one location."""
+    """Format a note and its source location as text, because an annotation can have only one location."""
     if note.span is None:
         return note.message
     return f"{note.message} ({within(note.span.file, base) or note.span.file}:{note.span.line}:{note.span.column})"

@@ -1,7 +1,7 @@
-"""Explain diagnostic codes for the command `thingc explain`: their meaning, how to fix the problem, and a wrong and a right example.
+"""Explain diagnostic codes for the command `thingc explain`: the meaning, the fix, and a wrong and a right example.
 
-The texts are in `examples.json` in this folder, which `docs/generate.py` generates from the codes and from `docs/codes`. Therefore,
-explaining a code does not import the module that defines it.
+The texts are in `examples.json` in this folder, which `docs/generate.py` generates from the codes and from `docs/codes`. Therefore, `thingc
+explain` does not have to import the modules that define codes.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from functools import cache
 from typing import Any
 
 Explanation = dict[str, Any]
-"""`code`, `name`, `title`, `meaning`, `cure`, `wrong` and `right` of a code.
+"""The keys are `code`, `name`, `title`, `meaning`, `cure`, `wrong` and `right`.
 
-An example is `{"files": {name: text}, "command", "said"}`. The document is the first file. If no document can cause the code on a working
-machine, the examples are None.
+The examples `wrong` and `right` have the form `{"files": {name: text}, "command", "said"}`, and the first file is the document. The
+examples are None if no document can cause the diagnostic.
 """
 
 
@@ -35,9 +35,9 @@ def explanations() -> list[Explanation]:
 
 
 def find(word: str) -> Explanation | None:
-    """Return the diagnostic code that a string such as `TC302`, `tc302`, `302` or `unknown_component` refers to.
+    """Return the explanation of a diagnostic code, given as `TC302`, `tc302`, `302` or `unknown_component`.
 
-    Return None if it does not exist.
+    Return None for an unknown code.
     """
     asked = word.strip().upper()
     asked = asked.removeprefix("TC") if re.fullmatch(r"TC\d+", asked) else asked
@@ -45,9 +45,9 @@ def find(word: str) -> Explanation | None:
 
 
 def near(word: str, count: int = 3) -> list[Explanation]:
-    """Return diagnostic codes that are similar to a word that is not a code.
+    """Return the explanations of diagnostic codes that are similar to an unknown code or other word.
 
-    The codes have the nearest numbers, or their titles contain the word, or their names are similar.
+    Similar codes have the nearest numbers, a title that contains the word, or a similar name.
     """
     number = re.fullmatch(r"(?:TC)?(\d+)", word.strip().upper())
     if number is not None and len(number.group(1)) == 3:
@@ -83,9 +83,9 @@ def as_page(explanation: Explanation) -> str:
 
 
 def sections() -> list[tuple[str, list[Explanation]]]:
-    """Return all diagnostic codes, grouped by section.
+    """Return the explanations of all diagnostic codes, grouped by section.
 
-    The title of a section is, for example, `TC3xx: names and values across documents`.
+    A section has a title such as `TC3xx: names and values across documents`.
     """
     found: dict[str, list[Explanation]] = {}
     for code in explanations():

@@ -1,7 +1,7 @@
 """Collect the names in an assembly document that editors suggest.
 
-They are taken from the model of the document and from its syntax tree. The model contains only valid elements. The tree also contains names
-in lines with errors, so that an error does not hide other names.
+The names are from the model of the document and from its syntax tree. The model contains only valid elements. The syntax tree also contains
+names in lines with errors.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from thingc.tools.schemas.parameter_schemas import parse_value, symbols_of, with
 
 ORIGIN = "origin"
 MAX_NAMES = 2000
-"""Maximum number of mounts, components or joints of a document that are listed."""
+"""Maximum number of suggested mounts, components or joints of a document."""
 
 Names = dict[str, str]
-"""The type of names with descriptions."""
+"""Maps names to descriptions."""
 Records = Mapping[str, PartRecord | PartFailure]
 
 
 class WrittenComponent(FrozenStruct):
-    """A component as the document defines it. If a `repeat` creates several components, they are described as one component.
+    """A component in the text of a document. The components that a `repeat` creates are described as one component.
 
     Attributes:
         label: A short description.
         what: A sentence that describes the component.
         mounts: The mounts of the component by name.
-        pattern: A pattern that matches the names of all items of the component.
-        source: The key and value that define the component (`part`, `arm:BasePlate`), or None.
-        sure: Whether `mounts` contains all mounts of the component.
-        actuator: Whether `drive` of a joint can refer to the component.
+        pattern: A regular expression that matches the names of all items of the component.
+        source: The key and the value that define the content of the component, such as `part` and `arm:BasePlate`, or None.
+        sure: Whether `mounts` is complete.
+        actuator: Whether the key `drive` of a joint can refer to the component.
     """
 
     name: str
@@ -53,9 +53,9 @@ class WrittenComponent(FrozenStruct):
 class DocumentFacts(FrozenStruct):
     """The names in a document that editors suggest, with their descriptions.
 
-    `mounts` are references (`plate.servo_seat`). `components` and `joints` are dotted paths, including nested documents. `parameters` are
-    the parameters of the document with their values. `nested_poses` are poses of nested documents by component. `materials_sure` specifies
-    whether the document can use no other material.
+    `mounts` contains references such as `plate.servo_seat`. `components` and `joints` contain dotted paths, including elements of nested
+    documents. `parameters` maps the parameters of the document to their values. `nested_poses` maps components to the poses of the nested
+    documents. `materials_sure` specifies whether `materials` is complete.
     """
 
     pieces: tuple[WrittenComponent, ...] = ()
@@ -74,9 +74,9 @@ class DocumentFacts(FrozenStruct):
 class JointFacts(FrozenStruct):
     """The description of a joint, and the properties that editors need to suggest values for the joint.
 
-    `what` is the description of the joint. `angle` specifies whether its coordinate is an angle (None: unknown, or not exactly one
-    coordinate). `settable` specifies whether poses can set the joint. `own` specifies whether the document itself, and not a nested
-    document, contains the joint.
+    `what` is the description of the joint. `angle` specifies whether the joint coordinate is an angle, and is None if this is unknown or if
+    the joint has several coordinates. `settable` specifies whether poses can set the joint. `own` is false for a joint of a nested
+    document.
     """
 
     what: str
@@ -91,7 +91,7 @@ def facts_of(
 ) -> DocumentFacts:
     """Return the names in a document that editors suggest.
 
-    `usual` are the default mounts of parts, used if the mounts of a part are unknown.
+    `usual` contains the default mounts of part classes, for parts whose mounts are unknown.
     """
     made = {} if model is None else _by_item(model)
     pieces = tuple(_piece(name, node, made.get(name, ()), records, schemas, usual) for name, node in _entries(tree, "components").items())
@@ -143,7 +143,7 @@ def _summary(node: Node) -> str:
 
 
 def _by_item(model: AssemblyDefinition) -> dict[str, tuple[Component, ...]]:
-    """Group the components of a model by their name in the document. All components that one `repeat` creates form one group."""
+    """Group the components of a model by the name in the document. The components that a `repeat` creates form one group."""
     by_place: dict[tuple[int, int], list[Component]] = {}
     for component in model.components:
         span = component.origin[0]
@@ -207,16 +207,13 @@ def _what(label: str, source: tuple[str, str] | None, made: tuple[Component, ...
 
 
 def _exact(component: Component, records: Records) -> bool:
-    """Return whether the mounts in the record of a part are those of the part.
-
-    Return False if the record is a placeholder for a part that was not built.
-    """
+    """Return False if the record of a part is only a placeholder, because the part was not built, so that its mounts can be wrong."""
     record = records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
     return not isinstance(record, PartRecord) or record.exact
 
 
 def _mounts_of(component: Component, records: Records) -> Names | None:
-    """Return the mounts of a component with their descriptions, or None if they are unknown.
+    """Return the mounts of a component with their descriptions, or None if the mounts are unknown.
 
     The name of a mount in a nested assembly includes its component, such as `cap.pen`.
     """
@@ -242,7 +239,7 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
 
 
 def usual_mounts(record: PartRecord) -> Names:
-    """Return the mounts of a built part, described as the default mounts of its class."""
+    """Return the mounts of a built part, with descriptions as default mounts of the part class."""
     return {name: _of_mount(record.text, mount.interface) for name, mount in sorted(record.mounts.items())}
 
 

@@ -1,8 +1,8 @@
 """Adapt the general JSON Schema of a kind of document to one document.
 
 The adapted schema validates names from other files: parameters and mounts of parts, parameters of nested documents, and materials of
-material documents. It suggests names in the document itself but rejects no other names, because the schema does not contain new names
-before the user saves the document.
+material documents. The schema suggests names in the document itself, but does not reject other names, because the schema does not contain
+new names before the user saves the document.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from thingc.tools.schemas.document_facts import DocumentFacts, JointFacts, Names
 from thingc.tools.schemas.parameter_schemas import DocumentSymbols, Schema, documentation, one_of, parameters_schema, part_schema, quantity
 
 OPEN = r"[*?\[$]"
-"""Characters of patterns and indices. References with these characters are validated by the compiler."""
+"""Regular expression of the characters in name patterns and indices. The compiler validates references with these characters."""
 MAX_CHECKED = 500
-"""Maximum number of names in one pattern. With more names, they are not validated."""
+"""Maximum number of names in one regular expression. Larger groups of names are not validated."""
 
 
 class SchemaContext(FrozenStruct):
-    """The names from other files that a document can use. They have the form in which the document refers to them.
+    """The names from other files that a document can use. The names are written as the document refers to them.
 
-    `parts` are the schemas of reachable parts, and `usual` their default mounts. `assemblies` and `materials` are other documents.
+    `parts` contains the schemas of available parts, and `usual` their default mounts. `assemblies` and `materials` are other documents.
     """
 
     parts: Mapping[str, PartSchema] = {}
@@ -38,17 +38,17 @@ class SchemaContext(FrozenStruct):
 
 
 def narrowed(general: Schema, facts: DocumentFacts, around: SchemaContext) -> Schema:
-    """Return the JSON Schema of an assembly document. It is an adapted copy of `general`, the JSON Schema of all assembly documents."""
+    """Adapt a copy of `general`, the JSON Schema of all assembly documents, to one assembly document."""
     return _Narrowing(copy.deepcopy(general), facts, around).done()
 
 
 def params_name(reference: str) -> str:
-    """Return the key in `$defs` under which the JSON Schema contains the parameters of a part."""
+    """Return the key in `$defs` of the schema for a part's parameters."""
     return f"params of {reference}"
 
 
 def mounts_name(reference: str) -> str:
-    """Return the key in `$defs` under which the JSON Schema contains the default mounts of a part."""
+    """Return the key in `$defs` of the schema for a part's default mounts."""
     return f"mounts of {reference}"
 
 
@@ -58,7 +58,7 @@ def _ref(name: str) -> Schema:
 
 
 class _Narrowing:
-    """Adapts the JSON Schema of one document. Each method adapts the schema of one section of the document."""
+    """Adapts a JSON Schema to one document. Each method adapts the schema of one section of the document."""
 
     def __init__(self, schema: Schema, facts: DocumentFacts, around: SchemaContext) -> None:
         self.schema = schema
@@ -95,10 +95,10 @@ class _Narrowing:
         self._put(model, key, one_of(choices))
 
     def _plain(self, model: str, title: str) -> Schema:
-        """Return a reference to the JSON Schema of a pydantic model, which accepts any value of the model. `title` becomes its title.
+        """Return a reference to the JSON Schema of a pydantic model. `title` becomes the title of the schema.
 
-        This function moves the description from the definition to the returned schema, because in the definition it hides the descriptions
-        of named values.
+        The description is moved from the definition to the returned schema, because in the definition it would hide the descriptions of
+        named values.
         """
         self.definitions[model]["title"] = title
         return {**_ref(model), "title": title, "description": self.definitions[model].pop("description", "")}
@@ -122,7 +122,7 @@ class _Narrowing:
             self._put(model, "drive", {"anyOf": [*inline, one_of(drives)]})
 
     def _known_mounts(self) -> Iterable[Schema]:
-        """Yield a pattern for each group of components whose mounts are known and equal.
+        """Yield a schema with a pattern for each group of components with equal, known mounts.
 
         A reference to one of these components must match the pattern.
         """
@@ -185,15 +185,15 @@ class _Narrowing:
             self.definitions["ComponentSpec"]["allOf"] = rules
 
     def _attach(self, mounts: Names, *, sure: bool) -> Schema:
-        """Return the JSON Schema of the key `attach` of a component with these mounts.
+        """Return the JSON Schema of the key `attach` of a component with the given mounts.
 
-        Mounts are keys in the short form of `attach`, and values of `mount` in the full form.
+        In the short form of `attach`, the mounts are keys. In the full form, a mount is the value of the key `mount`.
         """
         own = {name: {**_ref("mount"), "description": text} for name, text in mounts.items()}
         short: Schema = {"properties": own}
         full = one_of(mounts.items())
         if sure:
-            # the compiler checks `hip_$i` and `cap.pen`
+            # the compiler validates names such as `hip_$i` and `cap.pen`
             short |= {"patternProperties": {rf"{OPEN}|\.": True}, "additionalProperties": False, "maxProperties": 1}
             full["pattern"] = rf"^({'|'.join(re.escape(name) for name in sorted(mounts))})$|{OPEN}|\."
             full["patternErrorMessage"] = f"there is no such mount; there are {quoted(sorted(mounts), 12)}"
@@ -202,7 +202,7 @@ class _Narrowing:
     def _components(self) -> None:
         """Adapt the JSON Schema of the existing components to their mounts.
 
-        The schema is valid until the user changes the part of a component.
+        If the user changes the part of a component, these rules no longer apply to the component.
         """
         section = self.properties["components"]
         known: Schema = {}
@@ -278,8 +278,8 @@ class _Narrowing:
     def _tests(self) -> None:
         """Adapt the schema of the section `tests` to the names in the document.
 
-        A reference in a list is a component, and so is a reference whose description mentions a component. Other references are mounts.
-        Poses, modes and joints have the same keys in all kinds of tests.
+        References in lists, and references whose description starts with "A component", refer to components. Other references refer to
+        mounts. Keys for poses, modes and joints have the same names in all kinds of tests.
         """
         joints = [(name, joint.what) for name, joint in self.facts.joints.items()]
         choices: dict[str, list[tuple[str, str]]] = {
@@ -311,7 +311,7 @@ def _each(section: Schema) -> Schema:
 
 
 def _set_each(section: Schema, value: Schema) -> None:
-    """Set the JSON Schema of all values of a mapping whose keys are not in `properties`."""
+    """Set the JSON Schema of the values of a mapping whose keys are arbitrary names. Keys in `properties` have their own schemas."""
     section.pop("patternProperties", None)
     section["additionalProperties"] = value
 
@@ -323,7 +323,7 @@ def _if(key: str, text: str, then: Schema) -> Schema:
 def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None = None) -> Schema:
     """Combine the JSON Schemas of the full form `{mount: back, to: plate.servo_seat}` and the short form `{back: plate.servo_seat}`.
 
-    The full form applies if the key `mount` or `to` exists and is not the name of a mount.
+    A mapping with the key `mount` or `to` has the full form, unless this key is the name of a mount.
     """
     words = [word for word in ("mount", "to") if word not in mounts]
     full: Schema = dict(_ref("AttachSpec"))

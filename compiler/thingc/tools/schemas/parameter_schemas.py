@@ -22,16 +22,16 @@ Schema = dict[str, Any]
 _NUMBER = r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?"
 _ZERO = r"[-+]?0+(\.0*)?"
 EXPRESSION = r"^\s*="
-"""Regular expression of the beginning of an expression."""
+"""Regular expression of the beginning of an expression such as `=reach / 2`."""
 
 MAX_BRANCHES = 300
-"""Maximum number of branches in a schema, because language servers try them one by one."""
+"""Maximum number of branches in a schema. Language servers try the branches one by one."""
 
 
 def quantity(dimension: Dimension) -> Schema:
     """Return the JSON Schema of a value that is a quantity with a unit, or an expression.
 
-    Only the compiler validates products of units (`0.1 N*m/N`).
+    Products of units, as in `0.1 N*m/N`, are validated only by the compiler.
     """
     units = "|".join(re.escape(name) for name, (_, _, own) in UNITS.items() if own == dimension and name != "%")
     pattern = rf"^\s*(=.*|{_NUMBER}\s*({units}|°|[^\s\d].*[*/·^²³].*)|{_ZERO})\s*$"
@@ -55,7 +55,7 @@ def ratio() -> Schema:
 def number(kind: str, minimum: Value | None, maximum: Value | None) -> Schema:
     """Return the JSON Schema of a value that is a number within bounds, or an expression.
 
-    `kind` specifies whether the number is an integer.
+    `kind` is the kind of the parameter, which determines whether the number is an integer.
     """
     bounds = {key: bound for key, bound in (("minimum", minimum), ("maximum", maximum)) if bound is not None}
     plain: Schema = {"type": "integer" if kind in WHOLE else "number", **bounds}
@@ -65,9 +65,9 @@ def number(kind: str, minimum: Value | None, maximum: Value | None) -> Schema:
 def one_of(choices: Iterable[tuple[str, str]], **more: Any) -> Schema:
     """Return the JSON Schema of a string for which editors suggest names with descriptions.
 
-    Other strings are valid unless `more` restricts them. The schema has one `const` per name instead of an `enum`, so that language servers
-    show the description of the current name. Language servers try all branches for every value. Therefore, if there are many names, they
-    become snippets, which are suggestions without validation.
+    Other strings are valid unless `more` restricts them. The schema contains one `const` per name instead of an `enum`, because language
+    servers show the description of a `const`. Language servers try all branches for every value. Therefore, if there are many names, the
+    schema contains snippets instead, which are not validated.
     """
     known = list(choices)
     if len(known) > MAX_BRANCHES:
@@ -81,7 +81,7 @@ def one_of(choices: Iterable[tuple[str, str]], **more: Any) -> Schema:
 def within(low: str | None, high: str | None) -> str:
     """Format the lower and upper bound of a parameter, for example `60 mm to 200 mm` or `at least 0`.
 
-    Return an empty string without bounds.
+    Return an empty string for a parameter without bounds.
     """
     if low is not None and high is not None:
         return f"{low} to {high}"
@@ -89,7 +89,7 @@ def within(low: str | None, high: str | None) -> str:
 
 
 def parse_value(text: str) -> Quantity | None:
-    """Parse a text such as `60 mm` as a quantity. Return None for other text."""
+    """Parse a text such as `60 mm` as a quantity. Return None if the text is not a quantity."""
     try:
         return parse_quantity(text)
     except UnitError:
@@ -111,7 +111,7 @@ _KINDS: Mapping[ParameterKind, str] = {
 def part_schema(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
     """Return the JSON Schema of the mapping `params:` of a component that uses a part.
 
-    Expressions in it can use the document parameters `own`.
+    Expressions in the mapping can use the parameters of the document, `own`.
     """
     required = [one.name for one in part.parameters if one.required]
     return {
@@ -123,7 +123,7 @@ def part_schema(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
 
 
 def documentation(part: PartSchema) -> str:
-    """Return the text that editors show for the key `part:`. It contains the docstring of the Thing and its parameters."""
+    """Return the text that editors show for the key `part:`: the docstring and the parameters of the Thing."""
     lines = [part.doc.strip() or f"`{part.reference}` has no docstring."]
     facts = []
     if part.parameters and "Args:" not in part.doc:
@@ -160,9 +160,9 @@ def _value(one: ParameterSchema) -> Schema:
 
 
 def _as_number(choice: Any) -> float | int | None:
-    """Convert one of the choices of a parameter to the number that YAML would read, for example "12" to 12.
+    """Convert a choice of a parameter from a string to the number that YAML would parse, for example "12" to 12.
 
-    Return None if it is not a number.
+    Return None if the choice is not a number.
     """
     if not isinstance(choice, str) or not re.fullmatch(r"-?\d+(\.\d+)?", choice, re.ASCII):
         return None
@@ -170,7 +170,7 @@ def _as_number(choice: Any) -> float | int | None:
 
 
 def _plain(one: ParameterSchema) -> Any:
-    """Return the default value of a parameter as it is written in a document: numbers and Booleans unchanged, and quantities as strings."""
+    """Return the default value of a parameter in the syntax of documents: numbers and Booleans unchanged, and quantities as strings."""
     default = one.default
     if isinstance(default, (bool, str)) or one.kind in ("number", *WHOLE):
         return default
@@ -199,7 +199,7 @@ def _description(one: ParameterSchema) -> str:
 
 
 class ParameterSymbol(FrozenStruct):
-    """A parameter as a document defines it. If the document does not contain a key of the parameter, the field of the key is empty."""
+    """A parameter in the text of a document. If the document does not contain a key, the field with the same name is empty."""
 
     value: str
     minimum: str = ""
@@ -208,9 +208,9 @@ class ParameterSymbol(FrozenStruct):
 
 
 class DocumentSymbols(FrozenStruct):
-    """The header and the parameters of a document, which other documents refer to.
+    """The header and the parameters of a document, to which other documents can refer.
 
-    `kind` is empty if it is unknown. `whole` specifies whether the document is well-formed.
+    `kind` is an empty string for an unknown kind of document. `whole` specifies whether the document is well-formed.
     """
 
     kind: str
@@ -281,7 +281,7 @@ def _schema(name: str, one: ParameterSymbol) -> Schema:
 def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mapping[str, DocumentSymbols]) -> Schema:
     """Return the JSON Schema of a variants document.
 
-    It contains the assemblies that can be varied, and the parameters of the chosen assembly.
+    The schema contains the names of assemblies that the document can vary, and the parameters of the chosen assembly.
     """
     schema = copy.deepcopy(general)
     fields: Schema = schema["properties"]
@@ -294,7 +294,7 @@ def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mappi
             name: {**value, "title": name, "description": one["description"]}
             for name, one in parameters_schema("", assembly)["properties"].items()
         }
-        section["patternProperties"] = {r"\.": value}  # keys are paths of parameters
+        section["patternProperties"] = {r"\.": value}  # the keys are paths of parameters
         section["additionalProperties"] = False
     return schema
 

@@ -32,7 +32,8 @@ from thingc.tools.schemas.parameter_schemas import DocumentSymbols, near, of_var
 
 
 class AvailableParts(Protocol):
-    """The protocol of an object that lists all available parts and returns their schemas and records, such as a geometry service."""
+    """The protocol of a source of parts, such as a geometry service, which lists all available parts and returns their schemas and records.
+    """
 
     def catalogue(self) -> list[str]:
         """Return the references `module:Class` of all public part classes that documents can use."""
@@ -41,12 +42,12 @@ class AvailableParts(Protocol):
         """Return the schema of each part class, keyed by its reference `module:Class`."""
 
     def realize(self, definitions: Sequence[PartDefinition]) -> Mapping[str, PartRecord | PartFailure]:
-        """Return the record of each part definition, keyed by the text of the definition."""
+        """Return the part record for each part definition, keyed by the text of the definition."""
 
 
 @dataclass(slots=True)
 class Parts:
-    """Caches the schemas and the records of parts that a geometry service or another source of parts returns."""
+    """Caches the part schemas and part records from a source of parts."""
 
     service: AvailableParts
     schemas: dict[str, PartSchema | PartFailure] = field(default_factory=dict)
@@ -77,13 +78,13 @@ class Parts:
         }
 
     def defaults(self) -> dict[str, PartDefinition]:
-        """Return the definition of each Thing with its default parameters. Things without default parameters are omitted."""
+        """Return the part definition of each Thing with default parameters. Things with required parameters are omitted."""
         return {name: made for name, one in self.things().items() if (made := one.default) is not None}
 
     def usual(self, definitions: Iterable[PartDefinition]) -> dict[str, Names]:
         """Return the default mounts of each part class.
 
-        They are the mounts with default parameters, or else the mounts of the first known definition.
+        They are the mounts of the part with default parameters, or else of the first known part definition.
         """
         mounts: dict[str, Names] = {}
         defaults = self.defaults()
@@ -94,18 +95,18 @@ class Parts:
         return mounts
 
     def all_described(self, references: Iterable[str]) -> bool:
-        """Return whether no part class in `references` has an error, such as a syntax error.
+        """Return whether all part classes in `references` could be described.
 
-        A class that does not exist is not an error here.
+        Missing classes are ignored, but not classes with errors, such as a syntax error.
         """
         answers = [self.schemas.get(one) for one in references]
         return not any(isinstance(one, PartFailure) and one.kind not in ("missing", "refused") for one in answers)
 
 
 class ParsedDocument(FrozenStruct):
-    """A parsed document with all documents that it refers to, and the references to parts in these documents (`references`).
+    """A parsed document and all documents to which it refers. `references` contains the part references in these documents.
 
-    `broken` specifies whether the document is not well-formed, so that only a part of it was read.
+    If `broken` is true, the document is not well-formed, and only a part of its text was parsed.
     """
 
     documents: Documents
@@ -119,15 +120,15 @@ class ParsedDocument(FrozenStruct):
         return self.documents.root.kind
 
     def model(self, workspace: Workspace, schemas: Mapping[str, PartSchema | PartFailure]) -> AssemblyDefinition | None:
-        """Return the model of the valid elements of the document, or None if no element is valid."""
+        """Return the model of the valid elements of the document, or None if no element can be resolved."""
         sources = Sources(workspace=workspace, documents=self.documents, specs=self.specs, schemas=schemas)
         return resolve(sources, Settings(), Report())
 
 
 def read_document(path: str, workspace: Workspace) -> ParsedDocument | None:
-    """Read a document and all documents that it refers to. Return None if nothing can be read.
+    """Read a document and all documents to which it refers. Return None if the document cannot be parsed at all.
 
-    Errors in the document are not reported, because `thingc check` reports them.
+    This function does not report errors in the document, because `thingc check` reports them.
     """
     report = Report()
     documents = load(path, workspace, report, kinds=KINDS)
@@ -142,20 +143,20 @@ def read_document(path: str, workspace: Workspace) -> ParsedDocument | None:
 
 
 LOOK = 1.0
-"""Maximum age [s] of the symbols of other documents while the user types."""
+"""Maximum age [s] of the cached names in other documents while the user types."""
 
 MAX_OTHERS = 100
-"""Maximum number of documents in a workspace that are suggested, the nearest first."""
+"""Maximum number of suggested documents. The nearest documents have precedence."""
 
 
 class RefreshOutcome(FrozenStruct):
-    """The result of writing the schemas of a workspace. Documents are given by their paths in the workspace.
+    """The result of writing the schemas of a workspace. Each document is given by its path in the workspace.
 
     Attributes:
-        documents: All documents.
-        written: The documents whose schema has been written because it has changed.
-        kept: The documents that cannot be read now, or have parts that cannot be read now. Their last schema still exists.
-        removed: The deleted documents, whose schema was deleted.
+        documents: All processed documents.
+        written: The documents whose schema has changed and was written.
+        kept: The documents whose last schema was preserved, because the document or one of its parts has errors.
+        removed: The documents that no longer exist. Their schemas were deleted.
     """
 
     documents: tuple[str, ...]
@@ -165,7 +166,7 @@ class RefreshOutcome(FrozenStruct):
 
 
 class Schemas:
-    """Creates the JSON Schemas of the documents of one workspace. `geometry` describes the parts of the workspace."""
+    """Creates the JSON Schemas of the documents of one workspace. `geometry` is the source of the parts of the workspace."""
 
     def __init__(self, workspace: Workspace, geometry: AvailableParts) -> None:
         self.workspace = workspace
@@ -184,9 +185,9 @@ class Schemas:
         return {path: stat_of(path) for path in paths}
 
     def _look(self) -> dict[str, str]:
-        """Return the paths of all documents, as a mapping from absolute paths to paths in the workspace.
+        """Return a mapping from the absolute path of each document to its path in the workspace.
 
-        Read the symbols of changed documents again.
+        Also read the symbols of changed documents.
         """
         before, self._seen = self._seen, self._scan()
         names = {path: self.workspace.relative(path) for path in self._seen}
@@ -200,7 +201,7 @@ class Schemas:
         return names
 
     def write(self, only: Collection[str] | None = None) -> RefreshOutcome:
-        """Write the JSON Schemas that have changed, for all documents or only for the documents `only` (absolute paths). Raises OSError."""
+        """Write the changed JSON Schemas of all documents, or only of the documents with the absolute paths `only`. Raises OSError."""
         names = self._look()
         read = {name: one for path, name in names.items() if (one := read_document(path, self.workspace)) is not None}
         schemas = self._parts.describe(dict.fromkeys(reference for one in read.values() for reference in one.references))
@@ -218,7 +219,7 @@ class Schemas:
         )
 
     def general(self, kind: str) -> dict[str, Any] | None:
-        """Return the JSON Schema that applies to all documents of a kind. Return None for an unknown kind."""
+        """Return the JSON Schema for all documents of a kind, such as `assembly`. Return None for an unknown kind."""
         if kind not in KINDS:
             return None
         if kind not in self._general:
@@ -231,8 +232,8 @@ class Schemas:
     ) -> dict[str, Any] | None:
         """Return the JSON Schema of an unsaved document, given by its absolute path. Return None for an unknown kind of document.
 
-        All other files have their current content on disk. `model` and `records` are results for the valid part of the document's `tree`.
-        `known` are the schemas of the parts in the document. This method writes no files.
+        Other documents are read from disk. `model` and `records` are results for the valid part of the document's `tree`. `known` contains
+        the schemas of the parts in the document. This method does not write files.
         """
         if time.monotonic() - self._looked > LOOK:
             self._look()
@@ -269,7 +270,7 @@ class Schemas:
     def _write(self, name: str, reading: ParsedDocument | None, model: AssemblyDefinition | None, usual: Mapping[str, Any]) -> bool | None:
         """Write the JSON Schema of a document to its file. Return whether the schema has changed.
 
-        If the document or one of its parts is broken, return None and do not replace the last schema.
+        If the document or one of its parts has errors, preserve the last schema and return None.
         """
         root, kind = self.workspace.root, reading.kind if reading is not None else self._symbols[name].kind
         broken = reading is None or reading.broken or not self._parts.all_described(reading.references)
@@ -303,14 +304,14 @@ SCHEMAS = ".thingc/schema"
 
 
 def schema_path(relative: str) -> str:
-    """Return the path of the file that contains the JSON Schema of a document. Both paths are relative to the workspace, with `/`."""
+    """Return the path of the JSON Schema file of a document. Both paths are relative to the workspace, with `/` as separator."""
     return f"{SCHEMAS}/{relative}.json"
 
 
 def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
-    """Write the JSON Schema of a document to its file if the schema has changed. Return whether it was written. Raises OSError.
+    """Write the JSON Schema of a document to its file if the schema has changed. Return whether the file was written. Raises OSError.
 
-    The JSON text is on a single line, because writing indented JSON takes ten times longer.
+    The file contains a single line, because writing indented JSON takes ten times longer.
     """
     ignored = os.path.join(root, ".thingc", ".gitignore")
     if not os.path.exists(ignored):
@@ -319,16 +320,16 @@ def write_schema(root: str, relative: str, schema: dict[str, Any]) -> bool:
 
 
 def write_text(path: str, text: str) -> bool:
-    """Write a text file and create its folder.
+    """Write a text file and create its folder, unless the file already contains the same text. Return whether the file was written.
 
-    If the file already has the same text, do not write it. Return whether it was written. Raises `OSError`.
+    Raises `OSError`.
     """
     os.makedirs(os.path.dirname(path), exist_ok=True)
     return write_whole(os.path.realpath(path), text.encode())
 
 
 def remove_others(root: str, documents: Iterable[str]) -> list[str]:
-    """Delete the JSON Schemas of documents that no longer exist. Return the paths of these documents in the workspace."""
+    """Delete the JSON Schemas of documents that no longer exist. Return the former paths of these documents in the workspace."""
     top = os.path.join(root, SCHEMAS)
     kept = set(documents)
     removed: list[str] = []

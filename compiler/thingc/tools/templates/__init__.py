@@ -1,7 +1,7 @@
-"""Templates of `thingc new`, one folder each, with common files in `common/`. `stubs/` contains the templates of `thingc add`.
+"""The templates of `thingc new`. Each template is a folder, and `common/` contains the files that all templates share.
 
-In a template, the robot is named `my_robot` in file names and texts, so that the folder is a valid workspace. The prefix `dot_` of a file
-name is replaced by a dot in the workspace.
+The folder `stubs/` contains the templates of `thingc add`. In file names and texts of a template, the name of the robot is `my_robot`, so
+that the folder is a valid workspace. In a new workspace, the prefix `dot_` of file names is replaced by a dot.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ TEMPLATES = {
     "gripper": "a gripper with one servo: two gears, and fingers kept parallel by loops",
     "empty": "two parts and a joint",
 }
-"""Descriptions of the templates. The first one is the default."""
+"""Maps the names of the templates to descriptions. The first template is the default."""
 PLACEHOLDER = "my_robot"
 _HERE = Path(__file__).parent
 
 
 def files_of(template: str, name: str) -> dict[str, bytes]:
-    """Return the files of a new workspace for a robot, keyed by path with `/`.
+    """Return the files of a new workspace for a robot, keyed by path with `/` as separator.
 
-    Files of the template replace files in `common/` with the same path.
+    A file of the template replaces the file with the same path in `common/`.
 
-    Raises `ValueError` if another document of the template has the name of the robot.
+    Raises `ValueError` if another document in the template already has the name of the robot.
     """
     if name.lower() != PLACEHOLDER and any(path.stem == name.lower() for path in (_HERE / template).glob("*.yaml")):
         raise ValueError(f"`{name}` is the name of another document of the template `{template}`")
@@ -39,9 +39,9 @@ def files_of(template: str, name: str) -> dict[str, bytes]:
 
 
 def new_part(name: str, material: str | None) -> str:
-    """Return the source code of a new module with one part class.
+    """Return the source code of a new Python module with one part class.
 
-    `material` is its default material, or None if documents must specify a material.
+    `material` is the default material of the part, or None if documents must specify a material.
     """
     text = (_HERE / "stubs" / "part.py").read_text(encoding="utf-8")
     stated = "" if material is None else f'material="{material}"'
@@ -49,5 +49,5 @@ def new_part(name: str, material: str | None) -> str:
 
 
 def new_assembly(name: str, suffix: str) -> str:
-    """Return the content of a new assembly document with one frame. `suffix` is the suffix of its file, `.yaml` or `.toml`."""
+    """Return the content of a new assembly document with one frame. `suffix` is the suffix of the document file, `.yaml` or `.toml`."""
     return (_HERE / "stubs" / f"assembly{suffix}.txt").read_text(encoding="utf-8").replace("NAME", name)
