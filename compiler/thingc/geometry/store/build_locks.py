@@ -1,8 +1,9 @@
-"""Locks that ensure that a part is built only once if several processes with the same store need it.
+"""Locks that ensure that a part is built only once, even if several processes that share a store need the part.
 
-A build lock is a lock on one byte of the store's file `build_locks`, at an offset computed from the build key. The system releases the lock
-when its process ends for any reason. A process never waits for a lock while it holds another lock, so deadlocks are impossible. If locks do
-not work (some network file systems, Windows), every lock is granted; a part may then be built twice, with the same result.
+A build lock is a lock on one byte of the file `build_locks` in the store. The offset of the byte is computed from the build key. The system
+releases the lock when its process ends for any reason. A process never waits for a lock while it holds another lock, so deadlocks are
+impossible. If locks do not work (on some network file systems and on Windows), every lock is granted. A part may then be built twice, with
+the same result.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class BuildLocks:
     def wait(self, key: str, limit: float) -> bool:
         """Wait until no other process holds the lock of a build key, and take the lock.
 
-        Return False if this takes longer than `limit` [s].
+        Return False if the lock is not free after `limit` [s].
         """
         end, pause = time.monotonic() + limit, SHORTEST
         while not self.take(key):
@@ -91,8 +92,9 @@ class BuildLocks:
 
 
 def _lock_offset(key: str) -> int:
-    """Return the offset of the byte in the lock file that represents a build key. Two keys rarely have the same of the 2^60 offsets.
+    """Return the offset of the byte in the file `build_locks` that represents a build key. There are 2^60 offsets, so two keys rarely have
+    the same offset.
 
-    If two keys share an offset, their parts are only not built at the same time.
+    If two keys have the same offset, their parts are not built at the same time, which is harmless.
     """
     return int(key[:15], 16)

@@ -11,24 +11,26 @@ from thingc.base.filesystem import opened
 from thingc.geometry.store.local import Store
 
 LARGE = 1 << 20
-"""Size [bytes] from which a digest is worth caching."""
+"""Minimum size [bytes] of files whose digests are cached."""
 
 SETTLED = 2_000_000_000
-"""Minimum age [ns] of the last change for caching a digest. Two changes in quick succession may have the same file times."""
+"""Minimum time [ns] since the last change of a file before its digest is cached. The reason is that two changes in quick succession may
+have the same file times.
+"""
 
 
 FileSignature = tuple[int, int, int, int, int]
 """Size, modification time, change time, inode and device of a file. Files with the same signature have the same content."""
 
 Digests = dict[FileSignature, str]
-"""The digests computed by one command."""
+"""A mapping that caches the digests of files during one command."""
 
 
 def digest_of(path: str, store: Store | None = None, known: Digests | None = None) -> str:
-    """Return the SHA-256 of a file's content in hexadecimal. Raises `OSError`.
+    """Return the SHA-256 of a file's content in hexadecimal. Raises `OSError` if the file cannot be read.
 
     Digests of large files are cached in `store` by path and signature. The signature includes the change time, which programs cannot set.
-    `known` caches all digests, for callers that read the same files several times.
+    The mapping `known` caches the digests of all files, for callers that read the same files several times.
     """
     known = {} if known is None else known
     with opened(path) as stream:
@@ -39,9 +41,9 @@ def digest_of(path: str, store: Store | None = None, known: Digests | None = Non
 
 
 def _kept(stream: BufferedReader, before: FileSignature, store: Store, path: str) -> str:
-    """Return the digest of a file from the store. If the store does not contain it, compute the digest.
+    """Return the digest of a file from the store. If the store does not contain the digest, compute it.
 
-    The new digest is stored unless the file has just changed.
+    A new digest is stored unless the file has changed very recently.
     """
     key = os.path.abspath(path)
     kept = store.get_json("digest", key)

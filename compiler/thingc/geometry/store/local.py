@@ -2,7 +2,8 @@
 key.
 
 Every file is written under a temporary name and renamed, so a file is either absent or complete. Any number of processes can share a store,
-and can be killed at any time. Every read checks the file. A damaged file counts as absent. The store does not use pickle.
+and can be killed at any time. The checksum of a file is verified on every read. A damaged file counts as absent. The store does not use
+pickle.
 
     <root>/blobs/ab/cdef...     the bytes whose SHA-256 is abcdef...
     <root>/<kind>/ab/cdef...    the JSON document whose key has that SHA-256, after a line with its checksum
@@ -27,7 +28,7 @@ from thingc.base.filesystem import hash_name
 SEALED = 946_684_800
 """Modification time [s] of every complete blob (2000-01-01).
 
-A blob that was modified later has a different time, and is hashed before use.
+If a blob was modified later, its modification time is different, and the blob is hashed before it is used.
 """
 
 
@@ -71,7 +72,8 @@ def cache_root() -> str:
 class Store:
     """A content-addressed store in a folder (default: `default_root()`). The folder is created with the first write.
 
-    Writing raises `StoreUnusable` if the folder is not writable. Reading does not raise it: a file that cannot be read counts as absent.
+    Writing raises `StoreUnusable` if the folder is not writable. Reading does not raise this exception, because a file that cannot be read
+    counts as absent.
     """
 
     __slots__ = ("_noted", "root")
@@ -91,7 +93,7 @@ class Store:
         return os.path.join(self.root, "blobs", sha256[:2], sha256[2:])
 
     def put(self, data: bytes) -> str:
-        """Write the bytes `data` to the store, unless it already contains a valid copy. Return the SHA-256 in hexadecimal."""
+        """Write the bytes `data` to the store, unless it already contains a valid copy. Return the SHA-256 of the data in hexadecimal."""
         sha256 = hashlib.sha256(data).hexdigest()
         if not self.has(sha256, len(data)):
             self._write(self.path(sha256), data, seal=True)
@@ -100,7 +102,8 @@ class Store:
     def has(self, sha256: str, size: int | None = None) -> bool:
         """Return whether the store contains a valid blob with the hash `sha256` and, if given, the size `size` [bytes].
 
-        A sealed blob is trusted. A blob with a different time is hashed. A valid blob is then sealed, an invalid blob is removed.
+        A blob with the modification time `SEALED` is trusted. Any other blob is hashed. If its hash is correct, its modification time is
+        set to `SEALED`. Otherwise, it is removed.
         """
         try:
             path = self.path(sha256)
@@ -121,7 +124,7 @@ class Store:
         return True
 
     def read(self, sha256: str) -> bytes:
-        """Return the bytes of a blob, verified by their hash. Raises `BlobMissing` if they are absent or damaged."""
+        """Return the bytes of a blob, verified by their hash. Raises `BlobMissing` if the blob is absent or damaged."""
         try:
             path = self.path(sha256)
             with open(path, "rb") as stream:
@@ -165,7 +168,7 @@ class Store:
         self._write(self._document(kind, key), _sealed(kind, key, value))
 
     def note_json(self, kind: str, key: str, value: Any) -> None:
-        """Store a JSON value that is only an optimisation. Write errors are ignored."""
+        """Store a JSON value that is only used to save time. Write errors are ignored."""
         path, data = self._document(kind, key), _sealed(kind, key, value)
         if self._noted is not None:
             self._noted[path] = data
@@ -249,8 +252,8 @@ class Outbox(Store):
     """A replacement for the store in a process that must not write to the store.
 
     The outbox reads from the store in the folder `root`. `put` keeps blobs in memory and appends them to one file in `folder`, because
-    one file per blob would be slower. A process with write access moves the blobs to the store with `deliver`. JSON documents are not
-    supported.
+    one file per blob would be slower. A process with write access moves the blobs to the store with `deliver`. An outbox does not support
+    JSON documents.
     """
 
     __slots__ = ("_held", "_path")
@@ -261,7 +264,7 @@ class Outbox(Store):
         self._held: dict[str, bytes] = {}
 
     def put(self, data: bytes) -> str:
-        """Write a blob to the outbox, unless the store contains it. Return its SHA-256 in hexadecimal."""
+        """Write a blob to the outbox, unless the store contains it. Return the SHA-256 of the data in hexadecimal."""
         sha256 = hashlib.sha256(data).hexdigest()
         if sha256 not in self._held and not self.has(sha256, len(data)):
             try:
@@ -277,9 +280,10 @@ class Outbox(Store):
         return self._held[sha256] if sha256 in self._held else super().read(sha256)
 
     def deliver(self) -> None:
-        """Move all blobs from the outbox to the store under the hashes of their contents. Existing blobs cannot be replaced.
+        """Move all blobs from the outbox to the store under the hashes of their contents. Blobs that already exist in the store are not
+        replaced.
 
-        The process that wrote the outbox must have ended. Raises `StoreUnusable`.
+        The process that wrote the outbox must have ended before this call. Raises `StoreUnusable` if the store is not writable.
         """
         flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
         try:
@@ -298,4 +302,4 @@ class Outbox(Store):
 
 
 _LENGTH = 8
-"""Bytes of the length in front of each blob in an outbox."""
+"""Size of the field [bytes] that contains the length of a blob in an outbox."""

@@ -1,4 +1,4 @@
-"""Meshes for simulators that the worker writes: Wavefront OBJ files that contain only vertices, then triangles."""
+"""Read the meshes that workers write for simulators. They are Wavefront OBJ files in which all vertices come before all triangles."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ if TYPE_CHECKING:
 def vertices(store: Store, mesh: Mesh) -> tuple[Vector, ...]:
     """Read the vertices [m] of a mesh in the store, and return them sorted.
 
-    The code does not import numpy, which is slow. Raises `BlobMissing` if a mesh is missing in the store.
+    The function does not use numpy, because importing numpy is slow. Raises `BlobMissing` if a mesh is missing in the store.
     """
     numbers = (line.split() for line in store.read(mesh.sha256).splitlines() if line.startswith(b"v"))
     return tuple(sorted((float(x), float(y), float(z)) for _, x, y, z in numbers))
 
 
 def arrays(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Parse a mesh file (OBJ). Return its vertices `(n, 3)` [m] and its triangles `(m, 3)` as vertex indices, counted from 0."""
+    """Parse a mesh file (OBJ). Return the vertices `(n, 3)` [m] and the triangles `(m, 3)`. A triangle consists of vertex indices, counted
+    from 0.
+    """
     import numpy as np
 
     points, mark, corners = data.partition(b"f")

@@ -1,10 +1,11 @@
-"""A store that several machines share. It is a local folder that serves as a cache of a URL that fsspec supports.
+"""A store that several machines share. The store is a local folder that caches the files at a URL. The package fsspec must support the
+protocol of the URL.
 
-Files that are not in the folder are fetched from the URL, and new results are uploaded: first the files, then the entry that refers to
-them. Readers therefore never find an entry without its files. Entries and files have checksums, so an incomplete or damaged file counts
-as absent.
+Files that are not in the folder are fetched from the URL. New results are uploaded: first the files, then the entry that refers to these
+files. Readers therefore never find an entry without its files. Entries and files have checksums, so an incomplete or damaged file counts as
+absent.
 
-Machines share only results for parts. Values that concern one machine remain in its local folder.
+Machines share only results for parts. Values that are valid only for one machine remain in its local folder.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ from typing import Any
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable, cache_root
 
 CONVEX = "convex-meshes"
-"""Kind of the documents of convex pieces.
+"""Kind of the JSON documents that contain the convex pieces of meshes.
 
-Their keys do not contain the version of thingc: rename the kind when the fields of `Mesh` change.
+The keys of these documents do not contain the version of thingc. Therefore, rename the kind when the fields of `Mesh` change.
 """
 SHARED = frozenset(("record", "schema", CONVEX, "slices", "step"))
-"""Kinds of JSON documents that machines share. Their values are valid on every machine and worth the transfer."""
+"""Kinds of JSON documents that machines share. The values of these documents are valid on every machine, and fetching them is faster than
+computing them.
+"""
 
 WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oss", "memory"))
 """Protocols with atomic uploads. For other protocols, a file is written under a temporary name and renamed."""
@@ -33,9 +36,10 @@ _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def opened(name: str | None) -> Store:
-    """Open a store. The name is a folder or a URL (None: `$THINGC_STORE`, otherwise the user's cache).
+    """Open a store, which is a folder or a URL. `name` is the path of the folder or the URL. If `name` is None, the value of
+    `$THINGC_STORE` is used, otherwise the user's cache.
 
-    Raises `StoreUnusable` for a URL that cannot be used.
+    Raises `StoreUnusable` if the URL cannot be used.
     """
     stated = name or os.environ.get("THINGC_STORE", "")
     return SharedStore(stated) if "://" in stated else Store(name)
@@ -44,8 +48,8 @@ def opened(name: str | None) -> Store:
 class SharedStore(Store):
     """The store at a URL (`s3://bucket/parts`, `sftp://host/srv/parts`, ...), with a folder in the user's cache as a local copy.
 
-    `root` is the local folder. Reading also raises `StoreUnusable` if the server does not answer, because the alternative would be to
-    silently rebuild all parts.
+    `root` is the local folder. Reading also raises `StoreUnusable` if the server does not answer. Otherwise, all parts would be rebuilt
+    without a message.
     """
 
     __slots__ = ("_base", "_damaged", "_made", "_sent", "_system", "url")
@@ -67,7 +71,7 @@ class SharedStore(Store):
     # --- reading ---------------------------------------------------------------------------------------------------
 
     def has(self, sha256: str, size: int | None = None) -> bool:
-        """Return whether a valid blob is in the store. A blob that exists only at the URL is fetched."""
+        """Return whether a valid blob is in the store. If a blob exists only at the URL, it is fetched."""
         return super().has(sha256, size) or (self._fetched(sha256) and super().has(sha256, size))
 
     def read(self, sha256: str) -> bytes:
@@ -88,7 +92,7 @@ class SharedStore(Store):
     def get_json(self, kind: str, key: str) -> Any | None:
         """Return the JSON value that is stored under a kind and a key.
 
-        If the local folder does not contain it, fetch it from the URL. Return None if it does not exist.
+        If the local folder does not contain the value, fetch it from the URL. Return None if the value does not exist.
         """
         value = super().get_json(kind, key)
         if value is None and kind in SHARED:
@@ -119,11 +123,11 @@ class SharedStore(Store):
     # --- writing ---------------------------------------------------------------------------------------------------
 
     def put(self, data: bytes) -> str:
-        """Store `data` in the folder. `put_json` uploads the data when it stores an entry that refers to the data."""
+        """Store `data` in the local folder. `put_json` uploads the data when it stores an entry that refers to the data."""
         return Store(self.root).put(data)
 
     def put_json(self, kind: str, key: str, value: Any) -> None:
-        """Store a JSON value in the folder and, if its kind is shared, at the URL, after all blobs that it refers to."""
+        """Store a JSON value in the local folder. If its kind is shared, upload the value after all blobs to which it refers."""
         super().put_json(kind, key, value)
         if kind not in SHARED:
             return
@@ -135,7 +139,7 @@ class SharedStore(Store):
             self._send(path, stream.read())
 
     def check(self) -> None:
-        """Raise `StoreUnusable` unless the folder and the URL are writable."""
+        """Raise `StoreUnusable` if the folder or the URL is not writable."""
         super().check()
         with self._words():
             self._make(self._base)
@@ -193,7 +197,7 @@ class SharedStore(Store):
 
     @contextlib.contextmanager
     def _words(self) -> Iterator[None]:
-        """Return a context manager that converts any exception of a protocol library to `StoreUnusable`."""
+        """Return a context manager that converts exceptions of protocol libraries to `StoreUnusable`."""
         try:
             yield
         except StoreUnusable:

@@ -1,4 +1,4 @@
-"""The slices of printed parts, by mesh and slicing. The store provides slices if possible, otherwise workers compute them."""
+"""A cache of the slices of printed parts, by mesh and slicing settings. If the store does not contain the slices, workers compute them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.store.local import Store
 
 KEPT = 4096
-"""Number of results held in memory."""
+"""Maximum number of results that are held in memory."""
 
 Records = dict[str, "PartRecord | PartFailure"]
 Run = Callable[[list[dict[str, Any]], str], Iterable[tuple[dict[str, Any], dict[str, Any]]]]
@@ -22,8 +22,8 @@ Run = Callable[[list[dict[str, Any]], str], Iterable[tuple[dict[str, Any], dict[
 class SliceCache:
     """A cache of slices in the store, by mesh. The keys contain all inputs on which the slices depend.
 
-    A change of print settings does not rebuild a part, and equal meshes are sliced only once. `versions` returns the versions of the
-    software that slices meshes.
+    A change of print settings does not rebuild a part. Equal meshes are sliced only once. `versions` returns the versions of the software
+    that slices meshes.
     """
 
     def __init__(self, store: Store, versions: Callable[[], Mapping[str, str]]) -> None:
@@ -36,7 +36,7 @@ class SliceCache:
         self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]], run: Run, timeout: float,
         broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> Records:
-        """Return part records with the slices that are `wanted`, by the text of their definition.
+        """Return part records with the slices that `wanted` lists, by definition text.
 
         Slices that are not in the store are computed. Records without a mesh are unchanged. The function `run` sends requests to the
         workers. The function `broken` converts a failed answer to a `PartFailure`.
@@ -74,7 +74,7 @@ class SliceCache:
             self._keep(key, answer["answer"])
 
     def keep(self, record: PartRecord | PartFailure, slices: Iterable[tuple[Mapping[str, Any], Any]]) -> None:
-        """Store the slices that a worker computed when it built the part. Slicings and results are JSON values."""
+        """Store the slices that a worker computed when it built the part. Slicing settings and results are JSON values."""
         for slicing, value in slices:
             self._keep((_mesh(record), convert(slicing, Slicing)), value)
 
@@ -103,7 +103,7 @@ class SliceCache:
     def _with(self, text: str, record: PartRecord, slicings: frozenset[Slicing]) -> PartRecord:
         """Return a part record with the slices for the given slicing settings.
 
-        For unchanged slices, return the same object as in the last call.
+        If the slices have not changed, return the same object as in the last call.
         """
         last = self._made.get(text)
         if last is None or last[0] is not record or last[1] != slicings:
@@ -113,7 +113,7 @@ class SliceCache:
 
 
 def lacking(records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]]) -> list[str]:
-    """Return the texts of definitions whose records lack `wanted` slices and have no mesh that can be sliced."""
+    """Return the definition texts of the records that lack slices listed in `wanted` and have no mesh that can be sliced."""
     return [text for text, slicings in wanted.items() if _lacks(records.get(text), slicings) and not _mesh(records[text])]
 
 
@@ -122,6 +122,6 @@ def _lacks(record: PartRecord | PartFailure | None, slicings: Collection[Slicing
 
 
 def _mesh(record: PartRecord | PartFailure) -> str:
-    """Return the SHA-256 of the mesh that is sliced for a part record. Return "" if the record has no such mesh."""
+    """Return the SHA-256 of the mesh that is sliced for a part record. Return an empty string if the record has no such mesh."""
     mesh = record.meshes.get("slicing") if isinstance(record, PartRecord) else None
     return mesh.sha256 if mesh is not None else ""

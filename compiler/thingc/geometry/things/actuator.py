@@ -17,13 +17,13 @@ SOURCES = ("measured", "vendor", "estimated", "stated")
 class Actuator:
     """An actuator at its output shaft, in SI units.
 
-    `kind` is `position`, `velocity` or `motor`. `stall_torque` is in [N m] (linear: [N]), `no_load_speed` in [rad/s] (linear: [m/s]),
-    `gear_ratio` in motor turns per output turn. `rotor_inertia` [kg m^2] is before the gear. The gains are `kp` [N m/rad] and `kv`
-    [N m s/rad].
+    `kind` is `position`, `velocity` or `motor`. The units are [N m] for `stall_torque` (linear: [N]) and [rad/s] for `no_load_speed`
+    (linear: [m/s]). `gear_ratio` is in motor turns per output turn. `rotor_inertia` [kg m^2] is the inertia of the rotor before the gear.
+    The gains are `kp` [N m/rad] and `kv` [N m s/rad].
 
     Each number may be a pair `(value, source)` with the source `measured`, `vendor` or `estimated`. The attribute `sources` contains the
-    sources by name. Raises `ValueError` for an unknown kind or source and for a number that is not finite or not positive (`rotor_inertia`,
-    `kp` and `kv` may be 0).
+    sources by name. Raises `ValueError` for an unknown kind or source, and for a number that is not finite or not positive. Only
+    `rotor_inertia`, `kp` and `kv` may be 0.
     """
 
     kind: Literal["position", "velocity", "motor"]
@@ -55,12 +55,14 @@ class Actuator:
 
     @property
     def armature(self) -> float | None:
-        """Rotor inertia at the output [kg m^2]: rotor inertia times the square of the gear ratio. None if unknown."""
+        """Rotor inertia at the output [kg m^2]: rotor inertia times the square of the gear ratio. The value is None if the inertia or the
+        gear ratio is unknown.
+        """
         return None if self.rotor_inertia is None else self.rotor_inertia * self.gear_ratio * self.gear_ratio
 
 
 def sourced(what: str, pair: tuple[object, ...]) -> tuple[float, str]:
-    """Check that a tuple is a pair of a number and its source, and return the pair. Raises `ValueError` for other tuples."""
+    """Check that a tuple is a pair of a number and its source, and return the pair. Raises `ValueError` for any other tuple."""
     if len(pair) != 2 or not isinstance(pair[1], str):
         raise ValueError(f"{what} must be a number or (number, source), found {pair!r}")
     value, source = pair

@@ -19,9 +19,9 @@ Change = tuple[str, object]
 def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
     """Return a Thing of the same class with changed parameters.
 
-    The lookup of a name starts with the class's own parameters, and continues with the parameters of its parents, nearest first. A parent's
-    `__init__` then gets the changed value instead of the value that the subclass passes, in this and in later adjustments. `__add` and
-    `__mul` start from the value that the subclass passes after its own changes.
+    The name of a parameter is first searched in the class itself, and then in its parent classes, nearest first. If the parameter belongs
+    to a parent class, the parent's `__init__` gets the changed value instead of the value that the subclass passes. This also applies to
+    later adjustments. The operations `__add` and `__mul` start from the value that the subclass passes after its own changes.
     """
     cls, construction = type(thing), thing._construction
     signature = family_signature(cls)
@@ -77,7 +77,7 @@ def _target(thing: Thing, signature: Signature, key: str) -> tuple[type, Paramet
 
 
 def _parents(thing: Thing) -> list[InitCall]:
-    """Return the recorded calls of the `__init__` methods of parent classes. The call with the class's own parameters is omitted."""
+    """Return the recorded calls of the `__init__` methods of parent classes. The call of the class's own `__init__` is omitted."""
     return thing._construction.calls[1:]
 
 

@@ -13,9 +13,10 @@ _roots: tuple[str, ...] = ()
 
 
 def install(record: Callable[[str], None] | None, roots: Sequence[str] = ()) -> None:
-    """Make `asset` search the folders `roots`, and call `record` with every absolute path that it tries, whether the file exists or not.
+    """Set the folders `roots` that `asset` searches. After this call, `asset` calls `record` with every absolute path that it tries,
+    whether the file exists or not.
 
-    The geometry worker calls this function before it loads part modules. `install(None)` restores the initial state.
+    The geometry worker calls this function before it loads part modules. `install(None)` restores the initial settings.
     """
     global _record, _roots
     _record = record
@@ -23,11 +24,12 @@ def install(record: Callable[[str], None] | None, roots: Sequence[str] = ()) -> 
 
 
 def asset(path: str, beside: str | None = None) -> Path:
-    """Return the path of the data file `path`: `import_step(asset("motor.step"))`, `asset("curve.json").read_text()`.
+    """Return the path of the data file `path`. Examples are `import_step(asset("motor.step"))` and `asset("curve.json").read_text()`.
 
-    The search starts in the folder of the file `beside` (pass `__file__`), by default in the folder of the module of the part whose
-    `__init__` is running. Then it continues in the workspace (outside of a build: in the working folder). The part is rebuilt when the file
-    changes. Raises `ValueError` for an absolute path or a path outside of these folders, `FileNotFoundError` if the file does not exist.
+    The file is first searched in the folder of the file `beside` (pass `__file__`). By default, this is the folder of the module that
+    defines the part. If the file is not there, it is searched in the workspace, or in the working folder if no build is running. The part
+    is rebuilt when the data file changes. Raises `ValueError` if the path is absolute or outside of these folders, and `FileNotFoundError`
+    if the file does not exist.
     """
     if os.path.isabs(path):
         raise ValueError(f"asset() expects a path relative to the part's module or to the workspace, found `{path}`")

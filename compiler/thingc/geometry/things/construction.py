@@ -1,8 +1,9 @@
-"""Construct Things: check the arguments, return the same object for equal parameters, and make the object immutable after `__init__`.
+"""Construct Things. This module checks the arguments, returns the same object for equal parameters, and makes each object immutable after
+`__init__`.
 
-`__init__` runs once and in isolation. The metaclass intercepts the call before the object exists. It can therefore return an existing
-object with equal parameters, and check arguments before geometry is created. It also wraps each `__init__` of a family, so that the
-parameters of parent classes are recorded.
+`__init__` runs only once for each set of parameters. The metaclass intercepts the call of a Thing class before an object is created.
+Therefore, it can return an existing object with equal parameters, and it can check arguments before geometry is created. The metaclass also
+wraps the `__init__` of each class, so that the parameters of parent classes are recorded.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _files: list[str] = []
 class InitCall:
     """A recorded call of `__init__` during the construction of a Thing.
 
-    It contains the arguments of the call, and the adjusted `values` that `__init__` received.
+    The object contains the arguments of the call, and the adjusted `values` that `__init__` received.
     """
 
     family: type[Any]
@@ -48,8 +49,9 @@ class InitCall:
 class Construction:
     """The state of a Thing's construction.
 
-    `calls` contains the calls of `__init__`, the class's own call first. `running` contains the calls that have not returned, the innermost
-    call last. `finished` is set when the Thing becomes immutable. `mounts` is keyed by exported name, and is filled last.
+    `calls` contains the calls of `__init__`, beginning with the class's own `__init__`. `running` contains the calls that have not returned
+    yet. The innermost call is the last item. `finished` is set when the Thing becomes immutable. `mounts` contains the mounts by exported
+    name, and is filled at the end.
     """
 
     parameters: dict[str, Value]
@@ -64,7 +66,8 @@ class Construction:
     def scopes(self) -> Iterator[Mapping[str, Value]]:
         """Yield the sets of parameters in which `self.p` looks up a name.
 
-        The `__init__` that is running comes first. The class's own parameters follow, then the parameters of its parent classes.
+        If an `__init__` is running, its parameters come first. They are followed by the parameters of the class itself, and then by the
+        parameters of its parent classes.
         """
         if self.running:
             yield self.running[-1].values
@@ -76,8 +79,9 @@ class Construction:
 class Parameters:
     """The parameters of a Thing as attributes, such as `self.p.length`, in the units of part code.
 
-    The parameters include parameters of a parent class that a subclass sets. While an `__init__` runs, its own arguments take precedence.
-    Afterwards, the class's own parameters take precedence. Raises `AttributeError` for a name that is not a parameter.
+    The parameters include parameters of a parent class that a subclass sets. While an `__init__` runs, its own arguments take precedence
+    over other parameters of the same name. Afterwards, the class's own parameters take precedence. Raises `AttributeError` if no parameter
+    has this name.
     """
 
     __slots__ = ("_construction", "_owner")
@@ -94,7 +98,7 @@ class Parameters:
         raise AttributeError(f"`{self._owner}` has no parameter `{name}`{suggestion(name, self.__dir__())}")
 
     def __dir__(self) -> list[str]:
-        """Return the names of the parameters, the class's own first."""
+        """Return the names of the parameters, beginning with the parameters of the class itself."""
         return list(dict.fromkeys(name for scope in self._construction.scopes() for name in scope))
 
     def __repr__(self) -> str:
@@ -113,15 +117,17 @@ class ThingType(ABCMeta):
     if not TYPE_CHECKING:  # type checkers take the signature from `__init__`
 
         def __call__(cls, *args: object, **kwargs: object) -> Thing:
-            """Return the Thing with these parameters. The first call creates the Thing, and later calls return the same object."""
+            """Return the Thing of this class with the given parameters. The first call creates the Thing, and later calls return the same
+            object.
+            """
             return make(cls, family_signature(cls).bind(args, kwargs), {})
 
 
 def make(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments) -> Thing:
-    """Return the Thing of class `cls` with the given parameters and adjustments. The Thing is created if it does not exist yet.
+    """Return the Thing of class `cls` with the given parameters and adjustments. If the Thing does not exist yet, it is created.
 
-    If `__init__` raises an exception, the function raises the same exception and does not cache a Thing. Geometry that `__init__` creates
-    is not added to a build123d builder that is active at the call, because a Thing depends only on its parameters.
+    If `__init__` raises an exception, the function raises the same exception and does not cache a Thing. A Thing depends only on its
+    parameters. Therefore, geometry that `__init__` creates is not added to a build123d builder that is active during the call.
     """
     pinned = tuple((family, name, value) for family in cls.__mro__ for name, value in sorted(adjustments.get(family, {}).items()))
     key = (cls, tuple((name, type(value), value) for name, value in parameters.items()), pinned)
@@ -154,7 +160,9 @@ def _constructed(cls: type[Any], parameters: dict[str, Value], adjustments: Adju
 
 
 def wrapped(cls: type[Any], parameters: dict[str, Value], **attributes: object) -> Thing:
-    """Create a finished Thing of class `cls` with the given attributes. The Thing is not cached, and `__init__` does not run."""
+    """Create a finished Thing of class `cls` with the given parameters and attributes. The Thing is not cached, and `__init__` does not
+    run.
+    """
     thing: Thing = cls.__new__(cls)  # type: ignore[call-overload]
     object.__setattr__(thing, "_construction", Construction(parameters=parameters, adjustments={}, finished=True))
     for name, value in attributes.items():
@@ -209,7 +217,7 @@ def _reading_beside(init: Callable[..., None]) -> Iterator[None]:
 
 
 def running_file() -> str | None:
-    """Return the source file of the innermost `__init__` of a Thing that is running, or None."""
+    """Return the source file of the innermost `__init__` of a Thing that is currently running, or None."""
     return _files[-1] if _files else None
 
 

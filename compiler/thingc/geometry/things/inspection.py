@@ -1,7 +1,7 @@
 """Inspect a part in the geometry worker: its parameters, its instance for given parameters, and the data of this instance.
 
-All values are in author units: lengths in mm, angles in degrees, masses in kg. The worker gets geometry from the Thing itself:
-`thing.result()`, `.collision()`, `.visual()` and `.envelope()` return a build123d Shape, several Shapes, or None.
+All values are in author units: lengths in mm, angles in degrees, masses in kg. The worker gets geometry from the methods `result()`,
+`collision()`, `visual()` and `envelope()` of a Thing. These methods return a build123d Shape, several Shapes, or None.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedPart:
-    """The part for which a mount was designed: a member of `family` with `parameters` (complete, in the units of part code), mated at its
-    `child_mount`.
+    """The part for which a mount was designed: a Thing of the class `family` with the given `parameters`. It is mated at its mount
+    `child_mount`. `parameters` contains all parameters in the units of part code.
 
-    Changes by `adjust` of parameters that `family` sets itself are omitted, because documents cannot express them.
+    Parameters that `family` sets itself and that `adjust` changed are omitted, because documents cannot express such changes.
     """
 
     mount: str
@@ -56,7 +56,9 @@ class Statement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statements:
-    """Mass [kg], centre [mm], inertia matrix [kg m^2, about the centre, Thing axes] and density [kg/m^3]. Undeclared values are None."""
+    """Values that a Thing declares: mass [kg], centre [mm], inertia matrix [kg m^2] and density [kg/m^3]. The inertia matrix is about the
+    centre, along the axes of the Thing. A value that the Thing does not declare is None.
+    """
 
     mass: Statement | None
     centre: Statement | None
@@ -65,10 +67,12 @@ class Statements:
 
 
 def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
-    """Return the kind of a part, or None for an object that is not a part. The function does not call the object.
+    """Return the kind of a part: `thing`, `shape` or `function`. Return None if the object is not a part. The candidate object is not
+    called.
 
-    Parts are Thing subclasses, build123d Shape classes, and Python functions that return a shape. A return annotation of a function must
-    name a shape class. Without annotation, `build` checks the return value. Abstract classes and `Thing` itself are not parts.
+    Parts are Thing subclasses, build123d Shape classes, and Python functions that return a shape. If a function has a return annotation,
+    the annotation must name a shape class. If a function has no return annotation, `build` checks its return value. Abstract classes and
+    `Thing` itself are not parts.
     """
     if isinstance(candidate, type):
         if inspect.isabstract(candidate) or candidate is Thing:
@@ -90,9 +94,9 @@ def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingMember:
-    """A missing member of a class.
+    """A member that is missing in a class.
 
-    It contains a message, which is appended to the name of the class, and the file and line where the member should be added.
+    The object contains a message, which is appended to the name of the class, and the file and line where the member should be added.
     """
 
     words: str
@@ -102,8 +106,8 @@ class MissingMember:
 def lacking_result(part: PartLike) -> MissingMember | None:
     """Return the reason why a Thing class has no geometry, or None for a class with geometry.
 
-    Possible reasons are that the class has no `result()` of its own, or that its `result()` has no `return`. A part without geometry must
-    have `return None`. The answer is also None if `part` is not a Thing class.
+    Possible reasons are that the class has no `result()` of its own, or that its `result()` has no `return`. To define a part without
+    geometry on purpose, `result()` must contain `return None`. The function also returns None if `part` is not a Thing class.
     """
     if not isinstance(part, type) or not issubclass(part, Thing):
         return None
@@ -118,7 +122,7 @@ def lacking_result(part: PartLike) -> MissingMember | None:
 
 
 def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFunctionDef | None:
-    """Return the syntax tree of a function from its source file. Return None if the file does not exist.
+    """Return the syntax tree of a function from its source file. Return None if the source file does not exist.
 
     Each file is parsed once, whereas `inspect` would parse the file for each of its functions and classes.
     """
@@ -131,7 +135,7 @@ def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFuncti
 
 @functools.lru_cache(maxsize=8)
 def _functions_in(text: str) -> Mapping[int, ast.FunctionDef | ast.AsyncFunctionDef]:
-    """Return the functions in source code, by the line of their `def` or of their first decorator."""
+    """Return the functions in source code by line number. The line is that of the `def`, or of the first decorator."""
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError):
@@ -151,10 +155,10 @@ def _code_location(code: Any) -> tuple[str, int] | None:
 
 
 def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
-    """Return the parameters in the order of the signature, with canonical defaults, in author units.
+    """Return the parameters in the order of the signature. Their defaults are canonical values in author units.
 
-    Arguments of a shape class or a function that cannot be parameters are omitted and always have their default. Raises `SignatureError` (a
-    `TypeError`) if an argument of a Thing, or an argument without default, cannot be a parameter.
+    For a shape class or a function, arguments that cannot be parameters are omitted. They always have their default. Raises
+    `SignatureError`, a `TypeError`, if an argument of a Thing or an argument without default cannot be a parameter.
     """
     return _signature(part).parameters
 
@@ -162,8 +166,9 @@ def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
 def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
     """Create the Thing of a part with the given parameters, which are in the units of part code.
 
-    For a shape class or function, its `result` is the shape. Raises `ParameterError` before any geometry is created, `TypeError` if a
-    function does not return a shape, and exceptions of the part's own code.
+    For a shape class or a function, the method `result` of the Thing returns the shape. Raises `ParameterError` for an invalid parameter,
+    before any geometry is created. Raises `TypeError` if a function does not return a shape. Exceptions of the part's own code are not
+    caught.
     """
     if isinstance(part, type) and issubclass(part, Thing):
         return make(part, family_signature(part).bind((), parameters), {})
@@ -177,14 +182,16 @@ def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
 
 
 def mounts_of(thing: Thing) -> dict[str, MountPoint]:
-    """Return the mounts by exported name, in order of assignment, without `origin`. `.location` and `.tolerance` are in mm."""
+    """Return the mounts of a Thing by exported name, in the order of assignment. The mount `origin` is omitted. The attributes `location`
+    and `tolerance` of a mount are in mm.
+    """
     return dict(thing._construction.mounts)
 
 
 def references_of(thing: Thing) -> tuple[str, ...]:
     """Return the names of the reference geometry that a Thing provides in addition to mounts.
 
-    Public attributes come first, then methods and properties of its classes.
+    Public attributes come first, followed by methods and properties of the Thing's classes.
     """
     if isinstance(thing, _ShapePart):
         return ()
@@ -202,7 +209,7 @@ def references_of(thing: Thing) -> tuple[str, ...]:
 
 
 def expectations_of(thing: Thing) -> tuple[ExpectedPart, ...]:
-    """Return the parts for which the Thing's mounts were designed, in order of the mounts and of the calls of `align`."""
+    """Return the parts for which the Thing's mounts were designed. They are in the order of the mounts and of the calls of `align`."""
     return tuple(
         ExpectedPart(mount=name, family=type(other), parameters=dict(other._construction.parameters), child_mount=child)
         for name, mount in thing._construction.mounts.items()
@@ -213,8 +220,8 @@ def expectations_of(thing: Thing) -> tuple[ExpectedPart, ...]:
 def statements_of(thing: Thing) -> Statements:
     """Return the values of the Thing's own `mass()`, `centre()`, `matrix_of_inertia()` and `density()`.
 
-    Each method may return a value or `(value, source)`. Raises `ValueError` for a value that is not finite or has the wrong shape, a mass
-    or density that is not positive, an inertia that is not symmetric, or an unknown source.
+    Each method may return a value, or a tuple of a value and its source. Raises `ValueError` for an unknown source, and for a value that is
+    not finite or has the wrong shape. The mass and the density must be positive, and the inertia must be symmetric.
     """
     return Statements(
         mass=_stated(thing, "mass", _positive),
@@ -225,7 +232,9 @@ def statements_of(thing: Thing) -> Statements:
 
 
 def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
-    """Return the geometry that `result()` or a similar method returned as a tuple of shapes. Raises `TypeError` for other contents."""
+    """Convert the geometry that a method such as `result()` returned to a tuple of shapes. Raises `TypeError` if the geometry contains
+    other objects.
+    """
     if geometry is None:
         return ()
     shapes: tuple[Any, ...]
@@ -240,9 +249,10 @@ def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
 
 
 def is_one_solid(geometry: Geometry) -> bool:
-    """Return whether the return value of `result()` should be one solid: a single shape, not a list or a `Compound` of several shapes.
+    """Return whether the return value of `result()` should be one solid. This is the case for a single shape, but not for a list or a
+    `Compound` of several shapes.
 
-    The result of a boolean operation is also a Compound, but it stores the operation and counts as one solid.
+    The result of a boolean operation is also a Compound. However, it stores the operation and therefore counts as one solid.
     """
     if not isinstance(geometry, Shape):
         return False
@@ -258,17 +268,19 @@ def is_one_solid(geometry: Geometry) -> bool:
 
 
 def material_of(thing: Thing) -> str | None:
-    """Return the name of the default material, or None."""
+    """Return the name of the default material of a Thing, or None."""
     return thing._construction.material
 
 
 def color_of(thing: Thing) -> str | None:
-    """Return the default colour as written by its author, a CSS name or `#rrggbb`, or None."""
+    """Return the default colour of a Thing, as written by its author: a CSS name or `#rrggbb`. Return None if there is no default
+    colour.
+    """
     return thing._construction.color
 
 
 def bom_of(thing: Thing) -> dict[str, str]:
-    """Return the entries of the part for the bill of materials. Raises `TypeError` if the entries are not a mapping of strings."""
+    """Return the entries of the part for the bill of materials. Raises `TypeError` if the attribute `bom` is not a mapping of strings."""
     bom = thing.bom
     if not isinstance(bom, Mapping) or not all(isinstance(word, str) for pair in bom.items() for word in pair):
         raise TypeError(f"`bom` of `{type(thing).__name__}` must map strings to strings, found {bom!r}")
@@ -278,7 +290,7 @@ def bom_of(thing: Thing) -> dict[str, str]:
 def up_of(thing: Thing) -> Vector | None:
     """Return the part's preferred direction away from the print bed, a unit vector, or None.
 
-    Raises `TypeError` or `ValueError` if `print` is invalid.
+    Raises `TypeError` or `ValueError` if the attribute `print` is invalid.
     """
     stated = thing.print
     if not stated:
@@ -294,7 +306,9 @@ def up_of(thing: Thing) -> Vector | None:
 
 
 def actuator_of(part: Thing | PartLike) -> Actuator | None:
-    """Return the actuator that a Thing or its class declares, or None. Raises `TypeError` for a value that is not an Actuator."""
+    """Return the actuator that a Thing or its class declares, or None. Raises `TypeError` if the attribute `actuator` is not an
+    Actuator.
+    """
     actuator: object = getattr(part, "actuator", None) if isinstance(part, (Thing, type(Thing))) else None
     if actuator is None or isinstance(actuator, Actuator):
         return actuator
@@ -302,7 +316,7 @@ def actuator_of(part: Thing | PartLike) -> Actuator | None:
 
 
 class _ShapePart(Thing):
-    """A part that `build` creates from a plain shape."""
+    """A Thing that `build` creates from a plain build123d shape."""
 
     _family: str
     _shape: Shape[Any]
@@ -326,7 +340,7 @@ def _signature(part: Any) -> Signature:
 
 
 def _only_mounts(value: object) -> bool:
-    """Return whether the value of an attribute contains mounts and nothing else."""
+    """Return whether the value of an attribute consists only of mounts."""
     if isinstance(value, dict):
         value = list(value.values())
     if type(value) in (list, tuple):

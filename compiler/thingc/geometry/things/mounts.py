@@ -15,27 +15,29 @@ if TYPE_CHECKING:
     from thingc.geometry.things.thing import Thing
 
 MATE = Location(Plane(origin=(0, 0, 0), x_dir=(0, -1, 0), z_dir=(0, 0, -1)))
-"""The mate M: z axes opposed, x and y swapped and negated, exactly [[0, -1, 0], [-1, 0, 0], [0, 0, -1]].
+"""The transformation between two mated mounts. Their z axes are opposed, and x and y are swapped and negated: [[0, -1, 0], [-1, 0, 0], [0,
+0, -1]].
 
-The mate is its own inverse. In build123d, it is `Location((0,0,0),(180,0,90))`.
+The transformation is its own inverse. In build123d, it is written as `Location((0,0,0),(180,0,90))`.
 """
 
 RESERVED = frozenset({"origin", "root", "world"})
-"""Names that a mount of a part cannot have, because documents use them."""
+"""Names that a mount of a part cannot have, because documents use them for other purposes."""
 
 
 class MountPoint(Framed):
     """A mount point: an immutable frame on a Thing, whose z axis points out of the material.
 
-    `location` is the frame in the Thing's own frame [mm]; it may be a `Plane` or another mount. `interface` is the name of the mating
-    interface (`"x430-horn"`, `"m2.5-clearance"`). `tolerance` [mm] is the largest error of the real frame.
+    `location` is the frame of the mount in the frame of the Thing [mm]. It may also be a `Plane` or another mount. `interface` is the name
+    of the mating interface (`"x430-horn"`, `"m2.5-clearance"`). `tolerance` [mm] is the largest distance between the mount of the real part
+    and its nominal position.
 
-    `facing` or `mate_x` turn the frame about its z axis. Both are directions in the Thing's frame. `facing` is the direction of the mount's
-    x axis. `mate_x` is the direction of the x axis of a mount that is mated with this one. Use `mate_x` for seats, and `facing` for the
-    mounts of parts that are placed on seats.
+    `facing` or `mate_x` rotates the frame about its z axis. Both arguments are directions in the frame of the Thing. `facing` is the
+    direction of the mount's x axis. `mate_x` is the direction of the x axis of a mount that is mated with this one. Use `mate_x` for seats,
+    and `facing` for the mounts of parts that are placed on seats.
 
     A mount gets its name (`hip_0`, `hip_left`) from the attribute of the Thing that contains the mount, directly or in a list or dict.
-    Raises `TypeError` if `location` is not a frame, `ValueError` for a negative tolerance and for a direction along z.
+    Raises `TypeError` if `location` is not a frame. Raises `ValueError` if the tolerance is negative, or if a direction is parallel to z.
     """
 
     __slots__ = ("_expected", "_interface", "_local", "_name", "_owner", "_tolerance", "_view")
@@ -64,7 +66,9 @@ class MountPoint(Framed):
 
     @property
     def location(self) -> Location:
-        """The frame of the mount [mm] in the frame of the Thing. For a moved view, the frame is relative to the local frame."""
+        """The frame of the mount [mm] in the frame of the Thing. For the mount of a moved view, the frame is relative to the local frame of
+        the view.
+        """
         return self._view * self._local
 
     @property
@@ -74,30 +78,33 @@ class MountPoint(Framed):
 
     @property
     def tolerance(self) -> float | None:
-        """The largest error of the real frame [mm], or None."""
+        """The largest distance [mm] between the mount of the real part and its nominal position, or None."""
         return self._tolerance
 
     @property
     def name(self) -> str | None:
-        """The name of this mount on its Thing (`hip_0`). None before the mount is assigned to an attribute."""
+        """The name of the mount on its Thing, such as `hip_0`. The name is None before the mount is assigned to an attribute."""
         return self._name
 
     @property
     def expected(self) -> tuple[tuple[Thing, str], ...]:
         """The mounts that were aligned to this mount while its Thing was constructed.
 
-        Each item is the other Thing and the name of its mount.
+        Each item is a tuple of the other Thing and the name of its mount.
         """
         return tuple(self._expected)
 
     def align(self, other: MountPoint) -> Any:
-        """Place the Thing of the mount `other` so that the two mounts mate, and return it as a moved view in the frame of this mount.
+        """Place the Thing of the mount `other` so that the two mounts are mated. Return the Thing as a moved view in the frame of this
+        mount's Thing.
 
-        If A is this mount and B the other mount on its Thing, the Thing is at A M inv(B), with M = `MATE`. (For a type checker the result
-        is `Any`: write `cap: PenCap = self.cap_seat.align(PenCap().seat)` to check its use.)
+        If A is the frame of this mount, and B is the frame of the other mount on its Thing, the Thing is placed at A M inv(B), with
+        M = `MATE`. For type checkers, the result has the type `Any`. To let them check its use, write
+        `cap: PenCap = self.cap_seat.align(PenCap().seat)`.
 
-        During the construction of the Thing that this mount belongs to, the other Thing is stored as an expectation of this mount, even
-        before this mount is assigned to an attribute. Raises `TypeError` or `ValueError` if `other` is not a mount of a finished Thing.
+        During the construction of the Thing that contains this mount, the other Thing is stored as an expectation of this mount. This is
+        also the case before this mount is assigned to an attribute. Raises `TypeError` or `ValueError` if `other` is not a mount of a
+        finished Thing.
         """
         if not isinstance(other, MountPoint):
             raise TypeError(f"align() expects a mount of another Thing, such as `PenCap().seat`, found {other!r}")
@@ -125,7 +132,9 @@ class MountPoint(Framed):
 
 
 def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike | None) -> Location:
-    """Turn `location` about its z axis so that its x axis (`facing`), or the x axis of a mated mount (`mate_x`), is along a direction."""
+    """Rotate `location` about its z axis. Afterwards, its x axis has the direction `facing`, or the x axis of a mated mount has the
+    direction `mate_x`.
+    """
     z, wanted = Plane(location).z_dir, Vector(facing if facing is not None else mate_x)
     along = wanted - z * wanted.dot(z)
     if (facing is not None and mate_x is not None) or along.length < 1e-6:
@@ -134,7 +143,7 @@ def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike 
 
 
 def origin_of(thing: Thing) -> MountPoint:
-    """Return the mount `origin` of a Thing. The frame of this mount is the Thing's own frame."""
+    """Return the mount `origin` of a Thing. The frame of the mount `origin` is the Thing's own frame."""
     mount = MountPoint(Location())
     mount._owner, mount._name = thing, "origin"
     return mount
@@ -143,17 +152,18 @@ def origin_of(thing: Thing) -> MountPoint:
 def adopt(thing: Thing, name: str, value: Any) -> Any:
     """Prepare a value that is assigned to the attribute `name` of a Thing during its construction.
 
-    Mounts in the value then belong to the Thing. A mount of another Thing is copied at its place. Otherwise the function returns the
-    same object. Raises `ValueError` for a forbidden name of a mount.
+    Mounts in the value then belong to this Thing. If the value contains a mount of another Thing, a copy of this mount at its current place
+    is used. If the value contains no mounts that must be changed, the same object is returned. Raises `ValueError` if the name of a mount
+    is forbidden.
     """
     return _mapped(name, value, lambda own_name, mount: _owned(thing, own_name, mount))
 
 
 def settle(thing: Thing, name: str, value: Any, mounts: dict[str, MountPoint]) -> Any:
-    """Call `adopt` for the last time: give every mount its final name and add it to `mounts`.
+    """Call `adopt` at the end of the construction, when every mount gets its final name. Add the mounts to `mounts`.
 
-    A mount that already has a name in `mounts` is copied without its expectations. Raises `ValueError` for a duplicate or forbidden name of
-    a mount.
+    If a mount already has a name in `mounts`, a copy without its expectations is added. Raises `ValueError` if the name of a mount is
+    forbidden or already in use.
     """
 
     def named(own_name: str, mount: MountPoint) -> MountPoint:
@@ -171,7 +181,7 @@ def settle(thing: Thing, name: str, value: Any, mounts: dict[str, MountPoint]) -
 
 
 def _mapped(name: str, value: Any, change: Callable[[str, MountPoint], MountPoint]) -> Any:
-    """Return `value` with each mount replaced by `change(name, mount)`. If no mount changes, return the same object."""
+    """Return `value` with each mount replaced by `change(name, mount)`. If no mount changes, return the same object as `value`."""
     if isinstance(value, MountPoint):
         return change(name, value)
     if type(value) in (list, tuple):

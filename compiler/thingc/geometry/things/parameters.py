@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
 Value: TypeAlias = "float | int | bool | str"
-"""A canonical parameter value. Equal parameters have equal values of the same type."""
+"""The value of a parameter in canonical form. If two parameters are equal, their canonical values have the same type."""
 
 WHOLE = frozenset({"count", "integer"})
 NUMERIC = frozenset({"length", "angle", "mass", "ratio", "number", *WHOLE})
@@ -40,13 +40,12 @@ class ParameterError(ValueError):
 class CallError(ParameterError, TypeError):
     """Raised if a Thing is called with an unknown parameter or without a required parameter.
 
-    The exception is a `TypeError`, as in plain Python.
+    The exception is also a `TypeError`, which Python raises for such calls.
     """
 
 
 class SignatureError(TypeError):
-    """Raised if the arguments of an `__init__` cannot be parameters, for example because of an unknown annotation, `*args`, or a default
-    out of bounds.
+    """Raised if an argument of `__init__` cannot be a parameter. Examples are an unknown annotation, `*args`, and a default out of bounds.
     """
 
 
@@ -61,7 +60,7 @@ class Kind:
 class Range:
     """Inclusive bounds of a parameter in the units of part code, such as `Annotated[Length, Range(10, 200)]` or `Range(minimum=0)`.
 
-    Raises `SignatureError` if a bound is not a number, or if the minimum is above the maximum.
+    Raises `SignatureError` if a bound is not a number, or if the minimum is larger than the maximum.
     """
 
     minimum: float | None = None
@@ -80,11 +79,11 @@ Length: TypeAlias = Annotated[float, Kind("length")]
 Angle: TypeAlias = Annotated[float, Kind("angle")]
 """An angle in degrees."""
 Mass: TypeAlias = Annotated[float, Kind("mass"), Range(minimum=0)]
-"""A mass in kilograms, not negative."""
+"""A mass in kilograms, which must not be negative."""
 Count: TypeAlias = Annotated[int, Kind("count"), Range(minimum=0)]
-"""A number of items, not negative (a plain `int` may be negative)."""
+"""A number of items, which must not be negative. Use a plain `int` for integers that may be negative."""
 Ratio: TypeAlias = Annotated[float, Kind("ratio")]
-"""A dimensionless number. Documents can contain 15 % for 0.15."""
+"""A dimensionless number. Documents can write such a number in percent, for example 15 % for 0.15."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,17 +106,17 @@ class Parameter:
 
     @property
     def noun(self) -> str:
-        """The type of a value for messages: `a length in mm`."""
+        """The type of the parameter's values for messages, such as `a length in mm`."""
         if self.kind == "choice":
             return "one of " + ", ".join(repr(choice) for choice in self.choices)
         return NOUNS[self.kind]
 
     def canonical(self, value: object, owner: str) -> Value:
         """Check a value of the parameter and convert it to canonical form: a float for a quantity, or an int, bool or str for the other
-        kinds. For example, 60 becomes 60.0.
+        kinds. For example, the canonical form of the length 60 is 60.0.
 
         Raises `ParameterError` for a wrong type, a number that is not finite or out of bounds, or an unknown choice. `owner` is the name of
-        the part for the message.
+        the part, which is used in the message.
         """
         typed = self._typed(value)
         if typed is None:
@@ -164,7 +163,7 @@ class Parameter:
 def suggestion(name: str, candidates: Iterable[str]) -> str:
     """Return the end of an error message about an unknown name, such as `; did you mean ...?`.
 
-    If no candidate is similar, the text lists the candidates. Without candidates, return "".
+    If no candidate is similar to the name, the text lists all candidates. Return an empty string if there are no candidates.
     """
     known = list(candidates)
     close = difflib.get_close_matches(name, known, n=1)

@@ -24,15 +24,19 @@ class Framed(ABC):
 
     @abstractmethod
     def _seen(self, view: Location) -> Any:
-        """Return this object expressed in another frame. `view` [mm] is the pose of the object's own frame in that frame."""
+        """Return a copy of this object that is expressed in another frame. `view` [mm] is the pose of the object's own frame in the other
+        frame.
+        """
 
 
 class TransformResolver(Framed):
-    """A moved view of a Thing, which returns every attribute in the local frame, at any depth and through calls.
+    """A moved view of a Thing. Every attribute of the view is expressed in the local frame, including items of lists and return values of
+    methods.
 
-    `thing.move(location)` and `mount.align(other)` return `TransformResolver(thing, location)`, with `thing`'s frame at `location` [mm]. A
-    view is only for construction, and does not add components to an assembly. `placed` transforms the values. A method runs in the Thing's
-    own frame, and `placed` transforms its return value. A view is read-only.
+    `thing.move(location)` and `mount.align(other)` return such views. In `TransformResolver(thing, location)`, the frame of `thing` is at
+    `location` [mm]. A view is only used while geometry is constructed. It does not add components to an assembly. The function `placed`
+    transforms the values of attributes. A method runs in the Thing's own frame, and `placed` then transforms its return value. The
+    attributes of a view are read-only.
     """
 
     __slots__ = ("__location", "__target")
@@ -42,11 +46,13 @@ class TransformResolver(Framed):
         object.__setattr__(self, "_TransformResolver__location", Location(_location(location).wrapped))
 
     def move(self, location: Location) -> TransformResolver:
-        """Move the view by `location` in the local frame (as build123d's `Shape.moved`), and return the new view."""
+        """Move the view by `location` in the local frame, as `Shape.moved` of build123d does. Return the new view."""
         return TransformResolver(self.__target, _location(location) * self.__location)
 
     def __getattr__(self, name: str) -> Any:
-        """Return the attribute of the Thing in the local frame. Raises `AttributeError` if the Thing does not have it."""
+        """Return the attribute `name` of the Thing, expressed in the local frame. Raises `AttributeError` if the Thing does not have this
+        attribute.
+        """
         if name.startswith("__"):
             raise AttributeError(name)
         return placed(getattr(self.__target, name), self.__location)
@@ -70,11 +76,11 @@ class TransformResolver(Framed):
 def placed(value: Any, location: Location) -> Any:
     """Transform a value from a frame at `location` [mm] to the enclosing frame.
 
-    Shapes (also sketches, edges and vertices), planes and axes are moved. Locations are composed. Vectors are transformed as points. A
-    mount is moved and still belongs to its Thing. A bounding box becomes the axis-aligned box around the moved box. Things, moved views,
-    builders, dataclasses and namespaces become moved views. The function also transforms every item of a list, tuple or dict, and the
-    return value of a callable. Any other value (number, string, colour, ...) is returned unchanged. Raises `TypeError` for a matrix, an
-    oriented bounding box or a joint.
+    Shapes, planes and axes are moved. Sketches, edges and vertices count as shapes. A location is composed with `location`. A vector is
+    transformed as a point. A mount is moved, and it still belongs to its Thing. A bounding box is replaced by the axis-aligned bounding box
+    of the moved box. Things, moved views, builders, dataclasses and namespaces become moved views. The function also transforms every item
+    of a list, tuple or dict, and the return value of a callable. Any other value, such as a number, a string or a colour, is returned
+    unchanged. Raises `TypeError` for a matrix, an oriented bounding box or a joint.
     """
     if isinstance(value, Shape):
         return _moved(value, location)
@@ -127,7 +133,7 @@ def _calling(function: Callable[..., Any], location: Location) -> Callable[..., 
 
 
 def _location(location: object) -> Location:
-    """Convert a location or a plane to a location. Raises `TypeError` for other values."""
+    """Convert a location or a plane to a location. Raises `TypeError` if the object is neither a location nor a plane."""
     if isinstance(location, Plane):
         location = location.location
     if not isinstance(location, Location):
@@ -138,8 +144,8 @@ def _location(location: object) -> Location:
 def _moved(shape: Shape[Any], location: Location) -> Shape[Any]:
     """Return a moved shape that shares its geometry with `shape`. Only the location is copied.
 
-    build123d's `moved` copies the whole topology, which takes some milliseconds for a servo. This function calls `moved` only for shapes in
-    an assembly tree.
+    build123d's `moved` copies the whole topology, which takes some milliseconds for a servo. The method `moved` is only called for shapes
+    that are part of an assembly tree.
     """
     if shape.parent is not None or shape.children or getattr(shape, "joints", None):
         return shape.moved(location)

@@ -38,9 +38,9 @@ def argument_docs(docstring: str | None) -> dict[str, str]:
 
 
 def _indented(lines: list[str], texts: dict[str, list[str]]) -> None:
-    """Parse an `Args:` section in Google style: entries have the same indent, and their continuation lines have a deeper indent.
+    """Parse an `Args:` section in Google style. The entries have the same indentation, and continuation lines are indented more deeply.
 
-    The section ends with the indent.
+    The section ends at the first line with less indentation.
     """
     indent: int | None = None
     entry: list[str] | None = None
@@ -61,8 +61,8 @@ def _indented(lines: list[str], texts: dict[str, list[str]]) -> None:
 
 
 def _numpy(lines: list[str], texts: dict[str, list[str]]) -> None:
-    """Parse a parameter section in numpy style: names at the margin, with indented descriptions. The section ends at the next underlined
-    heading.
+    """Parse a parameter section in numpy style. The names are not indented, and the descriptions are indented. The section ends at the next
+    underlined heading.
     """
     entries: list[list[str]] = []
     for number, line in enumerate(lines):
@@ -80,7 +80,7 @@ def _numpy(lines: list[str], texts: dict[str, list[str]]) -> None:
 
 
 def _fields(lines: list[str], texts: dict[str, list[str]]) -> None:
-    """Parse reST fields such as `:param x: text`, with indented continuation lines."""
+    """Parse reST fields such as `:param x: text`. Continuation lines are indented."""
     entry: list[str] | None = None
     for line in lines:
         match = _REST.match(line.strip())
@@ -99,7 +99,7 @@ _KNOWN = {name: getattr(vocabulary, name) for name in ("Length", "Angle", "Mass"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signature:
-    """The parameters of a class or function, in order. `owner` is the name of the class or function.
+    """The parameters of a class or function, in the order of their declaration. `owner` is the name of the class or function.
 
     The first `positional` parameters can be passed as positional arguments.
     """
@@ -110,17 +110,18 @@ class Signature:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the parameters, in order."""
+        """Return the names of the parameters in the order of their declaration."""
         return tuple(parameter.name for parameter in self.parameters)
 
     def get(self, name: str) -> Parameter | None:
-        """Return the parameter with this name, or None."""
+        """Return the parameter with the given name, or None if there is no such parameter."""
         return next((parameter for parameter in self.parameters if parameter.name == name), None)
 
     def bind(self, args: Sequence[object], kwargs: Mapping[str, object]) -> dict[str, Value]:
         """Convert the arguments of a call to canonical values for all parameters, in the order of the signature.
 
-        Raises `CallError` for too many, unknown, repeated or missing arguments, and `ParameterError` for an invalid value.
+        Raises `CallError` if an argument is missing, repeated or unknown, or if there are too many arguments. Raises `ParameterError` for
+        an invalid value.
         """
         if len(args) > self.positional:
             raise self._error(
@@ -161,11 +162,12 @@ def install(look: Callable[[Callable[..., Any]], None]) -> None:
 
 
 def signature_of(function: Callable[..., Any], owner: str, *, method: bool, strict: bool, docs: Sequence[str | None] = ()) -> Signature:
-    """Read the parameters of a function from its signature. For a method, the first argument is skipped.
+    """Read the parameters of a function from its signature. If the function is a method, its first argument is skipped.
 
-    If `strict` (for a Thing), the function raises `SignatureError` unless every argument can be a parameter. Otherwise (for a build123d
-    class or a plain function), the result omits `*args`, `**kwargs`, and arguments with a default that cannot be parameters. `docs`
-    contains docstrings that may describe the arguments. Later docstrings take precedence.
+    If `strict` is True (for a Thing), every argument must be a parameter. Otherwise, `SignatureError` is raised. If `strict` is False (for
+    a build123d class or a plain function), the result omits `*args`, `**kwargs`, and arguments with a default that cannot be parameters.
+    `docs` contains docstrings that may describe the arguments. If several docstrings describe the same argument, the last docstring takes
+    precedence.
     """
     if _look is not None:
         _look(function)
@@ -223,9 +225,9 @@ def _parameter(function: Callable[..., Any], argument: inspect.Parameter, owner:
 
 
 def _kind_of_default(default: object, where: str) -> str:
-    """Return the parameter kind of an argument without annotation.
+    """Return the kind of a parameter that has no annotation.
 
-    The default value determines the kind: number, text or flag. An argument without a default is a number.
+    The default value determines the kind: number, text or flag. An argument without annotation and without default is a number.
     """
     if default is inspect.Parameter.empty:
         return "number"
@@ -239,13 +241,13 @@ def _kind_of_default(default: object, where: str) -> str:
 
 
 def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
-    """Return the annotation of an argument.
+    """Return the annotation of an argument as an object.
 
 
-    An annotation that is a string (`from __future__ import annotations`) is evaluated in the module of the function.
+    If the annotation is a string (`from __future__ import annotations`), it is evaluated in the module of the function.
 
     The annotation can use `Length`, `Angle` and similar names even if the module imports them only for type checkers. Raises
-    `SignatureError` if the string cannot be evaluated.
+    `SignatureError` if the string is not a valid expression.
     """
     if not isinstance(annotation, str):
         return annotation
@@ -268,7 +270,7 @@ def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
 def _kind_of_annotation(annotation: Any, where: str, shown: str) -> tuple[str, float | None, float | None, tuple[Value, ...]]:
     """Read the kind, the minimum, the maximum and the choices of a parameter from its annotation.
 
-    Bounds of nested `Annotated` are combined.
+    The bounds of nested `Annotated` types are combined.
     """
     annotation = getattr(annotation, "__value__", annotation)
     marks: tuple[object, ...] = ()

@@ -1,4 +1,4 @@
-"""The `Thing`: a parametric family of parts. Each member is created once and is immutable."""
+"""The base class `Thing` of parametric parts. For each set of parameters, a Thing is created only once, and it is immutable."""
 
 from __future__ import annotations
 
@@ -21,26 +21,29 @@ if TYPE_CHECKING:
 
 Geometry: TypeAlias = "Shape[Any] | Iterable[Shape[Any]] | None"
 Number: TypeAlias = "float | tuple[float, str]"
-"""A number, or a number with its source: `measured`, `vendor` or `estimated`."""
+"""A number, or a tuple of a number and its source (`measured`, `vendor` or `estimated`)."""
 
 
 class Thing(Framed, metaclass=ThingType):
-    """A parametric part. To define a part, write a subclass whose `__init__` has the parameters and assigns geometry, frames and mounts to
-    attributes.
+    """The base class of parametric parts. A subclass defines a family of parts. To define a part, write a subclass whose `__init__` has the
+    parameters and assigns geometry, frames and mounts to attributes.
 
-    `__init__` calls `super().__init__(material="petg")`. Material and colour (a CSS name or `#rrggbb`) are optional defaults, which a
-    document may override. The arguments of the subclass's own `__init__` are the parameters. Annotate them with `Length`, `Angle`, `Mass`,
-    `Count`, `Ratio`, `float`, `int`, `bool`, `str` or `Literal[...]`. Without annotation, the default determines whether the parameter is a
-    plain number, a string or a flag. Arguments are checked before `__init__` runs (`ParameterError`), and `__init__` receives them in
-    canonical form (60 as 60.0). The same class with the same parameters gives the same object, which is immutable after `__init__`.
+    In `__init__`, call `super().__init__(material="petg")`. The material and the colour (a CSS name or `#rrggbb`) are optional defaults.
+    Documents can override them. The arguments of the subclass's own `__init__` are the parameters. Annotate them with `Length`, `Angle`,
+    `Mass`, `Count`, `Ratio`, `float`, `int`, `bool`, `str` or `Literal[...]`. If an argument has no annotation, its default determines
+    whether the parameter is a number, a string or a flag. Arguments are checked before `__init__` runs, and invalid arguments raise
+    `ParameterError`. `__init__` receives the arguments in canonical form (60 as 60.0). Two calls of a class with the same parameters return
+    the same object, which is immutable after `__init__`.
     """
 
     bom: Mapping[str, str] = MappingProxyType({})
-    """Entries for the bill of materials: `number`, `supplier`, `cost`, `make` (`buy | print | machine`)."""
+    """Entries for the bill of materials. The keys are `number`, `supplier`, `cost` and `make` (`buy | print | machine`)."""
     print: Mapping[str, Sequence[float]] = MappingProxyType({})
-    """Print settings of the part: `up` is the direction away from the bed, three numbers in the Thing's axes. By default, z is up."""
+    """Print settings of the part. The key `up` is the direction away from the print bed, as three numbers in the frame of the Thing. By
+    default, this direction is z.
+    """
     actuator: Actuator | None = None
-    """The actuator of a joint that names this part as its drive."""
+    """The actuator of each joint whose drive refers to this part."""
     _construction: Construction
 
     def __init__(self, material: str | None = None, color: str | None = None) -> None:
@@ -54,18 +57,18 @@ class Thing(Framed, metaclass=ThingType):
 
     @property
     def p(self) -> Parameters:
-        """The parameters by name, in author units: `self.p.length`. Parameters of parent classes are also available."""
+        """The parameters by name, in author units. For example, use `self.p.length`. Parameters of parent classes are also available."""
         return Parameters(type(self).__name__, self._construction)
 
     @property
     def origin(self) -> MountPoint:
-        """The part's own frame as a mount. Every part has this mount. In a moved view, it is at the place of the Thing."""
+        """The part's own frame as a mount. Every part has the mount `origin`. For a moved view, this mount is at the place of the Thing."""
         return origin_of(self)
 
     def move(self, location: Location) -> Self:
         """Return a moved view of the Thing with its frame at `location` [mm] (see `TransformResolver`).
 
-        For type checkers the result has the Thing's own type, so they can check `XM430().move(loc).horn`.
+        For type checkers, the result has the type of the Thing, so they can check `XM430().move(loc).horn`.
         """
         self._must_be_finished("move")
         return cast("Self", TransformResolver(self, location))
@@ -73,9 +76,9 @@ class Thing(Framed, metaclass=ThingType):
     def adjust(self, **changes: float | bool | str) -> Self:
         """Return a Thing of the same class with changed parameters.
 
-        Examples of changes are `depth=30`, `width__add=0.2` and `height__mul=1.02`. `adjust` can also change a parameter of a parent
-        class that this class sets: the class stays the same, and the parent's `__init__` runs with the changed value. Raises
-        `ParameterError` for an invalid value, `CallError` for an unknown name.
+        Examples of changes are `depth=30`, `width__add=0.2` and `height__mul=1.02`. `adjust` can also change a parameter of a parent class
+        that this class sets. The class stays the same, and the parent's `__init__` runs with the changed value. Raises `ParameterError` for
+        an invalid value, and `CallError` for an unknown name.
         """
         self._must_be_finished("adjust")
         return cast("Self", adjusted(self, changes))
@@ -89,11 +92,15 @@ class Thing(Framed, metaclass=ThingType):
         return None
 
     def centre(self) -> Sequence[float] | Any | None:
-        """Return the centre of mass [mm] as three numbers, a `Vector` or `(numbers, source)`, or None to use the centre of the geometry."""
+        """Return the centre of mass [mm] as three numbers, as a `Vector`, or as `(numbers, source)`. Return None to use the centre of the
+        geometry.
+        """
         return None
 
     def matrix_of_inertia(self) -> Sequence[Sequence[float]] | Any | None:
-        """Return the 3 x 3 inertia [kg m^2] about the centre of mass along the Thing's axes, or None to use the inertia of the geometry."""
+        """Return the 3 x 3 inertia matrix [kg m^2] about the centre of mass, along the axes of the Thing. Return None to use the inertia of
+        the geometry.
+        """
         return None
 
     def density(self) -> Number | None:
@@ -101,7 +108,7 @@ class Thing(Framed, metaclass=ThingType):
         return None
 
     def collision(self) -> Geometry:
-        """Return convex shapes that replace the result for collisions (`collision: part`), or None if there are no such shapes."""
+        """Return convex shapes that replace the result for collisions (`collision: part`). Return None if there are no such shapes."""
         return None
 
     def visual(self) -> Geometry:
@@ -109,7 +116,7 @@ class Thing(Framed, metaclass=ThingType):
         return None
 
     def envelope(self) -> Geometry:
-        """Return a simple solid that contains the whole part, or None."""
+        """Return a simple solid that contains the whole part, or None if there is no such solid."""
         return None
 
     def _seen(self, view: Location) -> TransformResolver:

@@ -191,7 +191,8 @@ def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
 def perform(request: Mapping[str, Any]) -> dict[str, Any]:
     """Perform a request of the kind `describe`, `model`, `decompose`, `slice` or `assemble`.
 
-    If the request has its own folder (`scratch`), files for the store are written there. Raises `StoreUnusable`.
+    If the request has its own folder (`scratch`), files for the store are written there. Raises `StoreUnusable` if the store is not
+    writable.
     """
     from thingc.geometry.store.local import Outbox, Store
 

@@ -115,7 +115,7 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
     `PartSession.ran`). `loaded` is the time at which the class was loaded (`time.monotonic`). `definition` contains `kind`,
     `reference`, `text`, `mirror`, and the canonical `parameters` in SI units. Missing parameters have their default values. It also
     contains `placed`, which is True if the location of the class is already known, because the search for this location is slow. Blobs
-    are put into the store. Raises `StoreUnusable`.
+    are put into the store. Raises `StoreUnusable` if the store is not writable.
     """
     text = definition["text"]
     with PartSession(around) as session, warnings.catch_warnings(record=True) as caught:
